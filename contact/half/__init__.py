@@ -1,0 +1,1 @@
+"""What every half is made of: its FMI face, state, interface file, signals, properties and sparse solve."""

@@ -1,0 +1,81 @@
+"""What the coupler asks of a half, whether it runs in this process or behind a link."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """What became of one substep."""
+
+    OK = "ok"
+    DISCARD = "discard"  # the step did not converge; a saved state may be restored and a smaller step tried
+
+
+@dataclass(frozen=True)
+class Block:
+    """One field of a half's FMI variables: `T[1]..T[n]` is block "T" of shape (n,); a scalar has shape ().
+
+    causality : input | output | parameter.  kind : Real | Integer | String | Boolean.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    causality: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Advance:
+    """The answer to one substep.  outputs : what was asked for (empty after a discard).  seconds : inside the half."""
+
+    status: Status
+    message: str
+    outputs: dict[str, Array]
+    seconds: float
+    dt_suggest: float = 0.0
+
+
+class Half(Protocol):
+    """A half after its FMU was loaded.  Errors of the half itself are HalfError (coupler.errors)."""
+
+    name: str
+    blocks: Mapping[str, Block]
+    strings: Mapping[str, str]  # String parameters and outputs as loaded: mesh.hash, surfaces.hash, geometry, ...
+    can_save: bool
+
+    def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
+                   outputs: Sequence[str]) -> dict[str, Array]:
+        """Set parameters and first inputs, leave initialisation mode, return the outputs asked for."""
+        ...
+
+    def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
+        """Set the inputs (only those that changed need be given), do one step from t to t + h, get the outputs."""
+        ...
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """Outputs as they stand."""
+        ...
+
+    def save(self) -> int:
+        """Keep the complete state; returns a token for restore and release."""
+        ...
+
+    def restore(self, token: int) -> None: ...
+
+    def release(self, token: int) -> None: ...
+
+    def log_tail(self) -> str:
+        """The half's last log messages, for error texts."""
+        ...
+
+    def close(self) -> None: ...

@@ -1,0 +1,1 @@
+"""The mechanical halves: `elastic` (finite elements) and `rigid` (prescribed motion), behind FMI."""
