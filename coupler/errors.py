@@ -1,0 +1,96 @@
+"""Every error the coupler raises on purpose.
+
+    SlidelineError
+    |-- ScenarioError    the input is wrong; raised before any solver starts
+    |-- HalfError        a half died, is stuck, or refused a call
+    |-- CouplingError    a window could not be solved
+    `-- ResultsError     a results file cannot be read, or does not hold what was asked for
+
+Errors of the link to the contact service are contact.link.LinkError: contact knows nothing of the coupler.
+A bug is an assertion, never one of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class SlidelineError(Exception):
+    """Base of all errors below; its text is meant for the user."""
+
+
+class ScenarioError(SlidelineError):
+    """The input is wrong.
+
+    file, line : where (line 0: unknown).  key : dotted path of the offending key.  value : what stood there.
+    remedy : what to write instead, a sentence.
+    """
+
+    def __init__(self, message: str, *, file: str = "", line: int = 0, key: str = "", value: object = None,
+                 remedy: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.file = file
+        self.line = line
+        self.key = key
+        self.value = value
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        """`file:line: key: message (got value). remedy`, without the parts that are not known."""
+        where = f"{self.file}:{self.line}" if self.file and self.line else self.file
+        if not self.file and self.line:
+            where = f"line {self.line}"
+        got = "" if self.value is None else f" (got {self.value!r})"
+        text = ": ".join(part for part in (where, self.key, self.message.rstrip(".") + got) if part)
+        return f"{text}. {self.remedy}" if self.remedy else text
+
+
+class HalfError(SlidelineError):
+    """A half died, is stuck, or refused a call.  half : its name.  log : the tail of its log, possibly empty."""
+
+    def __init__(self, message: str, *, half: str = "", log: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.half = half
+        self.log = log
+
+    def __str__(self) -> str:
+        head = f"half {self.half!r}: {self.message}" if self.half else self.message
+        return f"{head}\n{indented(self.log)}" if self.log.strip() else head
+
+
+class CouplingError(SlidelineError):
+    """A window could not be solved and the run gives up.
+
+    t : time at the start of the window [s].  window : its number.  iteration : the last one tried.
+    residuals : the last residuals, scaled by their tolerances.  remedy : the line that resumes or mends the run.
+    """
+
+    def __init__(self, message: str, *, t: float = 0.0, window: int = 0, iteration: int = 0,
+                 residuals: Sequence[float] = (), remedy: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.t = t
+        self.window = window
+        self.iteration = iteration
+        self.residuals = tuple(residuals)
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        where = f"window {self.window} at t = {self.t:.9g} s"
+        if self.iteration:
+            where += f", iteration {self.iteration}"
+        text = f"{where}: {self.message.rstrip('.')}"
+        if self.residuals:
+            text += f" (last residuals: {', '.join(f'{r:.3g}' for r in self.residuals)})"
+        return f"{text}. {self.remedy}" if self.remedy else text
+
+
+class ResultsError(SlidelineError):
+    """A results file cannot be read, or does not hold what was asked for."""
+
+
+def indented(text: str) -> str:
+    """Every line of a quoted log set in by four blanks."""
+    return "\n".join(f"    {line}" for line in text.rstrip().splitlines())
