@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+# A step's end is t + h in floating point: a time this close (relative) to a point of the table is that point.
+SNAP = 1e-13
+
+
 @dataclass(frozen=True)
 class Signal:
     """A piecewise linear function of time, held constant outside its table.
@@ -36,6 +40,11 @@ class Signal:
         """Value at time t [s]; at a jump the limit from the left (side=-1) or from the right (side=+1)."""
         if self.t.size == 1:
             return float(self.value[0])
+        nearest = self.t[min(int(np.searchsorted(self.t, t)), self.t.size - 1)]
+        below = self.t[max(int(np.searchsorted(self.t, t)) - 1, 0)]
+        for point in (below, nearest):
+            if abs(t - point) <= SNAP * max(abs(t), abs(point)):
+                t = float(point)
         i = int(np.searchsorted(self.t, t, side="right" if side > 0 else "left"))
         if i == 0:
             return float(self.value[0])
