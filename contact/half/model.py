@@ -1,0 +1,124 @@
+"""What a half is, apart from FMI: variables, a pure step, and what a step may answer.
+
+A half is written as a HalfModel; contact.half.slave gives it its FMI face.  Nothing here knows FMI or pythonfmu.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface, read_interface
+from contact.wire import Reply, Request
+
+Floats = NDArray[np.float64]
+Value = Floats | float | int | str  # an array for a block, a number or a text for a scalar
+Values = Mapping[str, Value]
+
+CAUSALITIES = ("input", "output", "parameter")
+KINDS = ("Real", "Integer", "String")
+
+
+class Link(Protocol):
+    """The way to the contact service (contact.link)."""
+
+    def ask(self, request: Request) -> Reply: ...
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One field of a half: block `name` of `shape`, or a scalar (shape ()).
+
+    causality : input | output | parameter.  unit : SI, "1" for none (Reals only).
+    start : first value, a scalar or an array of `shape`; used for inputs and parameters, and shown for nothing else.
+    kind : Real | Integer | String; only Reals may be arrays.
+    variability : "" for the usual one: Real inputs and outputs continuous, Integer and String discrete, parameters
+        fixed; "constant" for an output that never changes (its start is its value).
+    Raises ValueError where these do not fit together.
+    """
+
+    name: str
+    shape: tuple[int, ...] = ()
+    causality: str = "output"
+    unit: str = "1"
+    start: Floats | float | int | str = 0.0
+    kind: str = "Real"
+    variability: str = ""
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        if self.causality not in CAUSALITIES or self.kind not in KINDS:
+            raise ValueError(f"variable {self.name}: causality {self.causality}, kind {self.kind} are not known")
+        if self.shape and self.kind != "Real":
+            raise ValueError(f"variable {self.name}: only a Real may be an array")
+        if isinstance(self.start, str) != (self.kind == "String"):
+            raise ValueError(f"variable {self.name}: start {self.start!r} does not suit a {self.kind}")
+        if self.kind == "Real" and np.shape(self.start) not in ((), self.shape):
+            raise ValueError(f"variable {self.name}: start has shape {np.shape(self.start)}, not {self.shape}")
+
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return int(np.prod(self.shape, dtype=np.int64))
+
+
+@dataclass(frozen=True)
+class Done:
+    """A step that converged.
+
+    state : all that evolves, a frozen dataclass of arrays, float, int, str, bool, None, tuples and such dataclasses.
+    outputs : the outputs by name, in the shape of their Variable; an output left out keeps its value.
+    dt_stable : largest step the half considers stable from here [s], 0 where it does not know.
+    """
+
+    state: Any
+    outputs: Mapping[str, Value]
+    dt_stable: float = 0.0
+
+
+@dataclass(frozen=True)
+class Discard:
+    """A step that did not converge: nothing has changed.  dt_suggest : a step worth trying [s], 0 for no idea."""
+
+    message: str
+    dt_suggest: float = 0.0
+
+
+class HalfModel(Protocol):
+    """A half: values in, values out.
+
+    What is kept on the object (patterns, factors, compiled kernels) must not change the bits of any answer.
+    inputs holds every input and parameter by name: arrays of Variable.shape (read-only), floats, ints, texts.
+    """
+
+    variables: tuple[Variable, ...]
+
+    def start(self, inputs: Values, t: float, link: Link) -> tuple[Any, Mapping[str, Value]]:
+        """First state and first outputs, at time t [s], when initialisation ends."""
+        ...
+
+    def step(self, state: Any, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
+        """From t to t + h [s]; must not write to state or inputs."""
+        ...
+
+
+# What a half's package offers to contact.half.build: the two files of its directory in, the half out.
+Load = Callable[[Interface, Mapping[str, Any]], HalfModel]
+
+
+def load_directory(directory: Path) -> tuple[Interface, dict[str, Any]]:
+    """interface.h5 and model.json of a half's directory.  Raises ValueError naming the file that is not usable."""
+    path = directory / "model.json"
+    try:
+        model = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise ValueError(f"{path}: not a readable JSON file ({exc})") from exc
+    if not isinstance(model, dict):
+        raise ValueError(f"{path}: must hold one object")
+    return read_interface(directory / "interface.h5"), model
