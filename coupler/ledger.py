@@ -1,0 +1,71 @@
+"""The heat ledger: energies into the bodies by mechanism, and how far they are from adding up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+PREFIX = "heat."
+STORED = "heat.stored."
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Totals [J] by term (the thermal half's `heat.*` outputs).
+
+    Every term but the stored ones counts what came INTO the bodies; heat.stored.<body> is what the body's enthalpy grew.
+    The two sides of an interface are separate terms, each taken from its own side.
+    lost : the low-order bits of each total, so that a million windows add up as exactly as one (Neumaier).
+    """
+
+    totals: Mapping[str, float] = field(default_factory=dict)
+    lost: Mapping[str, float] = field(default_factory=dict)
+
+    def plus(self, terms: Mapping[str, float]) -> Ledger:
+        """The ledger after one more substep."""
+        totals, lost = dict(self.totals), dict(self.lost)
+        for name, energy in terms.items():
+            old = totals.get(name, 0.0)
+            new = old + energy
+            larger, smaller = (old, energy) if abs(old) >= abs(energy) else (energy, old)
+            lost[name] = lost.get(name, 0.0) + ((larger - new) + smaller)
+            totals[name] = new
+        return Ledger(totals, lost)
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Total of each term [J]."""
+        return {name: total + self.lost[name] for name, total in self.totals.items()}
+
+    @property
+    def imbalance(self) -> float:
+        """|sum of terms| / sum of |terms|: 0 where every joule is accounted for."""
+        return imbalance(self.terms)
+
+
+def imbalance(terms: Mapping[str, float]) -> float:
+    """|sum of all terms| / sum of |terms|, stored heat counted against the rest."""
+    signed = [-e if name.startswith(STORED) else e for name, e in terms.items()]
+    scale = math.fsum(abs(e) for e in signed)
+    return abs(math.fsum(signed)) / scale if scale > 0 else 0.0
+
+
+MECHANISMS = {
+    "heat.temperature": "prescribed temperature",
+    "heat.flux": "prescribed flux",
+    "heat.convection": "convection",
+    "heat.source": "thermal source",
+    "heat.mechanical": "mechanical heat",
+    "heat.contact.slave": "solid contact, into the slave",
+    "heat.contact.master": "solid contact, into the master",
+    "heat.gap.slave": "gas gap, into the slave",
+    "heat.gap.master": "gas gap, into the master",
+}
+
+
+def mechanism(term: str) -> str:
+    """The plain name of a ledger term."""
+    if term.startswith(STORED):
+        return f"stored in {term[len(STORED):]}"
+    return MECHANISMS.get(term, term.removeprefix(PREFIX))
