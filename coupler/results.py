@@ -1,0 +1,174 @@
+"""Results of a run: run.h5, made from the run's journal, and what Python users read from it."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.errors import ResultsError
+from coupler.fields import write_field_files
+from coupler.journal import read_journal
+from coupler.ledger import PREFIX, imbalance
+
+FORMAT, FORMAT_VERSION = "slideline.run", 1
+Array = NDArray[np.float64]
+
+WINDOW_FIELDS: tuple[tuple[str, str], ...] = (
+    ("t", "f8"), ("H", "f8"), ("verdict", "S24"), ("scheme", "S16"), ("solves", "i4"),
+    ("thermal_solves", "i4"), ("mechanical_solves", "i4"), ("thermal_iterations", "i4"),
+    ("mechanical_iterations", "i4"), ("thermal_seconds", "f8"), ("mechanical_seconds", "f8"), ("fmi_seconds", "f8"),
+    ("seconds", "f8"), ("recording_seconds", "f8"), ("values", "i8"), ("touching", "i4"), ("max_T", "f8"),
+    ("max_p", "f8"), ("imbalance", "f8"),
+)
+"""Columns of the windows table; times [s], max_T [K], max_p [Pa]; one row a window tried, rejected ones included."""
+
+UNITS = {"K": (1.0, 0.0), "degC": (1.0, -273.15), "m": (1.0, 0.0), "mm": (1e3, 0.0), "um": (1e6, 0.0),
+         "Pa": (1.0, 0.0), "kPa": (1e-3, 0.0), "MPa": (1e-6, 0.0)}
+_KIND_OF_UNIT = {"K": "K", "degC": "K", "m": "m", "mm": "m", "um": "m", "Pa": "Pa", "kPa": "Pa", "MPa": "Pa"}
+
+
+def journal_of(path: Path) -> Path:
+    """Where the journal of a run that writes `path` is kept while it runs."""
+    return path.with_name(path.name + ".journal")
+
+
+class Results:
+    """What a run left in its results file.
+
+    >>> t, T = Results("run.h5").probe("lower.top.left", unit="degC")
+
+    path : the run.h5, or one whose run was killed: it is then made from the journal found beside it.
+    Raises ResultsError if the file is missing, unreadable or not one of ours.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        journal = journal_of(self.path)
+        if not self.path.exists() and journal.exists():
+            finish(journal, self.path)
+        if not self.path.exists():
+            raise ResultsError(f"{self.path}: there is no such results file, and no journal of a run beside it")
+        try:
+            with h5py.File(self.path, "r") as f:
+                self._read(f)
+        except (OSError, KeyError, ValueError) as exc:
+            raise ResultsError(f"{self.path}: not a readable results file ({exc})") from exc
+
+    def _read(self, f: h5py.File) -> None:
+        if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
+            raise ValueError(f"its format is not {FORMAT} {FORMAT_VERSION}")
+        self.outcome: str = str(f.attrs["outcome"])
+        self.message: str = str(f.attrs["message"])
+        self.header: dict[str, Any] = json.loads(f.attrs["header"])
+        self.totals: dict[str, Any] = json.loads(f.attrs["totals"])
+        self.t: Array = f["t"][()]
+        rows = f["windows"][()]
+        text = [(n, k.replace("S", "U")) for n, k in WINDOW_FIELDS]
+        self.windows: np.recarray[Any, Any] = rows.astype(text).view(np.recarray)
+        self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"])) for n, d in f["probes"].items()}
+        self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
+
+    @property
+    def probe_names(self) -> tuple[str, ...]:
+        return tuple(self._probes)
+
+    def probe(self, name: str, unit: str | None = None) -> tuple[Array, Array]:
+        """(t, value) of a probe: times [s] at the ends of the accepted windows, the first is the start; values in SI.
+
+        unit : convert to "degC", "mm", "MPa", ...  Raises ResultsError for an unknown probe or unit.
+        """
+        if name not in self._probes:
+            raise ResultsError(f"{self.path} has no probe {name!r}; it has {', '.join(self._probes) or 'none'}")
+        value, own, _ = self._probes[name]
+        if unit is None or unit == own:
+            return self.t, value
+        if unit not in UNITS or _KIND_OF_UNIT[unit] != own:
+            fits = [u for u, k in _KIND_OF_UNIT.items() if k == own]
+            raise ResultsError(f"probe {name!r} is in {own}; it cannot be given in {unit!r}, only in {', '.join(fits)}")
+        factor, shift = UNITS[unit]
+        return self.t, value * factor + shift
+
+    def quantity(self, name: str) -> str:
+        """What a probe measures: T, u_x, u_y, gap or p."""
+        return self._probes[name][2]
+
+    @property
+    def ledger(self) -> dict[str, float]:
+        """Heat over the whole run [J] by mechanism, into the bodies; `stored.<body>` is what each body kept."""
+        return {n: float(v[-1]) for n, v in self._terms.items()}
+
+    def ledger_history(self) -> tuple[Array, dict[str, Array]]:
+        """(t, mechanism -> heat so far [J]) at the ends of the accepted windows."""
+        return self.t, dict(self._terms)
+
+    @property
+    def heat_imbalance(self) -> float:
+        """|sum of the ledger's terms| / sum of |terms| over the run."""
+        return imbalance({PREFIX + n: e for n, e in self.ledger.items()})
+
+    @property
+    def field_files(self) -> dict[str, Path]:
+        """The .vtkhdf file of each half."""
+        return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}
+
+
+def finish(journal: Path, path: Path) -> None:
+    """Make run.h5 and the field files from a journal, each in one atomic step, and remove the journal.
+
+    Raises ResultsError if the journal does not hold the beginning of a run.
+    """
+    records = read_journal(journal)
+    header = next(((m, a) for kind, m, a in records if kind == "run"), None)
+    if header is None:
+        raise ResultsError(f"{journal}: the run ended before its first window; nothing to recover")
+    meta, arrays = header
+    meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
+    write_field_files(path.parent, meta, arrays, (r for r in read_journal(journal) if r[0] == "frame"))
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
+        part = Path(scratch) / path.name
+        with h5py.File(part, "w", track_order=True) as f:
+            _write(f, meta, records)
+        os.replace(part, path)
+    journal.unlink()
+
+
+def _write(f: h5py.File, meta: dict[str, Any],
+           records: Iterator[tuple[str, dict[str, Any], dict[str, NDArray[Any]]]]) -> None:
+    outcome: dict[str, Any] = {"outcome": "killed", "message": "the run was killed; this is all it had written"}
+    rows, t, probes, terms = [], [], [], []
+    for kind, m, a in records:
+        if kind == "window":
+            rows.append(tuple(m[n].encode() if k.startswith("S") else m[n] for n, k in WINDOW_FIELDS))
+        if kind in ("start", "window") and "probes" in a:
+            t.append(float(m["t_now"]))
+            probes.append(a["probes"])
+            terms.append(dict(m["terms"]))
+        if kind == "end":
+            outcome = m
+    text = h5py.string_dtype("utf-8")
+    f.attrs.update(format=FORMAT, version=FORMAT_VERSION, outcome=outcome["outcome"], message=outcome["message"],
+                   header=json.dumps(meta), totals=json.dumps(outcome.get("totals", {})))
+    f.create_dataset("scenario", data=meta["scenario"]["text"], dtype=text)
+    f["t"] = np.array(t)
+    f["windows"] = np.array(rows, dtype=list(WINDOW_FIELDS))
+    group = f.create_group("probes", track_order=True)
+    table = np.array(probes).reshape(len(t), -1)
+    for i, (name, about) in enumerate(meta["probes"].items()):
+        group[name] = table[:, i]
+        group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
+    _write_ledger(f.create_group("ledger", track_order=True), terms)
+
+
+def _write_ledger(group: h5py.Group, terms: list[Mapping[str, float]]) -> None:
+    names = list(dict.fromkeys(n for row in terms for n in row))
+    for name in names:
+        data = group.create_dataset(name.removeprefix(PREFIX), data=np.array([row.get(name, 0.0) for row in terms]))
+        data.attrs["unit"] = "J"

@@ -1,0 +1,243 @@
+"""A run: from a checked scenario to a results file."""
+
+from __future__ import annotations
+
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.account import EnergyAccount
+from coupler.control import Plan, Tried, windows
+from coupler.errors import HalfError, ResultsError
+from coupler.half import Half
+from coupler.launch import launch
+from coupler.ledger import Ledger
+from coupler.level import Level, Scheme
+from coupler.measure import measure
+from coupler.recorder import Recorder
+from coupler.results import Results
+from coupler.scenario import Scenario
+from coupler.schedule import WindowRange, schedule
+from coupler.window import CoupledState, Halves, wanted_outputs
+
+Array = NDArray[np.float64]
+PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh", "h5py", "numba")
+
+# What a missing block of a half costs, said at load.
+COST_OF_MISSING = {
+    "contact.t_N": "pressure-dependent conductance sees no pressure",
+    "contact.gap": "gaps are not recorded",
+    "E_M": "mechanical heat is not delivered",
+}
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands after a window.  t, t_end [s]; max_T [K]; max_p [Pa]; left : seconds to go, estimated."""
+
+    t: float
+    t_end: float
+    number: int
+    total: int
+    verdict: str
+    message: str
+    touching: int
+    max_T: float
+    max_p: float
+    imbalance: float
+    elapsed: float
+    left: float
+
+
+class Run:
+    """A run that is stepped window by window.
+
+    >>> with Run(load_scenario("scenarios/sliding_blocks.yaml"), out="run.h5") as r:
+    ...     for w in r.windows():
+    ...         print(w.t, w.max_T)
+
+    scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
+    processes : each half and the contact service in a process of its own.
+    Ctrl-C ends the run after the window in hand; a second one at once.
+    """
+
+    def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False) -> None:
+        self.scenario = scenario
+        self.out = Path(out)
+        self.processes = processes
+        self.notes: list[str] = []
+        self.ledger = Ledger()
+        self._stack = ExitStack()
+        self._interrupted = False
+        self._finished = False
+
+    def __enter__(self) -> Run:
+        if not self.out.parent.is_dir():
+            raise ResultsError(f"{self.out}: the folder {self.out.parent} does not exist")
+        started = time.perf_counter()
+        with ExitStack() as stack:
+            stack.enter_context(_interrupts(self))
+            thermal, mechanical = stack.enter_context(launch(self.scenario, processes=self.processes))
+            self.halves = wanted_outputs(thermal, mechanical)
+            self._check(thermal, mechanical)
+            self.plan = plan_of(self.scenario)
+            self.state = self._first_state(thermal, mechanical)
+            self._recorder = Recorder(self.out, self._header(), self.scenario.interface)
+            self._stack = stack.pop_all()
+        self.setup_seconds = time.perf_counter() - started
+        self._started = time.perf_counter()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        outcome, message = ("failed", str(error)) if error is not None else ("completed", "")
+        if kind is KeyboardInterrupt or (error is None and self._interrupted):
+            outcome, message = "interrupted", f"stopped at t = {self.state.now.t:.9g} s on request"
+        elif error is None and not self._finished:
+            outcome, message = "stopped", f"left at t = {self.state.now.t:.9g} s by its caller"
+        try:
+            self._recorder.end(outcome, message, self._totals())
+        finally:
+            self._stack.close()
+
+    def windows(self) -> Iterator[Progress]:
+        """Solve the windows; yields after every window tried, rejected ones too.
+
+        Raises CouplingError when a window cannot be solved, HalfError when a half died.
+        """
+        frames = self.scenario.output.frames()
+        probes = self.scenario.probes
+        self._recorder.start(0.0, measure(probes, self.state.now))
+        self._frame()
+        for tried in windows(self.halves, self.state, self.plan):
+            if tried.accepted:
+                self.state = tried.solved.state
+                for terms in tried.solved.terms:
+                    self.ledger = self.ledger.plus(terms)
+            facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
+            self._recorder.window(tried.solved, facts, self.ledger, measure(probes, self.state.now))
+            if tried.accepted and frames.due(tried.number + 1, self.state.now.t):
+                self._frame()
+            yield self._progress(tried)
+            if self._interrupted:
+                return
+        if not frames.due_was_last:
+            self._frame()
+        self._finished = True
+
+    def _check(self, thermal: Half, mechanical: Half) -> None:
+        mesh = self.scenario.interface.mesh_hash
+        for half in (thermal, mechanical):
+            own = half.strings.get("mesh.hash", mesh)
+            if own != mesh:
+                raise HalfError(f"was built for another mesh (hash {own}, the scenario's is {mesh})", half=half.name)
+            if not half.can_save:
+                self.notes.append(f"{half.name} keeps no states: a window that fails cannot be tried again")
+        for name, cost in COST_OF_MISSING.items():
+            if name not in mechanical.blocks and (name != "E_M" or "E_M" not in thermal.blocks):
+                self.notes.append(f"{mechanical.name} has no {name}: {cost}")
+
+    def _first_state(self, thermal: Half, mechanical: Half) -> CoupledState:
+        interface, end = self.scenario.interface, self.scenario.coupling.end
+        n_s, n_cells = len(interface.contact_nodes), len(interface.quads) + len(interface.triangles)
+        T = thermal.initialise(0.0, end, {}, {"x": interface.nodes}, ("T",))["T"]
+        given = {"T": T} if "T" in mechanical.blocks else {}
+        out = mechanical.initialise(0.0, end, {}, given, [
+            n for n in self.halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
+        now = Level(0.0, T, out["x"], out.get("contact.t_N", np.zeros(n_s)),
+                    out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)))
+        return CoupledState(now, None, 0, EnergyAccount(np.zeros(n_cells)))
+
+    def _header(self) -> dict[str, Any]:
+        s = self.scenario
+        cells = [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
+        return {
+            "title": s.title, "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "scenario": {"text": s.text, "hash": s.hash, "resolved": s.resolved, "file": Path(s.file).name},
+            "temperature_unit": s.temperature_unit, "geometry": s.geometry,
+            "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half},
+            "coupling": {"scheme": self.plan.scheme.value, "end": s.coupling.end, "windows": len(
+                self.plan.schedule.bounds) - 1, "kinks": [self.plan.schedule.clock.seconds(k) for k in sorted(
+                    self.plan.schedule.kinks)], "substeps": dict(self.plan.substeps)},
+            "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
+            "probes": {n: {"quantity": p.quantity, "unit": p.unit} for n, p in s.probes.items()},
+            "fields": {"thermal": {"point": ["T"], "cell": []},
+                       "mechanical": {"point": ["u", "p", "gap"], "cell": cells}},
+            "processes": self.processes, "notes": self.notes, "machine": platform.platform(),
+            "versions": {"python": platform.python_version(), **{p: version(p) for p in PACKAGES}},
+        }
+
+    def _frame(self) -> None:
+        cells = [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
+        self._recorder.frame(self.state.now, self.halves.mechanical.read(cells) if cells else {})
+
+    def _totals(self) -> dict[str, Any]:
+        account = self.state.account
+        return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds,
+                "mechanical_heat": {"made": account.made, "delivered": account.delivered,
+                                    "carried": float(account.carry.sum())}}
+
+    def _progress(self, tried: Tried) -> Progress:
+        elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1
+        done = max(tried.number + 1, 1)
+        m = tried.solved.monitors
+        return Progress(self.state.now.t, self.scenario.coupling.end, done, total, tried.solved.verdict.value,
+                        tried.solved.message, int(m.get("touching", 0)), m.get("max_T", np.nan), m.get("max_p", 0.0),
+                        self.ledger.imbalance, elapsed, elapsed * max(total - done, 0) / done)
+
+
+def plan_of(scenario: Scenario) -> Plan:
+    """Where windows end, by which scheme, with how many substeps."""
+    c = scenario.coupling
+    ranges = [WindowRange(w.until, w.first, w.last) for w in c.windows]
+    return Plan(schedule(c.end, ranges, c.kinks), Scheme(c.scheme), c.substeps)
+
+
+def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
+        on_window: Callable[[Progress], None] | None = None) -> Results:
+    """Run a scenario to its end and return what it left in `out`.
+
+    on_window : called after every window tried.
+    Raises CouplingError, HalfError; the results file then holds all accepted windows.
+    """
+    with Run(scenario, out, processes=processes) as r:
+        for progress in r.windows():
+            if on_window is not None:
+                on_window(progress)
+    return Results(out)
+
+
+class _interrupts:  # noqa: N801  (a context manager used once, named like one)
+    """While open, the first Ctrl-C asks the run to stop after its window; the second interrupts at once.
+
+    An interrupt raised inside a half's step would look to the half like a failure of its own.
+    """
+
+    def __init__(self, owner: Run) -> None:
+        self._owner = owner
+
+    def __enter__(self) -> None:
+        self._old: Any = None
+        if threading.current_thread() is threading.main_thread():
+            self._old = signal.signal(signal.SIGINT, self._handle)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self._owner._interrupted:
+            raise KeyboardInterrupt
+        self._owner._interrupted = True
+
+    def __exit__(self, *exc: object) -> None:
+        if self._old is not None:
+            signal.signal(signal.SIGINT, self._old)

@@ -1,0 +1,127 @@
+"""Fields over time as VTKHDF: one unstructured grid a half, points moving with the bodies; ParaView opens and steps it.
+
+Layout: the VTK file format's UnstructuredGrid, version 2.0, transient: connectivity stored once, points and fields
+appended a frame at a time, offsets of each frame in Steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+VTK_TRIANGLE, VTK_QUAD = 5, 9
+Array = NDArray[np.float64]
+
+
+class FieldFile:
+    """Writes frames to a .vtkhdf file.
+
+    quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers.  point_fields, cell_fields : the names that
+    every frame brings.  cell_constants : written once.
+    """
+
+    def __init__(self, path: Path, quads: NDArray[np.integer], triangles: NDArray[np.integer], n_points: int,
+                 point_fields: tuple[str, ...], cell_fields: tuple[str, ...],
+                 cell_constants: Mapping[str, NDArray[Any]]) -> None:
+        self._n_points, self._n_cells = n_points, len(quads) + len(triangles)
+        self._constants = tuple(cell_constants)
+        self._file = h5py.File(path, "w")
+        root = self._file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
+        connectivity = np.concatenate([quads.ravel(), triangles.ravel()]).astype(np.int64)
+        sizes = np.concatenate([np.full(len(quads), 4), np.full(len(triangles), 3)])
+        root["Connectivity"] = connectivity
+        root["Offsets"] = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        root["Types"] = np.where(sizes == 4, VTK_QUAD, VTK_TRIANGLE).astype(np.uint8)
+        for name, value in (("NumberOfPoints", n_points), ("NumberOfCells", self._n_cells),
+                            ("NumberOfConnectivityIds", connectivity.size)):
+            root[name] = np.array([value], dtype=np.int64)
+        root.create_dataset("Points", (0, 3), maxshape=(None, 3), dtype="f8", chunks=(max(n_points, 1), 3))
+        self._points = {n: _growing(root.require_group("PointData"), n, n_points, vector=n in ("u",))
+                        for n in point_fields}
+        cells = root.require_group("CellData")
+        for n, v in cell_constants.items():
+            cells[n] = v
+        self._cells = {n: _growing(cells, n, self._n_cells) for n in cell_fields}
+        self._steps = self._prepare_steps(root)
+        self._root = root
+
+    def _prepare_steps(self, root: h5py.Group) -> h5py.Group:
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = np.int64(0)
+        steps.create_dataset("Values", (0,), maxshape=(None,), dtype="f8")
+        for name in ("PartOffsets", "NumberOfParts", "PointOffsets"):
+            steps.create_dataset(name, (0,), maxshape=(None,), dtype="i8")
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            steps.create_dataset(name, (0, 1), maxshape=(None, 1), dtype="i8")
+        for group, names in (("PointDataOffsets", self._points), ("CellDataOffsets",
+                                                                  [*self._cells, *self._constants])):
+            for name in names:
+                steps.require_group(group).create_dataset(name, (0,), maxshape=(None,), dtype="i8")
+        return steps
+
+    def append(self, t: float, points: Array, point_data: Mapping[str, Array], cell_data: Mapping[str, Array]) -> None:
+        """Add a frame at time t [s] with points : (n_points, 2) [m]."""
+        k = int(self._steps.attrs["NSteps"])
+        _extend(self._root["Points"], np.column_stack([points, np.zeros(len(points))]))
+        for name, data in self._points.items():
+            value = point_data[name]
+            _extend(data, np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 else value)
+        for name, data in self._cells.items():
+            _extend(data, cell_data[name])
+        _extend(self._steps["Values"], np.array([t]))
+        for name, offset in (("PartOffsets", 0), ("NumberOfParts", 1), ("PointOffsets", k * self._n_points)):
+            _extend(self._steps[name], np.array([offset]))
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            _extend(self._steps[name], np.array([[0]]))
+        for name in self._points:
+            _extend(self._steps["PointDataOffsets"][name], np.array([k * self._n_points]))
+        for name in self._cells:
+            _extend(self._steps["CellDataOffsets"][name], np.array([k * self._n_cells]))
+        for name in self._constants:
+            _extend(self._steps["CellDataOffsets"][name], np.array([0]))
+        self._steps.attrs["NSteps"] = np.int64(k + 1)
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> FieldFile:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+
+def _growing(group: h5py.Group, name: str, rows: int, vector: bool = False) -> h5py.Dataset:
+    shape, most = ((0, 3), (None, 3)) if vector else ((0,), (None,))
+    return group.create_dataset(name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]))
+
+
+def _extend(data: h5py.Dataset, rows: NDArray[Any]) -> None:
+    n = data.shape[0]
+    data.resize(n + len(rows), axis=0)
+    data[n:] = rows
+
+
+def read_frames(path: Path) -> tuple[Array, Array, dict[str, Array], NDArray[np.int64], NDArray[np.int64]]:
+    """Frames of a file written here: times (n,), points (n, n_points, 2), fields name -> (n, ...), Connectivity, Offsets."""
+    with h5py.File(path, "r") as f:
+        root = f["VTKHDF"]
+        times = root["Steps/Values"][()]
+        n, n_points, n_cells = len(times), int(root["NumberOfPoints"][0]), int(root["NumberOfCells"][0])
+        points = root["Points"][()].reshape(n, n_points, 3)[:, :, :2]
+        fields = {}
+        for group, rows in (("PointData", n_points), ("CellData", n_cells)):
+            for name, data in root.get(group, {}).items():
+                value = data[()]
+                # Constants of the cells (body numbers) are whole numbers, stored once.
+                fields[name] = value if value.dtype.kind == "i" else value.reshape((n, rows, *value.shape[1:]))
+        return times, points, fields, root["Connectivity"][()], root["Offsets"][()]
