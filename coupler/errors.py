@@ -47,7 +47,7 @@ class ScenarioError(SlidelineError):
 
 
 class HalfError(SlidelineError):
-    """A half died, is stuck, or refused a call.  half : its name.  log : the tail of its log, possibly empty."""
+    """A half died, is stuck, or refused a call.  half : its name.  log : its tail, may be empty."""
 
     def __init__(self, message: str, *, half: str = "", log: str = "") -> None:
         super().__init__(message)
@@ -64,7 +64,7 @@ class CouplingError(SlidelineError):
     """A window could not be solved and the run gives up.
 
     t : time at the start of the window [s].  window : its number.  iteration : the last one tried.
-    residuals : the last residuals, scaled by their tolerances.  remedy : the line that resumes or mends the run.
+    residuals : the last residuals, scaled by their tolerances.  remedy : what resumes or mends the run.
     """
 
     def __init__(self, message: str, *, t: float = 0.0, window: int = 0, iteration: int = 0,

@@ -1,0 +1,153 @@
+"""Records as bytes: a name, a small header of plain values, and arrays.  The binary form of every message.
+
+    magic "SLDW" | u32 header length | u32 CRC-32 of the header | msgpack header | zeros to a multiple of 64
+    | array | zeros to a multiple of 64 | array | ...
+
+Integers are little-endian, arrays little-endian and C-ordered, each at a multiple of 64 bytes.  The header
+says {"version", "name", "meta", "arrays": [[name, dtype, shape, offset, bytes], ...]}, offsets counted from the
+first array.  There is exactly one way to lay out given arrays, and a reader refuses every other: what arrives
+was written whole by this code or is not accepted.  The checksum covers the header only: a flipped bit there
+could change what the arrays mean, while the transports already guard the bulk.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.wire import WIRE_VERSION
+
+MAGIC = b"SLDW"
+ALIGNMENT = 64  # a cache line, and the widest vector load
+MAX_HEADER = 16 << 20  # bytes; a header holds names and texts, never fields
+MAX_DIMENSIONS = 8
+_PREFIX = struct.Struct("<4sII")
+_DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
+
+Arrays = dict[str, NDArray[Any]]
+
+
+class WireError(ValueError):
+    """The bytes are not a record, or the record is not the message it says it is."""
+
+
+def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """The bytes of a record.
+
+    meta : msgpack's values (None, bool, int, float, str, bytes, list, dict with str keys).
+    arrays : any shape up to 8 dimensions, of float, int, unsigned or bool type.
+    Raises WireError for anything else.
+    """
+    table: list[list[Any]] = []
+    parts: list[bytes | memoryview] = []
+    offset = 0
+    for key, array in arrays.items():
+        data = _plain(key, array)
+        size = data.nbytes
+        table.append([key, data.dtype.str, list(data.shape), offset, size])
+        gap = -size % ALIGNMENT
+        parts += [data.tobytes(), bytes(gap)]
+        offset += size + gap
+    try:
+        header = msgpack.packb({"version": WIRE_VERSION, "name": name, "meta": dict(meta), "arrays": table})
+    except (TypeError, ValueError, OverflowError) as exc:
+        raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
+    if len(header) > MAX_HEADER:
+        raise WireError(f"record {name!r}: header of {len(header)} bytes, at most {MAX_HEADER} are allowed")
+    prefix = _PREFIX.pack(MAGIC, len(header), zlib.crc32(header))
+    return b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT), *parts])
+
+
+def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
+    """Name, meta and arrays of a record; the arrays are fresh, aligned and writable.
+
+    They are copied out of `data` although a view would do: a compiled kernel is specialised anew for
+    read-only arrays, and the copy costs less than a tenth of the transport.
+    Raises WireError for bytes that are not exactly what encode_record writes.
+    """
+    header, body = _header(data)
+    version = header.get("version")
+    if version != WIRE_VERSION:
+        raise WireError(f"record of wire version {version!r}, this side speaks {WIRE_VERSION}")
+    name, meta, table = header.get("name"), header.get("meta"), header.get("arrays")
+    if not isinstance(name, str) or not isinstance(meta, dict) or not isinstance(table, list):
+        raise WireError("record header lacks its name, meta or arrays")
+    arrays: Arrays = {}
+    offset = 0
+    for row in table:
+        key, dtype, shape, size = _row(row, offset, len(body))
+        if key in arrays:
+            raise WireError(f"array {key!r} occurs twice")
+        arrays[key] = _array(key, body, dtype, shape, offset)
+        offset += size + -size % ALIGNMENT
+    if offset != len(body):
+        raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {offset}")
+    return name, meta, arrays
+
+
+def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
+    """The array little-endian and C-ordered, copied only where it is not."""
+    if array.dtype.newbyteorder("<").str not in _DTYPES or array.ndim > MAX_DIMENSIONS:
+        raise WireError(f"array {key!r}: {array.ndim} dimensions of {array.dtype} cannot be sent")
+    # asarray, not ascontiguousarray: the latter makes a vector of a scalar.
+    return np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
+
+
+def _header(data: bytes) -> tuple[dict[str, Any], memoryview]:
+    """The checked header, and the bytes after it."""
+    if len(data) < _PREFIX.size:
+        raise WireError(f"{len(data)} bytes are too few for a record")
+    magic, length, checksum = _PREFIX.unpack_from(data)
+    if magic != MAGIC:
+        raise WireError(f"not a record: begins with {bytes(magic)!r}")
+    end = _PREFIX.size + length
+    start = end + -end % ALIGNMENT
+    if length > MAX_HEADER or start > len(data):
+        raise WireError(f"record cut short: header of {length} bytes in {len(data)}")
+    raw = data[_PREFIX.size : end]
+    if zlib.crc32(raw) != checksum:
+        raise WireError("record header damaged: its checksum does not fit")
+    try:
+        header = msgpack.unpackb(raw)
+    except (ValueError, msgpack.exceptions.UnpackException) as exc:
+        raise WireError(f"record header is not msgpack ({exc})") from exc
+    if not isinstance(header, dict):
+        raise WireError("record header is not a map")
+    return header, memoryview(data)[start:]
+
+
+def _row(row: object, offset: int, available: int) -> tuple[str, np.dtype[Any], tuple[int, ...], int]:
+    """One checked row of the array table: key, dtype, shape, bytes.  Nothing is allocated before it holds."""
+    if not isinstance(row, list) or len(row) != 5:
+        raise WireError("array table: a row is not [name, dtype, shape, offset, bytes]")
+    key, dtype, shape, start, size = row
+    if not isinstance(key, str) or not isinstance(dtype, str) or dtype not in _DTYPES:
+        raise WireError(f"array {key!r}: type {dtype!r} is not allowed")
+    if not isinstance(shape, list) or len(shape) > MAX_DIMENSIONS:
+        raise WireError(f"array {key!r}: {shape!r} is not a shape")
+    if any(type(n) is not int or n < 0 for n in shape):
+        raise WireError(f"array {key!r}: {shape!r} is not a shape")
+    if size != math.prod(shape) * _DTYPES[dtype].itemsize or type(size) is not int:
+        raise WireError(f"array {key!r}: {size!r} bytes do not hold shape {shape} of {dtype}")
+    if start != offset or offset + size > available:
+        raise WireError(f"array {key!r}: {size} bytes at {start!r} do not fit (next free {offset} of {available})")
+    return key, _DTYPES[dtype], tuple(shape), size
+
+
+def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, ...],
+           offset: int) -> NDArray[Any]:
+    count = math.prod(shape)
+    flat = np.frombuffer(body, dtype, count, offset) if count else np.empty(0, dtype)
+    if dtype.kind == "b" and (flat.view(np.uint8) > 1).any():
+        raise WireError(f"array {key!r}: a bool that is neither 0 nor 1")
+    try:
+        return flat.reshape(shape).astype(dtype.newbyteorder("="), copy=True)
+    except ValueError as exc:  # (0, 2**62) has no bytes, yet numpy cannot make it
+        raise WireError(f"array {key!r}: shape {shape} is not possible ({exc})") from exc

@@ -1,0 +1,192 @@
+"""Messages as records: any frozen dataclass of plain fields, by its type hints.
+
+Field types: NDArray[...], str, bool, int, float, Enum, tuple[X, ...], dict or Mapping[str, X], and dataclasses
+of those.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Any, Protocol, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from contact import wire
+from contact.codec import Arrays, WireError, decode_record, encode_record
+
+Kinds = Mapping[str, type[Any]]
+
+
+class Pack(Protocol):
+    """A value as msgpack sees it; arrays go into `arrays` under their path."""
+
+    def __call__(self, value: Any, path: str, arrays: Arrays) -> Any: ...
+
+
+class Unpack(Protocol):
+    """The value back.  Raises WireError naming the path."""
+
+    def __call__(self, raw: Any, path: str, arrays: Arrays) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Form:
+    """How values of one type hint go onto the wire and come back."""
+
+    pack: Pack
+    unpack: Unpack
+
+
+def kinds_of(types: Iterable[type[Any]]) -> dict[str, type[Any]]:
+    """The registry decode needs: messages by class name."""
+    return {t.__name__: t for t in types}
+
+
+REQUESTS = kinds_of(get_args(wire.Request))
+REPLIES = kinds_of(get_args(wire.Reply))
+
+
+def encode(message: Any) -> bytes:
+    """The bytes of a message.  Raises WireError where a field is not what its hint says."""
+    arrays: Arrays = {}
+    kind: Any = type(message)
+    meta = _form_of(kind).pack(message, kind.__name__, arrays)
+    return encode_record(kind.__name__, meta, arrays)
+
+
+def decode(data: bytes, kinds: Kinds) -> Any:
+    """The message in `data`, one of `kinds`.  Raises WireError for anything else."""
+    name, meta, arrays = decode_record(data)
+    kind: Any = kinds.get(name)
+    if kind is None:
+        raise WireError(f"message {name!r} is not one of {', '.join(sorted(kinds))}")
+    message = _form_of(kind).unpack(meta, name, arrays)
+    if arrays:
+        raise WireError(f"{name}: unexpected array {next(iter(arrays))!r}")
+    return message
+
+
+@cache
+def _form_of(hint: Any) -> Form:
+    """The form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
+    origin, args = get_origin(hint), get_args(hint)
+    if origin is np.ndarray:
+        return _array_form(get_args(args[1])[0])
+    if origin is tuple and args[1:] == (Ellipsis,):
+        return _tuple_form(_form_of(args[0]))
+    if origin in (dict, Mapping):
+        return _dict_form(_form_of(args[1]))
+    if isinstance(hint, type) and is_dataclass(hint):
+        return _dataclass_form(hint)
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return _enum_form(hint)
+    if hint in _PLAIN:
+        return _plain_form(hint)
+    raise TypeError(f"{hint!r} has no form on the wire")
+
+
+def _array_form(scalar: Any) -> Form:
+    expected = None if scalar is Any else np.dtype(scalar)
+
+    def check(array: Any, path: str) -> Any:
+        if not isinstance(array, np.ndarray):
+            raise WireError(f"{path}: an array was expected, not {type(array).__name__}")
+        if expected is not None and array.dtype != expected:
+            raise WireError(f"{path}: {expected} was expected, not {array.dtype}")
+        return array
+
+    def pack(value: Any, path: str, arrays: Arrays) -> None:
+        arrays[path] = check(value, path)
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
+        if path not in arrays:
+            raise WireError(f"{path}: the array is missing")
+        return check(arrays.pop(path), path)
+
+    return Form(pack, unpack)
+
+
+def _tuple_form(item: Form) -> Form:
+    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
+        return [item.pack(v, f"{path}.{i}", arrays) for i, v in enumerate(value)]
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> tuple[Any, ...]:
+        _expect(raw, list, path)
+        return tuple(item.unpack(v, f"{path}.{i}", arrays) for i, v in enumerate(raw))
+
+    return Form(pack, unpack)
+
+
+def _dict_form(item: Form) -> Form:
+    def pack(value: Any, path: str, arrays: Arrays) -> dict[str, Any]:
+        return {k: item.pack(v, f"{path}.{k}", arrays) for k, v in value.items()}
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> dict[str, Any]:
+        _expect(raw, dict, path)
+        return {k: item.unpack(v, f"{path}.{k}", arrays) for k, v in raw.items() if _expect(k, str, path)}
+
+    return Form(pack, unpack)
+
+
+def _dataclass_form(kind: type[Any]) -> Form:
+    hints = get_type_hints(kind)
+    forms = {f.name: _form_of(hints[f.name]) for f in fields(kind)}
+
+    def pack(value: Any, path: str, arrays: Arrays) -> dict[str, Any]:
+        if type(value) is not kind:
+            raise WireError(f"{path}: {kind.__name__} was expected, not {type(value).__name__}")
+        return {k: form.pack(getattr(value, k), f"{path}.{k}", arrays) for k, form in forms.items()}
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
+        _expect(raw, dict, path)
+        if raw.keys() != forms.keys():
+            raise WireError(f"{path}: fields {sorted(map(str, raw))} where {sorted(forms)} were expected")
+        return kind(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
+
+    return Form(pack, unpack)
+
+
+def _enum_form(kind: type[Enum]) -> Form:
+    def pack(value: Any, path: str, arrays: Arrays) -> str:
+        return str(kind(value).value)
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> Enum:
+        for member in kind:
+            if member.value == raw:
+                return member
+        raise WireError(f"{path}: {raw!r} is not one of {[m.value for m in kind]}")
+
+    return Form(pack, unpack)
+
+
+# numpy's scalars are accepted from the sender and leave as Python's; operator.index refuses a float for int.
+_PLAIN: dict[Any, Callable[[Any], Any]] = {str: str, bool: bool, int: operator.index, float: float}
+
+
+def _plain_form(kind: type[Any]) -> Form:
+    convert = _PLAIN[kind]
+
+    def pack(value: Any, path: str, arrays: Arrays) -> Any:
+        try:
+            if kind is str:
+                _expect(value, str, path)
+            return convert(value)
+        except (TypeError, ValueError) as exc:
+            raise WireError(f"{path}: {kind.__name__} was expected, not {value!r}") from exc
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
+        _expect(raw, kind, path)
+        return raw
+
+    return Form(pack, unpack)
+
+
+def _expect(raw: Any, kind: type[Any], path: str) -> bool:
+    # type() is, not isinstance: True is an int to Python and must not be one here.
+    if type(raw) is not kind:
+        raise WireError(f"{path}: {kind.__name__} was expected, not {type(raw).__name__}")
+    return True
