@@ -4,8 +4,8 @@
     | array | zeros to a multiple of 64 | array | ...
 
 Integers are little-endian, arrays little-endian and C-ordered, each at a multiple of 64 bytes.  The header
-says {"version", "name", "meta", "arrays": [[name, dtype, shape, offset, bytes], ...]}, offsets counted from the
-first array.  There is exactly one way to lay out given arrays, and a reader refuses every other: what arrives
+says {"version", "name", "meta", "arrays": [[name, dtype, shape, offset, bytes], ...]}, offsets counted from
+the first array.  There is exactly one way to lay out given arrays, and a reader refuses every other: what arrives
 was written whole by this code or is not accepted.  The checksum covers the header only: a flipped bit there
 could change what the arrays mean, while the transports already guard the bulk.
 """
@@ -137,7 +137,7 @@ def _row(row: object, offset: int, available: int) -> tuple[str, np.dtype[Any], 
     if size != math.prod(shape) * _DTYPES[dtype].itemsize or type(size) is not int:
         raise WireError(f"array {key!r}: {size!r} bytes do not hold shape {shape} of {dtype}")
     if start != offset or offset + size > available:
-        raise WireError(f"array {key!r}: {size} bytes at {start!r} do not fit (next free {offset} of {available})")
+        raise WireError(f"array {key!r}: {size} bytes at {start!r} of {available} (next free {offset})")
     return key, _DTYPES[dtype], tuple(shape), size
 
 

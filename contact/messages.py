@@ -1,7 +1,7 @@
 """Messages as records: any frozen dataclass of plain fields, by its type hints.
 
-Field types: NDArray[...], str, bool, int, float, Enum, tuple[X, ...], dict or Mapping[str, X], and dataclasses
-of those.
+Field types: NDArray[...], str, bool, int, float, Enum, tuple[X, ...], dict or Mapping[str, X], and
+dataclasses of those.
 """
 
 from __future__ import annotations
