@@ -1,0 +1,88 @@
+"""What a run shows while it runs: one live line on a terminal, a line every tenth of the way elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from coupler.results import Results
+from coupler.run import Progress
+from coupler.window import Verdict
+
+ZERO_CELSIUS = 273.15
+
+
+class ProgressLine:
+    """Shows Progress values; temperatures in the scenario's unit."""
+
+    def __init__(self, temperature_unit: str, console: Console | None = None) -> None:
+        self._unit = temperature_unit
+        self._console = console or Console(file=sys.stderr, highlight=False)
+        self._live = Live(console=self._console, refresh_per_second=8, transient=True)
+        self._next_share = 0.0
+        self._rejected = 0
+
+    def __enter__(self) -> ProgressLine:
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __call__(self, p: Progress) -> None:
+        if p.verdict != Verdict.ACCEPTED.value:
+            self._rejected += 1
+            self._console.print(f"window {p.number} at t = {p.t:.6g} s: {p.verdict} ({p.message}); trying half of it")
+            return
+        if self._console.is_terminal:
+            self._live.update(Text(self.line(p)))
+        elif p.t / p.t_end >= self._next_share:
+            self._next_share = p.t / p.t_end + 0.1
+            print(self.line(p), file=self._console.file, flush=True)
+
+    def line(self, p: Progress) -> str:
+        """t, windows, contact count, max T, max p, heat imbalance, time left."""
+        T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
+        rejected = f" ({self._rejected} rejected)" if self._rejected else ""
+        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {p.number}/{p.total}{rejected} | {p.touching} points touch | "
+                f"max T {T:.1f} {self._unit} | max p {p.max_p / 1e6:.3g} MPa | "
+                f"imbalance {p.imbalance:.0e} | {clock_text(p.left)} left")
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        if self._console.is_terminal:
+            self._live.stop()
+
+
+def clock_text(seconds: float) -> str:
+    """5 s, 2:05 min, 1:02:05 h."""
+    s = round(seconds)
+    if s < 60:
+        return f"{s} s"
+    if s < 3600:
+        return f"{s // 60}:{s % 60:02d} min"
+    return f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d} h"
+
+
+def summary(results: Results) -> str:
+    """A few lines on what a run did and where it left its files."""
+    w = results.windows
+    accepted = int((w.verdict == Verdict.ACCEPTED.value).sum())
+    total = results.totals.get("seconds", 0.0)
+    shares = [("thermal half", w.thermal_seconds.sum()), ("mechanical half", w.mechanical_seconds.sum()),
+              ("FMI and transport", w.fmi_seconds.sum()), ("recording", w.recording_seconds.sum())]
+    shares.append(("coupler", max(w.seconds.sum() - sum(s for _, s in shares[:3]), 0.0)))
+    lines = [
+        f"{results.outcome}: {results.t[-1]:.6g} s in {accepted} windows"
+        + (f" ({len(w) - accepted} rejected)" if len(w) > accepted else "")
+        + f", {int(w.solves.sum())} half-solves, {total:.1f} s after {results.totals.get('setup_seconds', 0.0):.1f} s "
+        "of set-up",
+        "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in shares),
+        f"  heat imbalance {results.heat_imbalance:.1e}",
+        f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
+    ]
+    if results.message:
+        lines.insert(1, f"  {results.message}")
+    return "\n".join(lines + [f"  note: {n}" for n in results.header.get("notes", [])])

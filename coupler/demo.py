@@ -1,0 +1,45 @@
+"""The demo: a first look at what Slideline does, in seconds."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from coupler.errors import ScenarioError
+from coupler.report import write_report
+from coupler.results import Results
+from coupler.run import Progress, run
+from coupler.scenario import Scenario, load_scenario
+
+SCENARIO = "sliding_blocks.yaml"
+# Coarse and rigid: the temperatures are those of the full scene to about a kelvin, at a tenth of the cost.
+OVERRIDES = {"mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [12, 12],
+             "bodies.upper.mesh.rectangle.cells": [12, 12]}
+
+
+def shipped_scenarios() -> Path:
+    """The folder of scenarios: beside the packages in a checkout, inside this one when installed."""
+    here = Path(__file__).resolve().parent
+    for folder in (here / "scenarios", here.parent / "scenarios"):
+        if (folder / SCENARIO).is_file():
+            return folder
+    raise ScenarioError("the scenarios that belong to this installation are missing", file=str(here / "scenarios"),
+                        remedy="Install slideline again, or give `slideline run` a scenario of your own")
+
+
+def run_demo(folder: Path, on_start: Callable[[Scenario], AbstractContextManager[Callable[[Progress], Any]]],
+             ) -> tuple[Path, Results, Path]:
+    """Copy the sliding blocks to a folder, run them coarse with the rigid half, write the report.
+
+    Returns the scenario, the results, the page.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    copy = folder / SCENARIO
+    shutil.copyfile(shipped_scenarios() / SCENARIO, copy)
+    scenario = load_scenario(copy, overrides=OVERRIDES)
+    with on_start(scenario) as progress:
+        results = run(scenario, folder / "run.h5", on_window=progress)
+    return copy, results, write_report(results, folder / "run.html")
