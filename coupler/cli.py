@@ -20,7 +20,7 @@ from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.launch import build_halves
 from coupler.report import write_report
 from coupler.results import Results
-from coupler.run import plan_of, run
+from coupler.runner import plan_of, run
 from coupler.scenario import Scenario, load_scenario, parse_override
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.text import Text
 
 from coupler.results import Results
-from coupler.run import Progress
+from coupler.runner import Progress
 from coupler.window import Verdict
 
 ZERO_CELSIUS = 273.15

@@ -11,7 +11,7 @@ from typing import Any
 from coupler.errors import ScenarioError
 from coupler.report import write_report
 from coupler.results import Results
-from coupler.run import Progress, run
+from coupler.runner import Progress, run
 from coupler.scenario import Scenario, load_scenario
 
 SCENARIO = "sliding_blocks.yaml"
