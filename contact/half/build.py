@@ -1,0 +1,148 @@
+"""From a half's directory (interface.h5, model.json) to its FMU."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import os
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pythonfmu
+
+from contact.half import entry
+from contact.half.describe import model_description
+from contact.half.interface import Interface
+from contact.half.layout import layout_of, standard_variables
+from contact.half.model import load_directory
+
+_ENTRY = '''\
+import half_entry_{tag} as entry
+
+HalfSlave, load = entry.half({load!r}, {packages!r})
+
+
+class {identifier}(HalfSlave):
+    identity = {guid!r}
+    packages = {packages!r}
+    load = staticmethod(load)
+'''
+# Fixed, so that equal contents make equal files.
+_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
+
+
+def build_fmu(directory: Path, out: Path, *, package: str, load: str) -> Path:
+    """Build the FMU of the half in `directory`, whole or not at all.
+
+    package : top-level import package of the half.  load : "module:function" of it, a contact.half.model.Load.
+    Returns out.  Raises ValueError where the directory's files do not make a half.
+    """
+    interface, model = load_directory(directory)
+    packages = {name: entry.sources_hash(package_directory(name)) for name in ("contact", package)}
+    module, _, function = load.partition(":")
+    half = getattr(importlib.import_module(module), function)(interface, model)
+    guid = content_hash(interface, model, packages)
+    kind = "".join(c if c.isalnum() else "_" for c in str(model.get("half", package)))
+    identifier = f"{kind}_half_{guid[:8]}"
+    standard = standard_variables(interface, " ".join(f"{k}:{v}" for k, v in packages.items()))
+    xml = model_description(layout_of(half.variables, standard), identifier, guid,
+                            tool=f"PythonFMU {_version(pythonfmu)} (Slideline)", description=f"{kind} half")
+    script = _ENTRY.format(tag=guid[:8], load=load, packages=packages, identifier=identifier, guid=guid)
+    members: dict[str, bytes | Path] = {
+        "modelDescription.xml": xml.encode(),
+        "resources/slavemodule.txt": identifier.encode(),
+        f"resources/{identifier}.py": script.encode(),
+        f"resources/half_entry_{guid[:8]}.py": Path(entry.__file__),
+        "resources/interface.h5": directory / "interface.h5",
+        "resources/model.json": directory / "model.json",
+        **{f"resources/packages/{name}/{inner}": path
+           for name in packages for inner, path in _files(package_directory(name))},
+        **_wrapper(identifier),
+    }
+    _write_zip(members, out)
+    return out
+
+
+def main(package: str, load: str) -> None:
+    """The body of a half's `python -m MODULE DIRECTORY OUT.fmu`; exit code 2 and one line if the input is wrong."""
+    if len(sys.argv) != 3:
+        raise SystemExit(f"usage: python -m {package}.build DIRECTORY OUT.fmu")
+    try:
+        build_fmu(Path(sys.argv[1]), Path(sys.argv[2]), package=package, load=load)
+    except ValueError as exc:
+        print(exc, file=sys.stderr)
+        raise SystemExit(2) from exc
+
+
+def content_hash(interface: Interface, model: dict[str, Any], packages: dict[str, str]) -> str:
+    """32 hex digits that change with anything an FMU's answers depend on."""
+    digest = hashlib.sha256()
+
+    def add(name: str, value: bytes) -> None:
+        digest.update(f"{name}\0{len(value)}\0".encode())
+        digest.update(value)
+
+    for field in fields(interface):
+        for name, value in _parts(field.name, getattr(interface, field.name)):
+            add(name, value)
+    versions = {"python": sys.version_info[:3], "pythonfmu": _version(pythonfmu), "numpy": np.__version__}
+    add("rest", json.dumps([model, packages, versions], sort_keys=True).encode())
+    return digest.hexdigest()[:32]
+
+
+def package_directory(name: str) -> Path:
+    """Directory of an import package.  Raises ValueError if it is not installed, or not a package."""
+    found = importlib.util.find_spec(name)
+    if found is None or found.origin is None or not found.submodule_search_locations:
+        raise ValueError(f"no package {name!r} is installed")
+    return Path(found.origin).parent
+
+
+def _parts(name: str, value: Any) -> Iterator[tuple[str, bytes]]:
+    if isinstance(value, np.ndarray):
+        yield f"{name} {value.dtype.str} {value.shape}", np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from _parts(f"{name}/{key}", item)
+    else:
+        yield name, repr(value).encode()
+
+
+def _files(package: Path) -> Iterator[tuple[str, Path]]:
+    for path in sorted(package.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts and path.suffix != ".pyc":
+            yield path.relative_to(package).as_posix(), path
+
+
+def _wrapper(identifier: str) -> dict[str, bytes | Path]:
+    """pythonfmu's own modules, and its native wrapper under the model's name."""
+    home = Path(pythonfmu.__file__).parent
+    binaries = home / "resources" / "binaries"
+    modules: dict[str, bytes | Path] = {f"resources/pythonfmu/{p.name}": p for p in sorted(home.glob("*.py"))}
+    for path in sorted(binaries.rglob("*")):
+        if path.suffix in (".so", ".dll", ".dylib"):
+            modules[f"binaries/{path.parent.relative_to(binaries).as_posix()}/{identifier}{path.suffix}"] = path
+    return modules
+
+
+def _version(module: Any) -> str:
+    return str(module.__version__)
+
+
+def _write_zip(members: dict[str, bytes | Path], out: Path) -> None:
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".fmu-") as scratch:
+        new = Path(scratch) / "new.fmu"
+        with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
+            for name, content in members.items():
+                info = zipfile.ZipInfo(name, _ZIP_TIME)
+                info.compress_type = zipfile.ZIP_DEFLATED
+                info.external_attr = 0o644 << 16
+                archive.writestr(info, content if isinstance(content, bytes) else content.read_bytes())
+        os.replace(new, out)

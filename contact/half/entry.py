@@ -1,0 +1,66 @@
+"""What an FMU's entry script needs before any package of ours is loaded.  Standard library only.
+
+A copy of this file travels in every FMU under a name of its own.  All FMUs of a process share one interpreter: the
+first `contact` that is loaded serves all of them, so another one is refused, never silently used.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+
+def sources_hash(package: Path) -> str:
+    """Hash of the names and texts of all .py files of a package directory."""
+    digest = hashlib.sha256()
+    files = sorted((p.relative_to(package).as_posix(), p) for p in package.rglob("*.py"))
+    for name, path in files:
+        text = path.read_bytes()
+        digest.update(f"{name}\0{len(text)}\0".encode())
+        digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def use_packages(packages: Mapping[str, str]) -> None:
+    """Load packages (name -> sources_hash): the installed ones where the sources are the same, else the FMU's own.
+
+    The installed ones come first because caches of compiled kernels belong to a file's place: a fresh copy would
+    compile again.  Raises RuntimeError if a package of other sources is already loaded.
+    """
+    own = Path(__file__).parent / "packages"
+    for name, expected in packages.items():
+        if name in sys.modules:
+            loaded = Path(next(iter(sys.modules[name].__path__)))
+            if sources_hash(loaded) != expected:
+                raise RuntimeError(
+                    f"this process has already loaded another '{name}' (from {loaded}) than the one this FMU was "
+                    f"built with: build the FMU again, or run each half in a process of its own")
+            continue
+        if not _installed_is(name, expected):
+            sys.path.insert(0, str(own))
+            try:
+                importlib.invalidate_caches()
+                importlib.import_module(name)
+            finally:
+                sys.path.remove(str(own))
+
+
+def _installed_is(name: str, expected: str) -> bool:
+    found = importlib.util.find_spec(name)
+    if found is None or found.origin is None:
+        return False
+    return sources_hash(Path(found.origin).parent) == expected
+
+
+def half(load: str, packages: Mapping[str, str]) -> tuple[type, Callable[..., Any]]:
+    """The base class of a half's slave, and the half's load function, named "module:function"."""
+    use_packages(packages)
+    base: type = importlib.import_module("contact.half.slave").HalfSlave
+    module, _, name = load.partition(":")
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return base, function
