@@ -5,9 +5,9 @@
 
 Integers are little-endian, arrays little-endian and C-ordered, each at a multiple of 64 bytes.  The header
 says {"version", "name", "meta", "arrays": [[name, dtype, shape, offset, bytes], ...]}, offsets counted from
-the first array.  There is exactly one way to lay out given arrays, and a reader refuses every other: what arrives
-was written whole by this code or is not accepted.  The checksum covers the header only: a flipped bit there
-could change what the arrays mean, while the transports already guard the bulk.
+the first array.  There is exactly one way to lay out given arrays, and a reader refuses every other: what
+arrives was written whole by this code or is not accepted.  The checksum covers the header only: a flipped bit
+there could change what the arrays mean, while the transports already guard the bulk.
 """
 
 from __future__ import annotations

@@ -1,0 +1,119 @@
+"""The front desk of a server: which call is new, which is known, which is refused.  No transport in here.
+
+A client numbers its calls 1, 2, 3, ... and repeats a call under its number when no answer came.  So that a
+call is never carried out twice, the desk keeps the last answers of every client, lets a repeated call wait
+for the answer of the first, and refuses numbers it has already forgotten.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+from threading import Lock
+from typing import Generic, TypeVar
+
+KEEP_ANSWERS = 4  # per client; it has one call open at a time, so one would do if no packet were ever late
+KEEP_CLIENTS = 64
+CAPACITY = 64  # calls waiting; more is a client gone wild, and it is told so
+
+Waiter = TypeVar("Waiter")
+_ENVELOPE = re.compile(r"([A-Za-z0-9_-]+)/([A-Za-z0-9_-]+)/([0-9]{1,18})")
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """instance : whom the call is for.  client : who calls.  number : which of the client's calls."""
+
+    instance: str
+    client: str
+    number: int
+
+    def __str__(self) -> str:
+        return f"{self.instance}/{self.client}/{self.number}"
+
+
+def parse_envelope(text: str) -> Envelope | None:
+    """The envelope in a text; None where it is not one."""
+    match = _ENVELOPE.fullmatch(text)
+    return Envelope(match[1], match[2], int(match[3])) if match else None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """ok : payload is a reply's bytes; else it is the UTF-8 text `code: message`."""
+
+    ok: bool
+    payload: bytes
+
+
+def failure(code: str, message: str) -> Verdict:
+    """A verdict that says why there is none."""
+    return Verdict(False, f"{code}: {message}".encode())
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call to be carried out."""
+
+    envelope: Envelope
+    payload: bytes
+
+
+@dataclass
+class _Client(Generic[Waiter]):
+    newest: int = 0
+    waiting: dict[int, list[Waiter]] = field(default_factory=dict)
+    answers: OrderedDict[int, Verdict] = field(default_factory=OrderedDict)
+
+
+class Desk(Generic[Waiter]):
+    """Takes calls from any thread and hands new ones to one worker, in order."""
+
+    def __init__(self, instance: str) -> None:
+        self.instance = instance
+        self.queue: SimpleQueue[Call | None] = SimpleQueue()
+        self._clients: OrderedDict[str, _Client[Waiter]] = OrderedDict()
+        self._lock = Lock()
+
+    def arrive(self, label: str, payload: bytes, waiter: Waiter) -> Verdict | None:
+        """A verdict to give at once, or None: the waiter gets its answer from `finish`."""
+        envelope = parse_envelope(label)
+        if envelope is None:
+            return failure("bad_request", f"{label!r} is not instance/client/number")
+        if envelope.instance != self.instance:
+            return failure("wrong_instance", f"this is {self.instance}, not {envelope.instance}")
+        with self._lock:
+            client = self._client(envelope.client)
+            if envelope.number in client.answers:
+                return client.answers[envelope.number]
+            if envelope.number in client.waiting:
+                client.waiting[envelope.number].append(waiter)
+                return None
+            if envelope.number <= client.newest:
+                return failure("stale", f"call {envelope.number} after {client.newest}")
+            if self.queue.qsize() >= CAPACITY:
+                return failure("busy", f"{CAPACITY} calls are waiting")
+            client.newest = envelope.number
+            client.waiting[envelope.number] = [waiter]
+        self.queue.put(Call(envelope, payload))
+        return None
+
+    def finish(self, call: Call, answer: Verdict) -> list[Waiter]:
+        """Keep the answer of a call carried out; returns all who wait for it."""
+        with self._lock:
+            client = self._client(call.envelope.client)
+            client.answers[call.envelope.number] = answer
+            while len(client.answers) > KEEP_ANSWERS:
+                client.answers.popitem(last=False)
+            return client.waiting.pop(call.envelope.number, [])
+
+    def _client(self, name: str) -> _Client[Waiter]:
+        client = self._clients.setdefault(name, _Client())
+        self._clients.move_to_end(name)
+        if len(self._clients) > KEEP_CLIENTS:
+            idle = next((k for k, c in self._clients.items() if not c.waiting and k != name), None)
+            if idle is not None:
+                del self._clients[idle]
+        return client

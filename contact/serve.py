@@ -1,0 +1,68 @@
+"""The contact service in a process of its own:  python -m contact.serve --listen tcp/127.0.0.1:PORT --run ID
+
+It says `ready ENDPOINT INSTANCE` on its standard output and answers until it is interrupted.  With --child it
+lives as long as its parent (contact.child).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+
+from contact.child import become_child, keep_freed_memory
+from contact.messages import REQUESTS
+from contact.server import Server
+from contact.service import ContactService
+from contact.zenoh_link import Session, close_all_sessions, close_session, open_session
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve until stopped; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m contact.serve", description=__doc__)
+    add = parser.add_argument
+    add("--listen", default="tcp/127.0.0.1:0", help="loopback endpoint; port 0 takes a free one")
+    add("--run", required=True, help="name of the run whose halves may ask")
+    add("--child", action="store_true", help="end when standard input is closed; ignore Ctrl-C")
+    options = parser.parse_args(arguments)
+    say: Callable[[str], object]
+    if options.child:
+        say = become_child(close_all_sessions).say
+    else:
+        keep_freed_memory()
+        say = _print
+    session = open_session(listen=(options.listen,))
+    try:
+        _serve(session, options.run, say, stoppable=not options.child)
+    finally:
+        close_session(session)
+    if options.child:
+        # Nothing is left to do, and an interpreter with native threads does not always end quietly.
+        sys.stderr.flush()
+        os._exit(0)
+    return 0
+
+
+def _serve(session: Session, run: str, say: Callable[[str], object], *, stoppable: bool) -> None:
+    service = ContactService()
+    with Server(session, run, "contact", REQUESTS) as server:
+
+        def stop(number: int, frame: FrameType | None) -> None:
+            server.stop()
+
+        signal.signal(signal.SIGTERM, stop)
+        if stoppable:
+            signal.signal(signal.SIGINT, stop)
+        say(f"ready {session.listen[0]} {server.instance}")
+        server.work(service.handle)
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

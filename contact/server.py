@@ -1,0 +1,106 @@
+"""The server's side of a call: one worker, each call once, and a word on what it is busy with.
+
+Keys, with a random instance for every life of a server, so that an answer of a former life is never taken for
+one of this, and two servers of one role are seen instead of silently both being heard:
+    slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.desk)
+    slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, in words
+    slideline/RUN/alive/ROLE/INSTANCE       the token
+"""
+
+from __future__ import annotations
+
+import secrets
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Self
+
+from contact.codec import WireError
+from contact.desk import Call, Desk, Verdict, failure
+from contact.link import LinkError
+from contact.messages import Kinds, decode, encode
+from contact.zenoh_link import Question, Session
+
+
+@dataclass(frozen=True)
+class Keys:
+    """The keys of one life of a server."""
+
+    ask: str
+    status: str
+    token: str
+
+
+def keys_of(run: str, role: str, instance: str) -> Keys:
+    """instance : `*` makes patterns for all."""
+    base = f"slideline/{run}/{role}/{instance}/v1"
+    return Keys(f"{base}/ask", f"{base}/status", f"slideline/{run}/alive/{role}/{instance}")
+
+
+class Server:
+    """Answers calls on a session.  `work` does so on the thread that calls it, one call after the other."""
+
+    def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
+        self.instance = secrets.token_hex(6)
+        self._requests = requests
+        self._desk: Desk[Question] = Desk(self.instance)
+        self._busy: tuple[str, float] | None = None
+        self._served = 0
+        self._keys = keys_of(run, role, self.instance)
+        self._declared = [
+            session.answer(self._keys.ask, self._arrive),
+            session.answer(self._keys.status, self._tell_status),
+            session.show_token(self._keys.token),
+        ]
+
+    def work(self, handle: Callable[[Any], Any]) -> None:
+        """Carry out calls until `stop`.  handle : request -> reply, both messages."""
+        while (call := self._desk.queue.get()) is not None:
+            verdict = self._carry_out(call, handle)
+            for question in self._desk.finish(call, verdict):
+                self._answer(question, verdict)
+
+    def stop(self) -> None:
+        """Let `work` return after the calls that came before; from any thread, or from handle."""
+        self._desk.queue.put(None)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for declared in reversed(self._declared):
+            declared.undeclare()
+
+    def _carry_out(self, call: Call, handle: Callable[[Any], Any]) -> Verdict:
+        try:
+            request = decode(call.payload, self._requests)
+        except WireError as exc:
+            return failure("bad_request", str(exc))
+        self._busy = (type(request).__name__, time.monotonic())
+        try:
+            return Verdict(True, encode(handle(request)))
+        except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
+            traceback.print_exc(file=sys.stderr)
+            return failure("bug", f"{type(exc).__name__}: {exc}")
+        finally:
+            self._busy = None
+            self._served += 1
+
+    def _arrive(self, question: Question) -> None:
+        verdict = self._desk.arrive(question.label, question.payload, question)
+        if verdict is not None:
+            self._answer(question, verdict)
+
+    def _answer(self, question: Question, verdict: Verdict) -> None:
+        try:
+            question.answer(self._keys.ask, verdict.ok, verdict.payload)
+        except LinkError as exc:  # the asker went away: nobody is left to be told
+            print(exc, file=sys.stderr)
+
+    def _tell_status(self, question: Question) -> None:
+        busy = self._busy
+        doing = f"busy with {busy[0]} for {time.monotonic() - busy[1]:.1f} s" if busy else "idle"
+        text = f"{doing}, {self._desk.queue.qsize()} waiting, {self._served} served"
+        question.answer(self._keys.status, True, text.encode())

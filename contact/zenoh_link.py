@@ -1,0 +1,232 @@
+"""The only file that touches zenoh: sessions on loopback, and the four things done on them.
+
+Traits of zenoh that shape this file.  A plain configuration listens on every interface and calls out by
+multicast: every endpoint is named here.  Every failure looks alike, an empty list of replies; the token of
+whoever was asked tells "try again" from "gone".  A process that ends without closing hangs on the thread of a
+callback, so callbacks run on the network thread (indirect=False) and do no more than put things into queues.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from threading import Lock
+from typing import Any
+
+import zenoh
+
+from contact.link import LinkError, LinkSpecError, ServiceDownError
+
+CONNECT_TIMEOUT = 5.0  # s
+WATCH_PERIOD = 0.25  # s between looks at whether the other processes live, while waiting for an answer
+LEASE_MS = 3000  # a stopped process or cut line counts as gone after this long
+_ENCODING = "application/x-slideline"
+_LOOPBACK = re.compile(r"tcp/(?:127\.0\.0\.1|\[::1\]|localhost):([0-9]{1,5})")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came back of a query.
+
+    ok : a reply.  Else an error: in the answerer's own words if `spoken`, else in zenoh's (its timeout).
+    label : the attachment.
+    """
+
+    ok: bool
+    spoken: bool
+    label: str
+    payload: bytes
+
+
+class Question:
+    """A query that arrived; to be answered once, from any thread."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.label: str = query.attachment.to_string() if query.attachment is not None else ""
+        self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
+
+    def answer(self, key: str, ok: bool, payload: bytes) -> None:
+        """Raises LinkError where the answer cannot be sent."""
+        try:
+            with self._query:
+                if ok:
+                    self._query.reply(key, payload, encoding=_ENCODING, attachment=self.label)
+                else:
+                    self._query.reply_err(payload, encoding=_ENCODING)
+        except zenoh.ZError as exc:
+            raise LinkError(f"answer to {self.label!r} not sent: {exc}") from exc
+
+
+class Session:
+    """A zenoh session and how many use it.  A process should have one: two are slower and no more useful."""
+
+    def __init__(self, listen: tuple[str, ...], connect: tuple[str, ...]) -> None:
+        self._zenoh = zenoh.open(_config(listen, connect))
+        self.listen, self.connect = listen, connect
+        self.pid = os.getpid()
+        self.users = 1
+
+    def close(self) -> None:
+        close: Callable[[], None] = self._zenoh.close
+        close()
+
+    def answer(self, key: str, arrived: Callable[[Question], None]) -> Any:
+        """Have questions on a key delivered; undeclare() what is returned to end it."""
+        handler = zenoh.handlers.Callback(lambda query: arrived(Question(query)), indirect=False)
+        return self._zenoh.declare_queryable(key, handler, complete=True)
+
+    def show_token(self, key: str) -> Any:
+        """A token that vanishes with this process or its connection; undeclare() what comes back to end it."""
+        return self._zenoh.liveliness().declare_token(key)
+
+    def tokens(self, key: str, watch: Callable[[], None]) -> set[str]:
+        """The keys of all tokens that match."""
+        def get(handler: Any) -> None:
+            self._zenoh.liveliness().get(key, handler, timeout=1.0)
+
+        return {str(r.ok.key_expr) for r in self._collect(get, 1.0, watch) if r.ok is not None}
+
+    def ask(self, key: str, payload: bytes, label: str, timeout: float,
+            watch: Callable[[], None]) -> list[Answer]:
+        """All answers to a question.  None at all: nobody has the key, or its owner died, or the line is cut.
+
+        timeout : seconds.  watch : called while waiting; may raise what ends the wait.
+        """
+        def get(handler: Any) -> None:
+            self._zenoh.get(key, handler, payload=payload, attachment=label, encoding=_ENCODING,
+                            timeout=timeout, target=zenoh.QueryTarget.BEST_MATCHING,
+                            consolidation=zenoh.ConsolidationMode.NONE)
+
+        return [_answer(reply) for reply in self._collect(get, timeout, watch)]
+
+    def _collect(self, get: Callable[[Any], None], timeout: float, watch: Callable[[], None]) -> list[Any]:
+        """All replies.  zenoh ends a query at its timeout; should it not, a second more ends it here."""
+        if os.getpid() != self.pid:
+            raise LinkError("a zenoh session does not survive a fork; start processes anew instead")
+        box: SimpleQueue[Any] = SimpleQueue()
+        until = time.monotonic() + timeout + 1.0
+        try:
+            get(zenoh.handlers.Callback(box.put, drop=lambda: box.put(None), indirect=False))
+        except zenoh.ZError as exc:
+            raise LinkError(f"not asked: {exc}") from exc
+        replies: list[Any] = []
+        while time.monotonic() < until:
+            try:
+                reply = box.get(timeout=WATCH_PERIOD)
+            except Empty:
+                watch()
+                continue
+            if reply is None:
+                break
+            replies.append(reply)
+        return replies
+
+
+def _answer(reply: Any) -> Answer:
+    if reply.ok is not None:
+        attachment = reply.ok.attachment
+        label = attachment.to_string() if attachment is not None else ""
+        return Answer(True, True, label, reply.ok.payload.to_bytes())
+    return Answer(False, str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
+
+
+_sessions: list[Session] = []
+_sessions_lock = Lock()
+
+
+def open_session(*, listen: Iterable[str] = (), connect: Iterable[str] = ()) -> Session:
+    """A session with these endpoints: one this process has open already, or a new one.
+
+    listen : `tcp/127.0.0.1:0` takes a free port; the session says which.  Give it back with close_session.
+    Raises LinkSpecError for an endpoint that is not loopback, ServiceDownError where a connect endpoint does
+    not answer, LinkError where it cannot listen.
+    """
+    wanted_listen, wanted_connect = tuple(listen), tuple(connect)
+    for endpoint in (*wanted_listen, *wanted_connect):
+        check_loopback(endpoint)
+    with _sessions_lock:
+        for session in _sessions:
+            known = {*session.listen, *session.connect}
+            if session.pid == os.getpid() and not wanted_listen and known.issuperset(wanted_connect):
+                session.users += 1
+                return session
+        session = _open(wanted_listen, wanted_connect)
+        _sessions.append(session)
+        return session
+
+
+def close_session(session: Session) -> None:
+    """Give a session back; the last user closes it."""
+    with _sessions_lock:
+        session.users -= 1
+        if session.users == 0 and session in _sessions:
+            _sessions.remove(session)
+            session.close()
+
+
+def close_all_sessions() -> None:
+    """Close whatever is open in this process: the last act before it ends."""
+    with _sessions_lock:
+        while _sessions:
+            _sessions.pop().close()
+
+
+def check_loopback(endpoint: str) -> None:
+    """Raises LinkSpecError unless the endpoint is TCP on this machine's loopback.
+
+    There is no encryption and no password on these links, so nobody elsewhere may reach them.
+    """
+    match = _LOOPBACK.fullmatch(endpoint)
+    if match is None or int(match[1]) > 65535:
+        raise LinkSpecError(f"endpoint {endpoint!r} is not tcp/127.0.0.1:PORT; only loopback is allowed")
+
+
+def _open(listen: tuple[str, ...], connect: tuple[str, ...]) -> Session:
+    for _ in range(10):  # another process may take a free port before we do
+        chosen = tuple(_with_port(endpoint) for endpoint in listen)
+        try:
+            return Session(chosen, connect)
+        except zenoh.ZError as exc:
+            if "Unable to connect" in str(exc):
+                raise ServiceDownError(f"nobody answers at {', '.join(connect)}") from exc
+            if chosen == listen or "listener" not in str(exc):
+                raise LinkError(f"no session (listen {chosen}, connect {connect}): {exc}") from exc
+    raise LinkError(f"no free port found for {listen}")
+
+
+def _with_port(endpoint: str) -> str:
+    if not endpoint.endswith(":0"):
+        return endpoint
+    host = endpoint[len("tcp/") : -len(":0")].strip("[]")
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+        probe.bind((host, 0))
+        return f"{endpoint[:-1]}{probe.getsockname()[1]}"
+
+
+def _config(listen: tuple[str, ...], connect: tuple[str, ...]) -> Any:
+    config = zenoh.Config()
+    settings: dict[str, object] = {
+        "mode": "peer",
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "listen/endpoints": listen,
+        "listen/exit_on_failure": True,
+        "connect/endpoints": connect,
+        "connect/timeout_ms": int(CONNECT_TIMEOUT * 1000),
+        "connect/exit_on_failure": True,
+        "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 2},
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/size/data": 16,
+        # After 5 s of a full queue zenoh would drop the connection and lose what it holds.
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
