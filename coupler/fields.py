@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,18 +16,19 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
-                      frames: Iterable[tuple[str, dict[str, Any], Arrays]]) -> None:
-    """Write every half's frames, each file replaced in one atomic step.
+                      frames: Iterable[tuple[str, dict[str, Any], Arrays]]) -> list[Path]:
+    """Write every half's frames to a file in `folder`; returns the files written.
 
-    meta : the run's header; meta["fields"] : half -> {"point": [...], "cell": [...]}, meta["field_files"] : half -> name.
+    meta : the run's header; "fields" : half -> {"point": [...], "cell": [...]}, "field_files" : half ->
+    name of its file.
     mesh : nodes, quads, triangles, quad_body, triangle_body.
     """
     fields, names = meta["fields"], meta["field_files"]
     body = np.concatenate([mesh["quad_body"], mesh["triangle_body"]]).astype(np.int32)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".fields.") as scratch, ExitStack() as stack:
+    with ExitStack() as stack:
         files = {
             half: stack.enter_context(FieldFile(
-                Path(scratch) / names[half], mesh["quads"], mesh["triangles"], len(mesh["nodes"]),
+                folder / names[half], mesh["quads"], mesh["triangles"], len(mesh["nodes"]),
                 tuple(about["point"]), tuple(about["cell"]), {"body": body}))
             for half, about in fields.items()
         }
@@ -37,6 +36,4 @@ def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
             for half, file in files.items():
                 values = {n: a[n] for n in (*fields[half]["point"], *fields[half]["cell"])}
                 file.append(float(m["t_now"]), a["x"], values, values)
-        stack.close()
-        for half in files:
-            os.replace(Path(scratch) / names[half], folder / names[half])
+    return [folder / names[half] for half in fields]

@@ -1,8 +1,10 @@
-"""The journal: an append-only file of records that a crash cannot corrupt, from which the results file is made."""
+"""The journal: an append-only file of records that a crash cannot corrupt; run.h5 is made from it."""
 
 from __future__ import annotations
 
+import os
 import struct
+import sys
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -22,17 +24,29 @@ _HEAD = struct.Struct("<QI")  # length of the record, crc32 of the record
 class Journal:
     """Appends records; each is whole on disk or, after a crash, not there: the reader drops a cut tail.
 
-    HDF5 cannot promise that (a process killed while it writes leaves a file nobody opens), so run.h5 is made from
-    the journal when a run ends, in one atomic step.
+    HDF5 cannot promise that (a process killed while it writes leaves a file nobody opens), so run.h5 is made
+    from the journal when a run ends, in one atomic step.
+
+    path : overwritten if it exists.  The journal is locked while its writer lives.
+    Raises ResultsError if another run is writing it, or it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._file: BinaryIO = path.open("wb")
+        try:
+            # Not mode "wb": that would empty the journal of another run before its lock is seen.
+            self._file: BinaryIO = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")
+        except OSError as exc:
+            raise ResultsError(f"{path}: cannot be written ({exc.strerror})") from exc
+        if not _lock(self._file):
+            self._file.close()
+            raise ResultsError(f"{path}: another run is writing to it; give this one another results file")
+        self._file.truncate(0)
         self._file.write(MAGIC)
         self._file.flush()
 
-    def write(self, kind: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
+    def write(self, kind: str, meta: Mapping[str, Any],
+              arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
         """Append one record."""
         record = encode_record(kind, dict(meta), {k: np.asarray(v) for k, v in (arrays or {}).items()})
         self._file.write(_HEAD.pack(len(record), zlib.crc32(record)) + record)
@@ -54,7 +68,11 @@ def read_journal(path: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, ND
 
     Raises ResultsError if the file is no journal.
     """
-    with path.open("rb") as file:
+    try:
+        opened = path.open("rb")
+    except OSError as exc:
+        raise ResultsError(f"{path}: cannot be read ({exc.strerror})") from exc
+    with opened as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise ResultsError(f"{path}: not a journal of a run")
         size = path.stat().st_size
@@ -69,3 +87,22 @@ def read_journal(path: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, ND
                 yield decode_record(record)
             except WireError:
                 return
+
+
+def being_written(path: Path) -> bool:
+    """True while the run that writes this journal lives."""
+    with path.open("rb") as file:
+        return not _lock(file)
+
+
+def _lock(file: BinaryIO) -> bool:
+    """Lock a journal until the file is closed or its process dies; False if another has the lock."""
+    if sys.platform == "win32":  # no such lock there: two runs to one file are not noticed
+        return True
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -32,33 +32,38 @@ class Recorder:
         self._journal = Journal(journal_of(out))
         self._journal.write("run", header, {
             n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")})
-        self.seconds = 0.0
+        self._seconds = 0.0
 
     def start(self, t: float, probes: Array) -> None:
         """The values before the first window."""
         self._journal.write("start", {"t_now": t, "terms": {}}, {"probes": probes})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array) -> None:
-        """One window tried.  facts : t, H, scheme and seconds of it."""
+        """One window tried.  facts : t, H, scheme and seconds of it.
+
+        Its recording_seconds are those spent on records since the row before it: a row cannot hold its own.
+        """
         started = time.perf_counter()
         w = solved.work
         row = {"verdict": solved.verdict.value, "solves": w.thermal_solves + w.mechanical_solves, **vars(w),
                **{n: solved.monitors.get(n, 0.0) for n in ("touching", "max_T", "max_p")},
-               "imbalance": ledger.imbalance, "recording_seconds": self.seconds, **facts}
-        meta = {n: row[n] for n, _ in WINDOW_FIELDS}
+               "imbalance": ledger.imbalance, "recording_seconds": self._seconds, **facts}
+        meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message}
         accepted = solved.verdict is Verdict.ACCEPTED
         if accepted:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         self._journal.write("window", meta, {"probes": probes} if accepted else None)
-        self.seconds = time.perf_counter() - started
+        self._seconds = time.perf_counter() - started
 
     def frame(self, level: Level, cells: Mapping[str, Array]) -> None:
-        """The fields of both halves at one time.  cells : cell fields of the mechanical half, e.g. sigma_v."""
+        """The fields of both halves at one time.  cells : cell fields of the mechanical half, say sigma_v."""
+        started = time.perf_counter()
         n, s = len(level.T), self._interface.contact_nodes
         p, gap = np.zeros(n), np.full(n, np.nan)
         p[s], gap[s] = -level.t_N, level.gap
         self._journal.write("frame", {"t_now": level.t}, {
             "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **cells})
+        self._seconds += time.perf_counter() - started
 
     def end(self, outcome: str, message: str, totals: Mapping[str, Any]) -> None:
         """Close the journal with what became of the run and make run.h5 of it."""

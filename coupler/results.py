@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
 from coupler.fields import write_field_files
-from coupler.journal import read_journal
+from coupler.journal import being_written, read_journal
 from coupler.ledger import PREFIX, imbalance
 
 FORMAT, FORMAT_VERSION = "slideline.run", 1
@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 WINDOW_FIELDS: tuple[tuple[str, str], ...] = (
     ("t", "f8"), ("H", "f8"), ("verdict", "S24"), ("scheme", "S16"), ("solves", "i4"),
     ("thermal_solves", "i4"), ("mechanical_solves", "i4"), ("thermal_iterations", "i4"),
-    ("mechanical_iterations", "i4"), ("thermal_seconds", "f8"), ("mechanical_seconds", "f8"), ("fmi_seconds", "f8"),
-    ("seconds", "f8"), ("recording_seconds", "f8"), ("values", "i8"), ("touching", "i4"), ("max_T", "f8"),
-    ("max_p", "f8"), ("imbalance", "f8"),
+    ("mechanical_iterations", "i4"), ("thermal_seconds", "f8"), ("mechanical_seconds", "f8"),
+    ("fmi_seconds", "f8"), ("seconds", "f8"), ("recording_seconds", "f8"), ("values", "i8"),
+    ("touching", "i4"), ("max_T", "f8"), ("max_p", "f8"), ("imbalance", "f8"),
 )
-"""Columns of the windows table; times [s], max_T [K], max_p [Pa]; one row a window tried, rejected ones included."""
+"""Columns of the windows table, one row a window tried, rejected too; times [s], max_T [K], max_p [Pa]."""
 
 UNITS = {"K": (1.0, 0.0), "degC": (1.0, -273.15), "m": (1.0, 0.0), "mm": (1e3, 0.0), "um": (1e6, 0.0),
          "Pa": (1.0, 0.0), "kPa": (1e-3, 0.0), "MPa": (1e-6, 0.0)}
@@ -46,16 +46,22 @@ class Results:
     >>> t, T = Results("run.h5").probe("lower.top.left", unit="degC")
 
     path : the run.h5, or one whose run was killed: it is then made from the journal found beside it.
-    Raises ResultsError if the file is missing, unreadable or not one of ours.
+    outcome : completed | interrupted | stopped | failed | killed, with its message.
+    header, totals : what the run wrote before its first window and after its last one.
+    t : (n,) [s], the start and the ends of the accepted windows.
+    windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected.
+    later : the journal of a later, unfinished run to the same file, if there is one.
+    Raises ResultsError if the file is missing, unreadable or not one of ours, or its run still goes on.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         journal = journal_of(self.path)
         if not self.path.exists() and journal.exists():
-            finish(journal, self.path)
+            _recover(journal, self.path)
+        self.later: Path | None = journal if journal.exists() else None
         if not self.path.exists():
-            raise ResultsError(f"{self.path}: there is no such results file, and no journal of a run beside it")
+            raise ResultsError(f"{self.path}: no such results file, and no journal of a run beside it")
         try:
             with h5py.File(self.path, "r") as f:
                 self._read(f)
@@ -73,7 +79,9 @@ class Results:
         rows = f["windows"][()]
         text = [(n, k.replace("S", "U")) for n, k in WINDOW_FIELDS]
         self.windows: np.recarray[Any, Any] = rows.astype(text).view(np.recarray)
-        self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"])) for n, d in f["probes"].items()}
+        self.messages = {int(k): str(v) for k, v in json.loads(f["windows"].attrs["messages"]).items()}
+        self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
+                        for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
 
     @property
@@ -81,29 +89,38 @@ class Results:
         return tuple(self._probes)
 
     def probe(self, name: str, unit: str | None = None) -> tuple[Array, Array]:
-        """(t, value) of a probe: times [s] at the ends of the accepted windows, the first is the start; values in SI.
+        """(t, value) of a probe: times [s] as in `t`; values in SI.
 
         unit : convert to "degC", "mm", "MPa", ...  Raises ResultsError for an unknown probe or unit.
         """
-        if name not in self._probes:
-            raise ResultsError(f"{self.path} has no probe {name!r}; it has {', '.join(self._probes) or 'none'}")
-        value, own, _ = self._probes[name]
+        value, own, _ = self._probe(name)
         if unit is None or unit == own:
             return self.t, value
-        if unit not in UNITS or _KIND_OF_UNIT[unit] != own:
+        if _KIND_OF_UNIT.get(unit) != own:
             fits = [u for u, k in _KIND_OF_UNIT.items() if k == own]
-            raise ResultsError(f"probe {name!r} is in {own}; it cannot be given in {unit!r}, only in {', '.join(fits)}")
+            raise ResultsError(f"probe {name!r} is in {own}; it cannot be given in {unit!r}, "
+                               f"only in {', '.join(fits) or own}")
         factor, shift = UNITS[unit]
         return self.t, value * factor + shift
 
     def quantity(self, name: str) -> str:
-        """What a probe measures: T, u_x, u_y, gap or p."""
-        return self._probes[name][2]
+        """What a probe measures: T, u_x, u_y, gap or p.  Raises ResultsError for an unknown probe."""
+        return self._probe(name)[2]
+
+    def unit(self, name: str) -> str:
+        """The SI unit of a probe.  Raises ResultsError for an unknown probe."""
+        return self._probe(name)[1]
+
+    def _probe(self, name: str) -> tuple[Array, str, str]:
+        if name not in self._probes:
+            has = ", ".join(self._probes) or "none"
+            raise ResultsError(f"{self.path} has no probe {name!r}; it has {has}")
+        return self._probes[name]
 
     @property
     def ledger(self) -> dict[str, float]:
-        """Heat over the whole run [J] by mechanism, into the bodies; `stored.<body>` is what each body kept."""
-        return {n: float(v[-1]) for n, v in self._terms.items()}
+        """Heat over the whole run [J] by mechanism, into the bodies; `stored.<body>` is what a body kept."""
+        return {n: float(v[-1]) for n, v in self._terms.items() if v.size}
 
     def ledger_history(self) -> tuple[Array, dict[str, Array]]:
         """(t, mechanism -> heat so far [J]) at the ends of the accepted windows."""
@@ -120,9 +137,20 @@ class Results:
         return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}
 
 
+def _recover(journal: Path, path: Path) -> None:
+    """Make run.h5 from the journal of a killed run."""
+    if being_written(journal):
+        raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")
+    try:
+        finish(journal, path)
+    except OSError as exc:
+        raise ResultsError(f"{path}: cannot be made from {journal.name} ({exc})") from exc
+
+
 def finish(journal: Path, path: Path) -> None:
     """Make run.h5 and the field files from a journal, each in one atomic step, and remove the journal.
 
+    All are written aside before the first is put in its place: an error, a full disk say, changes nothing.
     Raises ResultsError if the journal does not hold the beginning of a run.
     """
     records = read_journal(journal)
@@ -131,21 +159,29 @@ def finish(journal: Path, path: Path) -> None:
         raise ResultsError(f"{journal}: the run ended before its first window; nothing to recover")
     meta, arrays = header
     meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
-    write_field_files(path.parent, meta, arrays, (r for r in read_journal(journal) if r[0] == "frame"))
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
         part = Path(scratch) / path.name
+        frames = (r for r in read_journal(journal) if r[0] == "frame")
+        parts = write_field_files(Path(scratch), meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
             _write(f, meta, records)
-        os.replace(part, path)
-    journal.unlink()
+        for file in (*parts, part):
+            os.replace(file, path.with_name(file.name))
+    journal.unlink(missing_ok=True)
 
 
 def _write(f: h5py.File, meta: dict[str, Any],
            records: Iterator[tuple[str, dict[str, Any], dict[str, NDArray[Any]]]]) -> None:
-    outcome: dict[str, Any] = {"outcome": "killed", "message": "the run was killed; this is all it had written"}
-    rows, t, probes, terms = [], [], [], []
+    outcome: dict[str, Any] = {"outcome": "killed",
+                               "message": "the run was killed; this is all it had written"}
+    rows: list[tuple[Any, ...]] = []
+    t, probes = [], []
+    terms: list[Mapping[str, float]] = []
+    messages: dict[int, str] = {}
     for kind, m, a in records:
         if kind == "window":
+            if m["message"]:
+                messages[len(rows)] = m["message"]
             rows.append(tuple(m[n].encode() if k.startswith("S") else m[n] for n, k in WINDOW_FIELDS))
         if kind in ("start", "window") and "probes" in a:
             t.append(float(m["t_now"]))
@@ -154,13 +190,15 @@ def _write(f: h5py.File, meta: dict[str, Any],
         if kind == "end":
             outcome = m
     text = h5py.string_dtype("utf-8")
-    f.attrs.update(format=FORMAT, version=FORMAT_VERSION, outcome=outcome["outcome"], message=outcome["message"],
-                   header=json.dumps(meta), totals=json.dumps(outcome.get("totals", {})))
+    f.attrs.update(format=FORMAT, version=FORMAT_VERSION, outcome=outcome["outcome"],
+                   message=outcome["message"], header=json.dumps(meta),
+                   totals=json.dumps(outcome.get("totals", {})))
     f.create_dataset("scenario", data=meta["scenario"]["text"], dtype=text)
     f["t"] = np.array(t)
     f["windows"] = np.array(rows, dtype=list(WINDOW_FIELDS))
+    f["windows"].attrs["messages"] = json.dumps(messages)
     group = f.create_group("probes", track_order=True)
-    table = np.array(probes).reshape(len(t), -1)
+    table = np.array(probes, dtype=float).reshape(len(t), len(meta["probes"]))
     for i, (name, about) in enumerate(meta["probes"].items()):
         group[name] = table[:, i]
         group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
@@ -170,5 +208,5 @@ def _write(f: h5py.File, meta: dict[str, Any],
 def _write_ledger(group: h5py.Group, terms: list[Mapping[str, float]]) -> None:
     names = list(dict.fromkeys(n for row in terms for n in row))
     for name in names:
-        data = group.create_dataset(name.removeprefix(PREFIX), data=np.array([row.get(name, 0.0) for row in terms]))
+        data = group.create_dataset(name.removeprefix(PREFIX), data=[row.get(name, 0.0) for row in terms])
         data.attrs["unit"] = "J"

@@ -1,7 +1,7 @@
-"""Fields over time as VTKHDF: one unstructured grid a half, points moving with the bodies; ParaView opens and steps it.
+"""Fields over time as VTKHDF: one unstructured grid a half, points moving with the bodies; ParaView steps it.
 
-Layout: the VTK file format's UnstructuredGrid, version 2.0, transient: connectivity stored once, points and fields
-appended a frame at a time, offsets of each frame in Steps.
+Layout: the VTK file format's UnstructuredGrid, version 2.0, transient: connectivity stored once, points and
+fields appended a frame at a time, offsets of each frame in Steps.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.errors import ResultsError
+
 VTK_TRIANGLE, VTK_QUAD = 5, 9
 Array = NDArray[np.float64]
 
@@ -22,8 +24,8 @@ Array = NDArray[np.float64]
 class FieldFile:
     """Writes frames to a .vtkhdf file.
 
-    quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers.  point_fields, cell_fields : the names that
-    every frame brings.  cell_constants : written once.
+    quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers.  point_fields, cell_fields : the names
+    that every frame brings.  cell_constants : written once.
     """
 
     def __init__(self, path: Path, quads: NDArray[np.integer], triangles: NDArray[np.integer], n_points: int,
@@ -34,7 +36,8 @@ class FieldFile:
         self._file = h5py.File(path, "w")
         root = self._file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
-        root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
+        kind = b"UnstructuredGrid"
+        root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
         connectivity = np.concatenate([quads.ravel(), triangles.ravel()]).astype(np.int64)
         sizes = np.concatenate([np.full(len(quads), 4), np.full(len(triangles), 3)])
         root["Connectivity"] = connectivity
@@ -67,7 +70,8 @@ class FieldFile:
                 steps.require_group(group).create_dataset(name, (0,), maxshape=(None,), dtype="i8")
         return steps
 
-    def append(self, t: float, points: Array, point_data: Mapping[str, Array], cell_data: Mapping[str, Array]) -> None:
+    def append(self, t: float, points: Array, point_data: Mapping[str, Array],
+               cell_data: Mapping[str, Array]) -> None:
         """Add a frame at time t [s] with points : (n_points, 2) [m]."""
         k = int(self._steps.attrs["NSteps"])
         _extend(self._root["Points"], np.column_stack([points, np.zeros(len(points))]))
@@ -111,17 +115,52 @@ def _extend(data: h5py.Dataset, rows: NDArray[Any]) -> None:
     data[n:] = rows
 
 
-def read_frames(path: Path) -> tuple[Array, Array, dict[str, Array], NDArray[np.int64], NDArray[np.int64]]:
-    """Frames of a file written here: times (n,), points (n, n_points, 2), fields name -> (n, ...), Connectivity, Offsets."""
-    with h5py.File(path, "r") as f:
-        root = f["VTKHDF"]
-        times = root["Steps/Values"][()]
-        n, n_points, n_cells = len(times), int(root["NumberOfPoints"][0]), int(root["NumberOfCells"][0])
-        points = root["Points"][()].reshape(n, n_points, 3)[:, :, :2]
-        fields = {}
-        for group, rows in (("PointData", n_points), ("CellData", n_cells)):
-            for name, data in root.get(group, {}).items():
-                value = data[()]
-                # Constants of the cells (body numbers) are whole numbers, stored once.
-                fields[name] = value if value.dtype.kind == "i" else value.reshape((n, rows, *value.shape[1:]))
-        return times, points, fields, root["Connectivity"][()], root["Offsets"][()]
+class FieldReader:
+    """Reads a file written here, a frame at a time.
+
+    times : (n,) [s].  quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers; cells are quads first.
+    point_fields, cell_fields : the names in it.
+    Raises ResultsError if the file is missing or not one of these.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = h5py.File(path, "r")
+        except OSError as exc:
+            raise ResultsError(f"{path}: not a readable field file ({exc})") from exc
+        try:
+            root = self._file["VTKHDF"]
+            self.times: Array = root["Steps/Values"][()]
+            self._n_points, self._n_cells = int(root["NumberOfPoints"][0]), int(root["NumberOfCells"][0])
+            connectivity, quads = root["Connectivity"][()], int((root["Types"][()] == VTK_QUAD).sum())
+            self.quads = connectivity[: 4 * quads].reshape(-1, 4)
+            self.triangles = connectivity[4 * quads:].reshape(-1, 3)
+            self.point_fields, self.cell_fields = tuple(root["PointData"]), tuple(root["CellData"])
+        except (KeyError, ValueError) as exc:
+            self._file.close()
+            raise ResultsError(f"{path}: not a field file of a run ({exc})") from exc
+        self._root = root
+
+    def points(self, frame: int) -> Array:
+        """(n_points, 2) [m] where the nodes are at a frame."""
+        return np.asarray(self._rows(self._root["Points"], frame, self._n_points)[:, :2])
+
+    def point_field(self, name: str, frame: int) -> Array:
+        """(n_points,) or (n_points, 3) in SI."""
+        return self._rows(self._root["PointData"][name], frame, self._n_points)
+
+    def cell_field(self, name: str, frame: int) -> Array:
+        """(n_cells,) in SI."""
+        return self._rows(self._root["CellData"][name], frame, self._n_cells)
+
+    @staticmethod
+    def _rows(data: h5py.Dataset, frame: int, n: int) -> Array:
+        frame = 0 if len(data) == n else frame  # stored once: the same at every time
+        return np.asarray(data[frame * n : (frame + 1) * n])
+
+    def __enter__(self) -> FieldReader:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self._file.close()
