@@ -1,7 +1,7 @@
-"""Thermal contact laws: conductance h_CI [W/m2K] of a facing point from pressure, gap and temperature.  Eqs. (7)-(10).
+"""Thermal contact laws: conductance h_CI [W/m2K] from pressure, gap and temperature.  Eqs. (7)-(10).
 
-A law is a pure function of (p_N, g_N, T): touching points give it their pressure and the gap 0, open points the
-pressure 0 and their gap.  So one law may serve both branches, and then they join: h(g -> 0+) = h(p -> 0+).
+A law is a pure function of (p_N, g_N, T): touching points give it their pressure and the gap 0, open points
+the pressure 0 and their gap.  So one law may serve both branches, and then they join: h(g -> 0+) = h(p -> 0+).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ CMY_EXPONENT = 0.95
 class Law:
     """A conductance law.
 
-    name : its word in model.json.  of : (p_N [Pa], g_N [m], T [K]) -> (h [W/m2K], dh/dT [W/m2K2]), arrays of one
-    shape; p_N >= 0 and g_N >= 0.
+    name : its word in model.json.
+    of : (p_N [Pa], g_N [m], T [K]) -> (h [W/m2K], dh/dT [W/m2K2]), arrays of one shape; p_N >= 0 and g_N >= 0.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Law:
 def parse_law(spec: Mapping[str, Any]) -> Law:
     """The law a LAW entry of model.json describes (docs/design.md).
 
-    Raises ValueError naming the key and the value where a parameter is unknown, missing, no number or out of range.
+    Raises ValueError naming key and value where a parameter is unknown, missing, no number or out of range.
     """
     if not isinstance(spec, Mapping):
         raise ValueError(f"a law is a table of parameters, got {spec!r}")
@@ -54,20 +54,20 @@ def parse_law(spec: Mapping[str, Any]) -> Law:
 
 
 def closed_conductance(law: Law, p: ArrayLike, T_mean: ArrayLike) -> tuple[Array, Array]:
-    """Touching: (h, dh/dT) from the pressure p : (n,) [Pa] and T_mean = (T_a + T_b)/2 : (n,) [K].  Eq. (9)."""
+    """Touching: (h, dh/dT) from pressure p : (n,) [Pa] and T_mean = (T_a + T_b)/2 : (n,) [K].  Eq. (9)."""
     p_, T = np.broadcast_arrays(np.asarray(p, dtype=float), np.asarray(T_mean, dtype=float))
     return law.of(np.maximum(p_, 0.0), np.zeros(p_.shape), T)
 
 
 def open_conductance(law: Law, g: ArrayLike, T_mean: ArrayLike) -> tuple[Array, Array]:
-    """Apart: (h, dh/dT) from the gap g : (n,) [m] and T_mean : (n,) [K]; a negative gap reads as 0.  Eq. (10)."""
+    """Apart: (h, dh/dT) from gap g : (n,) [m] and T_mean : (n,) [K]; a negative gap reads as 0.  Eq. (10)."""
     g_, T = np.broadcast_arrays(np.asarray(g, dtype=float), np.asarray(T_mean, dtype=float))
     return law.of(np.zeros(g_.shape), np.maximum(g_, 0.0), T)
 
 
 def interface_conductance(closed: Law | None, opened: Law | None, p: ArrayLike, g: ArrayLike,
                           T_mean: ArrayLike) -> tuple[Array, Array]:
-    """(h, dh/dT) by the touching rule: the closed law where p > 0, else the open one; no law conducts nothing.
+    """(h, dh/dT) by the touching rule: closed law where p > 0, else the open one; no law conducts nothing.
 
     p : (n,) [Pa].  g : (n,) [m].  T_mean : (n,) [K].
     """
@@ -94,11 +94,12 @@ def gap_factor(g: ArrayLike, d_cut: float, d_full: float) -> Array:
     Raises ValueError unless 0 <= d_cut < d_full.
     """
     if not 0.0 <= d_cut < d_full:
-        raise ValueError(f"the gap factor needs 0 <= d_cut < d_full, got d_cut = {d_cut!r}, d_full = {d_full!r}")
+        raise ValueError(f"the gap factor needs 0 <= d_cut < d_full, got {d_cut!r} and {d_full!r}")
     return np.clip((np.asarray(g, dtype=float) - d_cut) / (d_full - d_cut), 0.0, 1.0)
 
 
-def _number(spec: Mapping[str, Any], key: str, *, positive: bool = False, default: float | None = None) -> float:
+def _number(spec: Mapping[str, Any], key: str, *, positive: bool = False,
+            default: float | None = None) -> float:
     """A finite parameter >= 0 (> 0 where positive)."""
     value = spec.get(key, default)
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
@@ -107,7 +108,8 @@ def _number(spec: Mapping[str, Any], key: str, *, positive: bool = False, defaul
     if key not in spec:
         return number  # a default may be infinite
     if not np.isfinite(number) or number < 0.0 or (positive and number == 0.0):
-        raise ValueError(f"law {spec['law']}: {key} must be {'> 0' if positive else '>= 0'} and finite, got {value!r}")
+        least = "> 0" if positive else ">= 0"
+        raise ValueError(f"law {spec['law']}: {key} must be {least} and finite, got {value!r}")
     return number
 
 
@@ -143,14 +145,15 @@ def _gas(spec: Mapping[str, Any]) -> Of:
 
 
 def _table(spec: Mapping[str, Any]) -> Of:
-    """Monotone cubic through (x, h); x is p_N where touching, g_N where open, or T; ends are held beyond the table."""
+    """Monotone cubic through (x, h), ends held; x is p_N where touching, g_N where open, or T if variable says so."""
     name = f"law {spec['law']}"
     try:
         x, h = np.asarray(spec["x"], dtype=float), np.asarray(spec["h"], dtype=float)
     except (TypeError, ValueError) as exc:
         raise ValueError(f"{name}: x and h must be lists of numbers ({exc})") from exc
     if x.ndim != 1 or x.shape != h.shape or x.size < 2:
-        raise ValueError(f"{name}: x and h must be lists of equal length, 2 or more, got {spec['x']!r}, {spec['h']!r}")
+        raise ValueError(f"{name}: x and h must be equally long lists of 2 or more numbers, "
+                         f"got {spec['x']!r}, {spec['h']!r}")
     if not (np.isfinite(x).all() and (np.diff(x) > 0).all() and x[0] >= 0.0):
         raise ValueError(f"{name}: x must be finite, >= 0 and increase, got {spec['x']!r}")
     if not (np.isfinite(h).all() and (h >= 0).all()):

@@ -1,0 +1,169 @@
+"""The surfaces of a scene as the service keeps them: checked, hashed, their edges put into chains.
+
+Only what connectivity alone tells is here; it is worked out once, so every later request costs O(n log n).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.wire import Floats, Ints, Register
+
+LIMIT = 1e100  # [m, Pa]: no number beyond this is meant; products of smaller ones do not overflow
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Registered surfaces.
+
+    register : the message, in canonical dtypes.  key : content hash.
+    start : (n_surfaces + 1,) the edges of surface k are start[k]..start[k+1]-1.
+    chain : (n_edges,) edge numbers, surface by surface, in the order in which one walks along the surface.
+    previous, following : (n_edges,) neighbour within the surface at the edge's first and second node; -1: none.
+    in_pair : (n_edges,) does the edge belong to a surface of any pair?
+    """
+
+    register: Register
+    key: str
+    start: Ints
+    chain: Ints
+    previous: Ints
+    following: Ints
+    in_pair: NDArray[np.bool_]
+
+
+def surfaces_of(message: Register) -> Surfaces:
+    """Check a Register message and build its Surfaces.  Raises ValueError saying what is wrong with it."""
+    r = _canonical(message)
+    _check_edges(r)
+    n_surfaces = int(r.edge_surface[-1]) + 1 if r.edge_surface.size else 0
+    _check_pairs(r, n_surfaces)
+    previous, following = _neighbours(r)
+    start = np.searchsorted(r.edge_surface, np.arange(n_surfaces + 1)).astype(np.int32)
+    in_pair = np.isin(r.edge_surface, np.concatenate([r.pair_slave, r.pair_master]))
+    return Surfaces(r, _key(r), start, _chain(previous, following), previous, following, in_pair)
+
+
+def _canonical(m: Register) -> Register:
+    pairs = np.shape(m.pair_slave)
+    if len(pairs) != 1:
+        raise ValueError(f"pair_slave has shape {pairs}, expected (n_pairs,)")
+    n_edges = np.shape(m.edges)[0] if np.ndim(m.edges) else 0
+    return Register(
+        n_nodes=_count(m.n_nodes),
+        edges=_integers("edges", m.edges, (n_edges, 2)),
+        edge_surface=_integers("edge_surface", m.edge_surface, (n_edges,)),
+        pair_slave=_integers("pair_slave", m.pair_slave, pairs),
+        pair_master=_integers("pair_master", m.pair_master, pairs),
+        gap_max=checked_reals("gap_max", m.gap_max, pairs),
+        eps_N=checked_reals("eps_N", m.eps_N, pairs),
+        axisymmetric=bool(m.axisymmetric),
+    )
+
+
+def _count(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 0:
+        raise ValueError(f"n_nodes must be a count, got {value!r}")
+    return int(value)
+
+
+def _integers(name: str, value: object, shape: tuple[int, ...]) -> Ints:
+    a = np.asarray(value)
+    if a.shape != shape:
+        raise ValueError(f"{name} has shape {a.shape}, expected {shape}")
+    if a.size and a.dtype.kind not in "iu":
+        raise ValueError(f"{name} must hold integers, got {a.dtype}")
+    if a.size and (a.min() < 0 or a.max() > np.iinfo(np.int32).max):
+        raise ValueError(f"{name} must hold numbers from 0 on, got {a.min()} to {a.max()}")
+    return np.ascontiguousarray(a, dtype=np.int32)
+
+
+def checked_reals(name: str, value: object, shape: tuple[int, ...]) -> Floats:
+    """value as a C-ordered float64 array.  Raises ValueError: another shape or dtype, NaN, Inf, beyond LIMIT."""
+    a = np.asarray(value)
+    if a.shape != shape:
+        raise ValueError(f"{name} has shape {a.shape}, expected {shape}")
+    if a.size and a.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must hold real numbers, got {a.dtype}")
+    # Written so that NaN fails too.
+    if a.size and not (a.max() < LIMIT and a.min() > -LIMIT):
+        bad = int(np.flatnonzero(~(np.abs(a).ravel() < LIMIT))[0])
+        raise ValueError(f"{name} is not finite at flat index {bad}: {a.ravel()[bad]!r}")
+    return np.ascontiguousarray(a, dtype=np.float64)
+
+
+def _check_edges(r: Register) -> None:
+    if r.edges.size and r.edges.max() >= r.n_nodes:
+        raise ValueError(f"edges name node {r.edges.max()}, but there are {r.n_nodes} nodes")
+    same = np.flatnonzero(r.edges[:, 0] == r.edges[:, 1])
+    if same.size:
+        raise ValueError(f"edge {same[0]} has node {r.edges[same[0], 0]} at both ends")
+    if r.edge_surface.size and (r.edge_surface[0] != 0 or not np.isin(np.diff(r.edge_surface), (0, 1)).all()):
+        raise ValueError("edge_surface must number the surfaces from 0, the edges of one surface consecutive")
+
+
+def _check_pairs(r: Register, n_surfaces: int) -> None:
+    for p, (slave, master) in enumerate(zip(r.pair_slave, r.pair_master, strict=True)):
+        if max(slave, master) >= n_surfaces:
+            raise ValueError(f"pair {p} names surface {max(slave, master)}, but there are {n_surfaces}")
+        if slave == master:
+            raise ValueError(f"pair {p} pairs surface {slave} with itself, which is not supported: "
+                             "split the surface")
+        if not r.gap_max[p] > 0:
+            raise ValueError(f"gap_max of pair {p} must be > 0, got {r.gap_max[p]}")
+        if not r.eps_N[p] >= 0:
+            raise ValueError(f"eps_N of pair {p} must be >= 0, got {r.eps_N[p]}")
+
+
+def _neighbours(r: Register) -> tuple[Ints, Ints]:
+    """Edge before and after each edge, within its surface."""
+    first = r.edge_surface.astype(np.int64) * r.n_nodes + r.edges[:, 0]
+    second = r.edge_surface.astype(np.int64) * r.n_nodes + r.edges[:, 1]
+    for name, keys in (("first", first), ("second", second)):
+        values, counts = np.unique(keys, return_counts=True)
+        if (counts > 1).any():
+            surface, node = divmod(int(values[np.argmax(counts > 1)]), r.n_nodes)
+            raise ValueError(f"node {node} is the {name} node of two edges of surface {surface}: a surface is made "
+                             "of chains of edges that run the same way, the body on the left")
+    return _lookup(first, second), _lookup(second, first)
+
+
+def _lookup(wanted: NDArray[np.int64], keys: NDArray[np.int64]) -> Ints:
+    """Index into keys of each wanted value, -1 where it is not there."""
+    if not keys.size:
+        return np.empty(0, dtype=np.int32)
+    order = np.argsort(keys)
+    place = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), keys.size - 1)]
+    return np.where(keys[place] == wanted, place, -1).astype(np.int32)
+
+
+def _chain(previous: Ints, following: Ints) -> Ints:
+    """Edge numbers in walking order: chain after chain, by each chain's smallest edge number.
+
+    A chain lies within one surface and the edges of a surface are consecutive, so the surfaces stay apart.
+    """
+    n = previous.size
+    seen = np.zeros(n, dtype=bool)
+    chains: list[list[int]] = []
+    for e in [*np.flatnonzero(previous < 0).tolist(), *range(n)]:
+        walk: list[int] = []
+        while e >= 0 and not seen[e]:
+            seen[e] = True
+            walk.append(e)
+            e = int(following[e])
+        if walk:
+            chains.append(walk)
+    chains.sort(key=min)
+    return np.array([e for walk in chains for e in walk], dtype=np.int32)
+
+
+def _key(r: Register) -> str:
+    digest = hashlib.sha256(f"{r.n_nodes} {r.axisymmetric}".encode())
+    for a in (r.edges, r.edge_surface, r.pair_slave, r.pair_master, r.gap_max, r.eps_N):
+        digest.update(f"{a.dtype.str}{a.shape}".encode())
+        digest.update(a.tobytes())
+    return digest.hexdigest()[:32]
