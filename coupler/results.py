@@ -143,7 +143,7 @@ def _recover(journal: Path, path: Path) -> None:
         raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")
     try:
         finish(journal, path)
-    except OSError as exc:
+    except (OSError, RuntimeError) as exc:  # a full disk is either, by where HDF5 meets it
         raise ResultsError(f"{path}: cannot be made from {journal.name} ({exc})") from exc
 
 
