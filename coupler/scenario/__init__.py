@@ -1,0 +1,8 @@
+"""The scenario file: read, checked, meshed, and written out for each half (docs/scenario.md)."""
+
+from coupler.scenario.load import load_scenario
+from coupler.scenario.override import parse_override
+from coupler.scenario.probes import Probe
+from coupler.scenario.scenario import Scenario
+
+__all__ = ["Probe", "Scenario", "load_scenario", "parse_override"]

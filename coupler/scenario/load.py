@@ -1,0 +1,73 @@
+"""From a file to a checked Scenario."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from contact.half.signal import Signal, signal_from
+from coupler.scenario.base import SignalTable
+from coupler.scenario.context import Context
+from coupler.scenario.convert import Convert
+from coupler.scenario.document import Document
+from coupler.scenario.mesh_file import mesh_path
+from coupler.scenario.models import models
+from coupler.scenario.output import output_of
+from coupler.scenario.override import apply_overrides
+from coupler.scenario.probes import probes_of
+from coupler.scenario.problem import scenario_error
+from coupler.scenario.quantity import did_you_mean
+from coupler.scenario.reading import read_document
+from coupler.scenario.scenario import Scenario
+from coupler.scenario.scene import scene_of
+from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.timing import coupling_of
+
+
+def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """Read, override, check and mesh a scenario.
+
+    path : the YAML file; meshes are looked for beside it.  overrides : dotted key -> value, put in place of the file's
+    own before it is checked, e.g. {"mechanical.half": "rigid", "coupling.windows.3.size": 2.0}.
+    Raises ScenarioError, naming file, line, key, value and remedy, for the first thing found wrong.
+    """
+    document = apply_overrides(read_document(Path(path)), overrides or {})
+    try:
+        file = ScenarioFile.model_validate(document.tree)
+    except ValidationError as exc:
+        raise scenario_error(document, exc) from None
+    convert = Convert(document, file)
+    signals = _signals(document, file)
+    scene = scene_of(document, file, convert)
+    context = Context(document, file, convert, scene)
+    written = models(context)
+    coupling = coupling_of(document, file.coupling, written)
+    return Scenario(
+        file=document.path, text=document.text, resolved=document.tree, hash=_hash(document, file), title=file.title,
+        temperature_unit=file.units.temperature.value, interface=scene.interface, signals=signals, models=written,
+        coupling=coupling, probes=probes_of(context), output=output_of(document, file.output, coupling.end))
+
+
+def _signals(document: Document, file: ScenarioFile) -> dict[str, Signal]:
+    """The named signals, used or not."""
+    signals = {}
+    for name, spec in file.signals.items():
+        if isinstance(spec, str):
+            raise document.error(("signals", name), "a signal is a number or a table, not the name of another",
+                                 did_you_mean(spec, set(file.signals) - {name}))
+        signals[name] = signal_from({"t": spec.t, "value": spec.value} if isinstance(spec, SignalTable) else spec)
+    return signals
+
+
+def _hash(document: Document, file: ScenarioFile) -> str:
+    """Of the values, not the text: comments and the order of keys change no result; mesh files do."""
+    digest = hashlib.sha256(json.dumps(document.tree, sort_keys=True, allow_nan=False).encode())
+    for body in file.bodies.values():
+        if body.mesh.file is not None:
+            digest.update(hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest())
+    return digest.hexdigest()[:32]

@@ -1,0 +1,128 @@
+"""What a single value in a scenario may be: numbers, names, and the help given where it is something else."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator
+from pydantic_core import PydanticCustomError
+
+# What people write behind a number, as (factor, SI unit); temperatures are in the unit the scenario states.
+UNITS: dict[str, tuple[float, str]] = {
+    "m": (1, "m"), "cm": (1e-2, "m"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"), "μm": (1e-6, "m"),
+    "nm": (1e-9, "m"), "in": (0.0254, "m"), "inch": (0.0254, "m"), "ft": (0.3048, "m"),
+    "s": (1, "s"), "sec": (1, "s"), "ms": (1e-3, "s"), "min": (60, "s"), "h": (3600, "s"),
+    "Pa": (1, "Pa"), "kPa": (1e3, "Pa"), "MPa": (1e6, "Pa"), "GPa": (1e9, "Pa"), "bar": (1e5, "Pa"),
+    "psi": (6894.757293168, "Pa"), "N/mm2": (1e6, "Pa"),
+    "W/mK": (1, "W/mK"), "W/m/K": (1, "W/mK"), "W/(mK)": (1, "W/mK"), "J/kgK": (1, "J/kgK"), "kJ/kgK": (1e3, "J/kgK"),
+    "kg/m3": (1, "kg/m3"), "g/cm3": (1e3, "kg/m3"), "W/m2K": (1, "W/m2K"), "kW/m2K": (1e3, "W/m2K"),
+    "W/m2": (1, "W/m2"), "kW/m2": (1e3, "W/m2"), "W/m3": (1, "W/m3"), "1/K": (1, "1/K"), "%": (1e-2, "a fraction"),
+}  # fmt: skip
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+def problem(text: str, remedy: str = "", at: tuple[str | int, ...] = ()) -> PydanticCustomError:
+    """A wrong value, said in our words.  at : where, from the place being checked downwards."""
+    return PydanticCustomError("slideline", "{text}", {"text": text, "remedy": remedy, "at": at})
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A remedy that names the nearest of the known words, then all of them."""
+    names = sorted(known)
+    near = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
+    guess = f"Did you mean {near[0]!r}? " if near else ""
+    return f"{guess}Known here: {', '.join(names) or 'none'}."
+
+
+def looks_like_number(text: str) -> bool:
+    """True for text that begins with a number, such as "40 mm"."""
+    return _QUANTITY.fullmatch(text) is not None
+
+
+def number(value: Any) -> float:
+    """A finite number; text with a unit is answered with the number to write."""
+    if isinstance(value, str):
+        raise _text_for_number(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        what = {bool: "true or false", list: "a list", dict: "a mapping", type(None): "nothing"}
+        raise problem(f"a number is needed here, not {what.get(type(value), type(value).__name__)}")
+    try:
+        as_float = float(value)
+    except OverflowError:
+        raise problem("the number is too large") from None
+    if not math.isfinite(as_float):
+        raise problem("the number is not finite", "Give a finite number; leave optional keys out.")
+    return as_float
+
+
+def _text_for_number(text: str) -> PydanticCustomError:
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        return problem("a number is needed here, not text")
+    digits, unit = match.groups()
+    if not unit:
+        return problem("a number is needed here, not text", f"Write {digits} without quotes.")
+    if unit in UNITS:
+        factor, si = UNITS[unit]
+        return problem("a number without its unit is needed here; all is SI",
+                       f"Write {float(digits) * factor:.12g} ({si}).")
+    if unit in ("K", "C", "degC", "°C", "F", "degF", "°F"):
+        return problem("a number without its unit is needed here",
+                       "Temperatures are in the unit that units.temperature states (degC or K).")
+    return problem("a number without its unit is needed here; all is SI", f"Convert it to SI and write the number "
+                   f"alone (m, s, kg, Pa, W, J); the unit {unit!r} is not known.")
+
+
+def _positive(value: float) -> float:
+    if value <= 0:
+        raise problem("must be greater than zero")
+    return value
+
+
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise problem("must not be negative")
+    return value
+
+
+def whole(value: Any) -> int:
+    """A whole number, at least 1."""
+    as_float = number(value)
+    if as_float != int(as_float) or as_float < 1:
+        raise problem("must be a whole number, 1 or more")
+    return int(as_float)
+
+
+def name(value: Any) -> str:
+    """A name: what stands in dotted keys, FMI variables and HDF5 paths, so no dots, blanks or slashes."""
+    if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,63}", value):
+        raise problem("not usable as a name", "Use letters, digits, _ and -, beginning with a letter, at most 64.")
+    return value
+
+
+def dotted_name(value: Any) -> str:
+    """A name that may have dots inside, such as that of a probe."""
+    if not isinstance(value, str) or len(value) > 200:
+        raise problem("not usable as a name")
+    for part in value.split("."):
+        name(part)
+    return value
+
+
+def text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise problem("text is needed here", "Put it in quotes.")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(number)]
+Positive = Annotated[Number, AfterValidator(_positive)]
+NotNegative = Annotated[Number, AfterValidator(_not_negative)]
+Whole = Annotated[int, BeforeValidator(whole)]
+Name = Annotated[str, BeforeValidator(name)]
+DottedName = Annotated[str, BeforeValidator(dotted_name)]
+Text = Annotated[str, BeforeValidator(text)]

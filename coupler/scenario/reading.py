@@ -1,0 +1,166 @@
+"""From a file to a Document: YAML 1.2, one document, bounded in size, depth and aliases."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq, TaggedScalar
+from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from coupler.errors import ScenarioError
+from coupler.scenario.document import Document, Key, dotted
+
+# A scenario is some kilobytes; a megabyte is a long table and takes seconds to read. Big data belong in mesh files.
+MAX_BYTES = 1_000_000
+# Values after aliases are written out: a few lines of nested aliases can stand for 10^9 of them.
+MAX_VALUES = 300_000
+MAX_DEPTH = 40
+
+
+def read_document(path: Path) -> Document:
+    """Read a scenario file.
+
+    Raises ScenarioError if it is missing, not a file, too big, not UTF-8, not YAML, empty, or not a mapping at its top.
+    """
+    text = _read_text(path)
+    node = _parse(text, str(path))
+    if node is None:
+        raise ScenarioError("the file is empty", file=str(path), remedy="See docs/scenario.md for the form.")
+    if not isinstance(node, CommentedMap):
+        raise ScenarioError("a scenario is a mapping of keys at its top, not a list or a single value", file=str(path),
+                            line=1, remedy="Start with `slideline: 1`; see docs/scenario.md.")
+    reading = _Reading(str(path))
+    tree = reading.plain(node, ())
+    return Document(path, text, tree, reading.lines)
+
+
+def yaml_value(text: str, origin: str) -> Any:
+    """The plain value of a piece of YAML (the right-hand side of an override).  Raises ScenarioError naming origin."""
+    return _Reading(origin).plain(_parse(text, origin), ())
+
+
+def plain_value(value: Any) -> Any:
+    """A Python value as the file could have held it.  Raises TypeError for what no file can hold."""
+    if isinstance(value, Mapping):
+        return {str(k): plain_value(v) for k, v in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        return plain_value(value.tolist())
+    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        return [plain_value(v) for v in value]
+    if isinstance(value, Path):
+        return str(value)
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise TypeError(f"a scenario cannot hold a {type(value).__name__}")
+
+
+def _read_text(path: Path) -> str:
+    file = str(path)
+    if not path.exists():
+        raise ScenarioError("there is no such file", file=file, remedy="Check the path; `slideline init` writes one.")
+    if not path.is_file():
+        raise ScenarioError("this is not a regular file", file=file, remedy="Give the path of the YAML file.")
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as exc:
+        raise ScenarioError(f"the file cannot be read ({exc.strerror})", file=file) from exc
+    if len(data) > MAX_BYTES:
+        raise ScenarioError(f"the file is larger than {MAX_BYTES} bytes", file=file,
+                            remedy="A scenario holds no meshes and no long series; put the mesh into a file of its own.")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as exc:
+        raise ScenarioError("the file is not UTF-8 text", file=file, line=data[: exc.start].count(b"\n") + 1,
+                            remedy="Save it as UTF-8.") from exc
+
+
+def _parse(text: str, file: str) -> Any:
+    yaml = YAML(typ="rt", pure=True)
+    try:
+        return yaml.load(text)
+    except DuplicateKeyError as exc:
+        # The message lists ways to switch the check off; only its first line is of use here.
+        said = str(exc.problem).splitlines()[0]
+        raise ScenarioError(f"a key stands twice: {said}", file=file, line=_line_of(exc),
+                            remedy="Remove or rename one of the two.") from exc
+    except MarkedYAMLError as exc:
+        raise ScenarioError(f"not valid YAML: {exc.problem or exc.context}", file=file, line=_line_of(exc)) from exc
+    except YAMLError as exc:
+        raise ScenarioError(f"not valid YAML: {str(exc).splitlines()[0]}", file=file) from exc
+    except RecursionError as exc:
+        raise ScenarioError("the text is nested too deeply", file=file) from exc
+    except ValueError as exc:
+        # ruamel lets these out for scalars that look like a number or a date and are none (`2020-13-45`).
+        raise ScenarioError(f"not valid YAML: {exc}", file=file) from exc
+
+
+def _line_of(exc: MarkedYAMLError) -> int:
+    return exc.problem_mark.line + 1 if exc.problem_mark is not None else 0
+
+
+@dataclass
+class _Reading:
+    """Writes out one parsed text as plain values, counting them and noting their lines."""
+
+    file: str
+    lines: dict[Key, int] = field(default_factory=dict)
+    count: int = 0
+
+    def plain(self, node: Any, key: Key) -> Any:
+        self.count += 1
+        if self.count > MAX_VALUES or len(key) > MAX_DEPTH:
+            raise self._error(key, "the text stands for too many values (aliases within aliases?)",
+                              f"At most {MAX_VALUES} values, {MAX_DEPTH} deep.")
+        if isinstance(node, CommentedMap):
+            self._refuse_tag(node, key)
+            return {self._name(node, k, key): self.plain(v, (*key, k)) for k, v in node.items()}
+        if isinstance(node, CommentedSeq):
+            self._refuse_tag(node, key)
+            return [self._item(node, i, v, key) for i, v in enumerate(node)]
+        return self._scalar(node, key)
+
+    def _name(self, node: CommentedMap, name: Any, key: Key) -> str:
+        if not isinstance(name, str):
+            raise self._error(key, f"the key {name!r} is not text", "Write the key as a word, or in quotes.")
+        # Keys merged in by `<<` have no line of their own; those of the mapping around them serve.
+        place = (node.lc.data or {}).get(name)
+        if place is not None:
+            self.lines[(*key, name)] = place[0] + 1
+        return str(name)
+
+    def _item(self, node: CommentedSeq, i: int, value: Any, key: Key) -> Any:
+        self.lines[(*key, i)] = node.lc.data[i][0] + 1
+        return self.plain(value, (*key, i))
+
+    def _scalar(self, node: Any, key: Key) -> Any:
+        if node is None or isinstance(node, bool):
+            return node
+        # ruamel's own scalars (quoted, hexadecimal, anchored, ...) are subclasses of these.
+        if type(node).__name__ == "ScalarBoolean":
+            return bool(node)
+        for kind in (str, int, float):
+            if isinstance(node, kind):
+                return kind(node)
+        if isinstance(node, TaggedScalar):
+            raise self._error(key, f"the tag {node.tag.value} has no meaning here", "Remove the tag.")
+        if isinstance(node, datetime.date | datetime.datetime):
+            raise self._error(key, f"{node} reads as a date", "Write numbers in SI, text in quotes.")
+        raise self._error(key, f"a {type(node).__name__} has no meaning here")
+
+    def _refuse_tag(self, node: CommentedMap | CommentedSeq, key: Key) -> None:
+        if node.tag.value is not None:
+            raise self._error(key, f"the tag {node.tag.value} has no meaning here", "Remove the tag.")
+
+    def _error(self, key: Key, message: str, remedy: str = "") -> ScenarioError:
+        line = next((self.lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in self.lines), 1)
+        # A key inside an alias bomb is as long as the bomb is deep.
+        name = dotted(key[:6]) + ("..." if len(key) > 6 else "")
+        return ScenarioError(message, file=self.file, line=line, key=name, remedy=remedy)

@@ -1,0 +1,74 @@
+"""A checked scenario: all a run needs, in SI and kelvin."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contact.half.interface import Interface, write_interface
+from contact.half.signal import Signal
+from coupler.scenario.output import Output
+from coupler.scenario.probes import Probe
+from coupler.scenario.timing import Coupling
+
+ROLES = ("thermal", "mechanical")
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """file : where it was read.  text : the file as it stood.  resolved : its values with overrides applied.
+
+    hash : of resolved and of the mesh files, so it changes when anything does that results depend on.
+    temperature_unit : "degC" or "K", for display; everything here is in kelvin but resolved.
+    interface : mesh, surfaces and pairs.  signals : the named ones, in the units of the file.
+    models : "thermal" and "mechanical" -> model.json (docs/design.md).
+    """
+
+    file: Path
+    text: str
+    resolved: Mapping[str, Any]
+    hash: str
+    title: str
+    temperature_unit: str
+    interface: Interface
+    signals: Mapping[str, Signal]
+    models: Mapping[str, Mapping[str, Any]]
+    coupling: Coupling
+    probes: Mapping[str, Probe]
+    output: Output
+
+    @property
+    def geometry(self) -> str:
+        """"plane" or "axisymmetric"."""
+        return self.interface.geometry
+
+    @property
+    def thermal_half(self) -> str:
+        """Kind of the thermal half."""
+        return str(self.models["thermal"]["half"])
+
+    @property
+    def mechanical_half(self) -> str:
+        """Kind of the mechanical half."""
+        return str(self.models["mechanical"]["half"])
+
+    def write_half(self, role: str, directory: Path) -> str:
+        """Write interface.h5 and model.json, from which the half's FMU is built; returns the half's kind.
+
+        role : "thermal" or "mechanical".  directory : made where it does not exist.
+        """
+        directory.mkdir(parents=True, exist_ok=True)
+        write_interface(self.interface, directory / "interface.h5")
+        model = json.dumps(self.models[role], indent=1, allow_nan=False)
+        (directory / "model.json").write_text(model + "\n", encoding="utf-8")
+        return str(self.models[role]["half"])
+
+    def half_directories(self, target: Path) -> dict[str, Path]:
+        """Write both halves below target; returns role -> directory."""
+        directories = {role: target / role for role in ROLES}
+        for role, directory in directories.items():
+            self.write_half(role, directory)
+        return directories

@@ -1,0 +1,131 @@
+"""All bodies in one numbering: the Interface that both halves and the coupler share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface, Pair
+from contact.half.property import property_from
+from coupler.scenario.body_mesh import BodyMesh, Floats, Ints, MeshProblem
+from coupler.scenario.convert import Convert
+from coupler.scenario.document import Document, Key
+from coupler.scenario.mesh_file import file_mesh
+from coupler.scenario.quantity import did_you_mean
+from coupler.scenario.rectangle import rectangle_mesh
+from coupler.scenario.schema import Geometry, ScenarioFile
+from coupler.scenario.schema_scene import Body
+
+
+@dataclass(frozen=True)
+class Scene:
+    """interface : the mesh.  points : name -> (body, (2,) [m]), named places whether or not a node is there."""
+
+    interface: Interface
+    points: Mapping[str, tuple[str, Floats]]
+
+
+def scene_of(document: Document, file: ScenarioFile, convert: Convert) -> Scene:
+    """Mesh every body, join them, and pair their surfaces.  Raises ScenarioError."""
+    meshes = {name: _mesh(document, name, body) for name, body in file.bodies.items()}
+    start = np.concatenate([[0], np.cumsum([len(m.nodes) for m in meshes.values()])])
+    surfaces: dict[str, Ints] = {}
+    node_sets: dict[str, Ints] = {}
+    points: dict[str, tuple[str, Floats]] = {}
+    for (body, mesh), first in zip(meshes.items(), start[:-1], strict=True):
+        surfaces |= {f"{body}.{s}": (edges + first).astype(np.int32) for s, edges in mesh.surfaces.items()}
+        node_sets |= {f"{body}.{s}": (ids + first).astype(np.int32) for s, ids in mesh.node_sets.items()}
+        points |= {f"{body}.{s}": (body, at) for s, at in mesh.points.items()}
+    nodes = np.concatenate([m.nodes for m in meshes.values()])
+    _check_radius(document, file, nodes, start)
+    interface = Interface(
+        geometry=file.geometry.value, nodes=nodes, bodies=tuple(meshes),
+        materials=tuple(b.material for b in file.bodies.values()),
+        quads=_joined([m.quads for m in meshes.values()], start), quad_body=_owner([m.quads for m in meshes.values()]),
+        triangles=_joined([m.triangles for m in meshes.values()], start),
+        triangle_body=_owner([m.triangles for m in meshes.values()]), surfaces=surfaces, node_sets=node_sets,
+        pairs=_pairs(document, file, convert, nodes, surfaces))
+    return Scene(interface, points)
+
+
+def surface_key(document: Document, known: Mapping[str, Any], name: str, key: Key) -> str:
+    """The name if such a surface exists.  Raises ScenarioError saying which do."""
+    if name not in known:
+        raise document.error(key, f"there is no surface {name!r}", did_you_mean(name, known))
+    return name
+
+
+def _mesh(document: Document, name: str, body: Body) -> BodyMesh:
+    try:
+        if body.mesh.rectangle is not None:
+            return rectangle_mesh(body.mesh.rectangle)
+        assert body.mesh.file is not None
+        return file_mesh(body.mesh.file, document.path.parent)
+    except MeshProblem as exc:
+        raise document.error(("bodies", name, "mesh", *exc.at), f"body {name!r}: {exc}", exc.remedy) from exc
+
+
+def _joined(parts: list[Ints], start: NDArray[np.integer]) -> Ints:
+    return np.concatenate([p + first for p, first in zip(parts, start[:-1], strict=True)]).astype(np.int32)
+
+
+def _owner(parts: list[Ints]) -> Ints:
+    return np.repeat(np.arange(len(parts)), [len(p) for p in parts]).astype(np.int32)
+
+
+def _check_radius(document: Document, file: ScenarioFile, nodes: Floats, start: NDArray[np.integer]) -> None:
+    if file.geometry is not Geometry.AXISYMMETRIC:
+        return
+    for name, a, b in zip(file.bodies, start[:-1], start[1:], strict=True):
+        if (nodes[a:b, 0] < 0).any():
+            raise document.error(("bodies", name, "mesh"), f"body {name!r} reaches to the left of the axis r = 0",
+                                 "In axisymmetric geometry x is the radius.")
+
+
+def _pairs(document: Document, file: ScenarioFile, convert: Convert, nodes: Floats, surfaces: Mapping[str, Ints],
+           ) -> tuple[Pair, ...]:
+    pairs: list[Pair] = []
+    for name, pair in file.contact.items():
+        slave = surface_key(document, surfaces, pair.slave, ("contact", name, "slave"))
+        master = surface_key(document, surfaces, pair.master, ("contact", name, "master"))
+        if slave == master:
+            raise document.error(("contact", name, "master"), "a surface cannot be slave and master of one pair")
+        if np.intersect1d(surfaces[slave], surfaces[master]).size:
+            raise document.error(("contact", name, "master"), f"{slave} and {master} have nodes in common",
+                                 "The two sides of a pair must not meet in a node.")
+        for other in pairs:
+            if {other.slave, other.master} == {slave, master}:
+                raise document.error(("contact", name), f"the pair {other.name!r} already joins {slave} and {master}")
+        eps_N = _penalty(document, file, convert, name, nodes, surfaces)
+        pairs.append(Pair(name, slave, master, pair.gap_max, eps_N))
+    return tuple(pairs)
+
+
+def _penalty(document: Document, file: ScenarioFile, convert: Convert, name: str, nodes: Floats,
+             surfaces: Mapping[str, Ints]) -> float:
+    """eps_N [Pa/m]: as given, or E/h with h the mean slave edge and E the smaller of the two bodies' at their T0.
+
+    A pair of which a body has no E needs none: no half solves for its stress.
+    """
+    pair = file.contact[name]
+    if pair.penalty != "auto":
+        return float(pair.penalty)
+    stiffness = []
+    for surface in (pair.slave, pair.master):
+        body = file.bodies[surface.split(".")[0]]
+        material = file.materials.get(body.material)
+        if material is None or material.E is None:
+            return 0.0
+        T0 = convert.kelvin(body.T0, ("bodies", surface.split(".")[0], "T0"))
+        E = property_from(convert.property(material.E, ("materials", body.material, "E")))
+        stiffness.append(float(E(np.array([T0]))[0]))
+    ends = nodes[surfaces[pair.slave]]
+    h = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
+    if min(stiffness) <= 0:
+        raise document.error(("contact", name, "penalty"), "E is not positive at T0, so E/h is no penalty",
+                             "State the penalty as a number [Pa/m].")
+    return min(stiffness) / h

@@ -1,0 +1,157 @@
+"""The part of the schema that says what there is: materials, bodies, meshes, contact pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, StrictBool, model_validator
+
+from contact.laws import parse_law
+from coupler.scenario.base import Part, PropertySpec, PropertyTable, SignalSpec, exactly_one
+from coupler.scenario.quantity import Name, Number, Positive, Text, Whole, number, problem
+
+MAX_CELLS = 4_000_000
+
+
+class Material(Part):
+    """Each half needs its own share: thermal rho, k, c; elastic E, nu, alpha, T_ref."""
+
+    rho: Positive | None = None
+    k: PropertySpec | None = None
+    c: PropertySpec | None = None
+    E: PropertySpec | None = None
+    nu: Number | None = None
+    alpha: PropertySpec | None = None
+    T_ref: Number | None = None
+
+    @model_validator(mode="after")
+    def _physical(self) -> Material:
+        for key in ("k", "c", "E"):
+            _all_positive(getattr(self, key), key)
+        if self.nu is not None and not -1.0 < self.nu < 0.5:
+            raise problem("Poisson's ratio lies between -1 and 0.5, both excluded",
+                          "For a nearly incompressible material write 0.4999.", at=("nu",))
+        return self
+
+
+def _all_positive(spec: Any, key: str) -> None:
+    values = spec.value if isinstance(spec, PropertyTable) else (spec,) if isinstance(spec, float) else ()
+    for i, value in enumerate(values):
+        if value <= 0:
+            at = (key, "value", i) if isinstance(spec, PropertyTable) else (key,)
+            raise problem("must be greater than zero", at=at)
+
+
+class Rectangle(Part):
+    """origin, size [m]; cells along x and y; grading: last cell's size over the first's, along x and y."""
+
+    origin: tuple[Number, Number]
+    size: tuple[Positive, Positive]
+    cells: tuple[Whole, Whole]
+    grading: tuple[Positive, Positive] = (1.0, 1.0)
+    triangles: StrictBool = False
+
+    @model_validator(mode="after")
+    def _not_too_many(self) -> Rectangle:
+        if self.cells[0] * self.cells[1] > MAX_CELLS:
+            raise problem(f"more than {MAX_CELLS} cells in one body", at=("cells",))
+        return self
+
+
+class MeshFile(Part):
+    """A mesh file; path relative to the scenario file; unit of its coordinates; region: the physical group to take."""
+
+    path: Text
+    unit: Literal["m", "cm", "mm", "um"] = "m"
+    region: Text | None = None
+
+    @model_validator(mode="after")
+    def _has_a_path(self) -> MeshFile:
+        if not PurePath(self.path).name or "\0" in self.path:
+            raise problem("not the path of a file", at=("path",))
+        return self
+
+
+class Mesh(Part):
+    """Exactly one way to mesh a body."""
+
+    rectangle: Rectangle | None = None
+    file: MeshFile | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Mesh:
+        exactly_one(self, ("rectangle", "file"))
+        return self
+
+
+class Body(Part):
+    """T0 in the scenario's unit of temperature; Q_T [W/m3] of current volume."""
+
+    mesh: Mesh
+    material: Name
+    T0: Number
+    Q_T: SignalSpec = 0.0
+
+
+def _law(value: Any) -> Mapping[str, Any] | None:
+    """A contact law, checked by the one who evaluates it.  None: no heat crosses."""
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        raise problem("a contact law is needed here, or null where no heat crosses",
+                      "For example {law: constant, h: 2000}.")
+    _numbers_only(value, ())
+    try:
+        parse_law(value)
+    except ValueError as exc:
+        raise problem(str(exc)) from exc
+    return dict(value)
+
+
+def _numbers_only(value: Any, at: tuple[str | int, ...]) -> None:
+    """Refuse text and NaN in a law before its own check, with the same help as everywhere."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            if key != "law":
+                _numbers_only(inner, (*at, key))
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            _numbers_only(inner, (*at, i))
+    else:
+        try:
+            number(value)
+        except problem_type as exc:
+            context = exc.context or {}
+            raise problem(context["text"], context["remedy"], at=at) from None
+
+
+problem_type = type(problem(""))
+Law = Annotated[dict[str, Any] | None, BeforeValidator(_law)]
+
+
+class Conduction(Part):
+    """h_CI touching and apart [W/m2K]; both must be said, null where no heat crosses; factors are signals."""
+
+    closed: Law
+    open: Law
+    closed_factor: SignalSpec = 1.0
+    open_factor: SignalSpec = 1.0
+
+    @model_validator(mode="after")
+    def _factors_have_laws(self) -> Conduction:
+        for key in ("closed", "open"):
+            if getattr(self, key) is None and f"{key}_factor" in self.model_fields_set:
+                raise problem(f"a factor without its law: {key} is null", at=(f"{key}_factor",))
+        return self
+
+
+class ContactPair(Part):
+    """slave, master: surfaces "body.surface"; gap_max [m]; penalty [Pa/m] or auto (E/h)."""
+
+    slave: Text
+    master: Text
+    gap_max: Positive
+    penalty: Positive | Literal["auto"] = "auto"
+    conduction: Conduction | None = None

@@ -1,0 +1,84 @@
+"""The coupling of a scenario, checked: windows that reach the end, and every kink of the data in use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from coupler.level import Scheme
+from coupler.scenario.convert import kinks_in
+from coupler.scenario.document import Document, Key
+from coupler.scenario.schema import Coupling as CouplingSpec
+from coupler.scenario.schema import Windows
+from coupler.schedule import WindowRange
+
+# More windows than this is a misplaced decimal point: a run of days that nobody meant.
+MAX_WINDOWS = 5_000_000
+# Times that should be equal may differ by round-off of this share.
+SAME = 1e-12
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """end [s]; runs begin at 0.  windows : ranges in order, the last ends at end.
+
+    kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal the chosen
+    halves use.  stops : kinks and the ends of ranges; windows end there.  substeps : role -> number in a window.
+    """
+
+    scheme: Scheme
+    end: float
+    windows: tuple[WindowRange, ...]
+    kinks: tuple[float, ...]
+    substeps: Mapping[str, int]
+    link: str
+
+    @property
+    def stops(self) -> tuple[float, ...]:
+        """Times [s] in (0, end] at which a window must end."""
+        return tuple(sorted({*self.kinks, *(w.until for w in self.windows)}))
+
+
+def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
+    """Check the windows and gather the kinks.  Raises ScenarioError."""
+    for i, t in enumerate(spec.kinks):
+        if not 0 <= t <= spec.end:
+            raise document.error(("coupling", "kinks", i), f"a kink must lie between 0 and the end, {spec.end:g} s")
+    windows = _ranges(document, spec.windows, spec.end)
+    times: Iterable[float] = (*spec.kinks, *kinks_in(models))
+    kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
+    substeps = {"thermal": spec.substeps.thermal, "mechanical": spec.substeps.mechanical}
+    return Coupling(spec.scheme, spec.end, windows, kinks, substeps, spec.link)
+
+
+def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:
+    start, count, ranges = 0.0, 0.0, []
+    for i, spec in enumerate(specs):
+        key: Key = ("coupling", "windows", i)
+        if spec.until <= start:
+            raise document.error((*key, "until"), f"time goes backwards: the range before ends at {start:g} s")
+        if spec.until > end * (1 + SAME):
+            raise document.error((*key, "until"), f"the windows go on after the end of the run, {end:g} s",
+                                 "Let the last range end at coupling.end, and drop those after it.")
+        sizes = dict(zip(("size",) if spec.size is not None else ("first", "last"), spec.sizes, strict=False))
+        for name, size in sizes.items():
+            if size > (spec.until - start) * (1 + SAME):
+                raise document.error((*key, name), f"a window is longer than its range, {start:g} to {spec.until:g} s")
+        count += _count(spec.until - start, *spec.sizes)
+        if count > MAX_WINDOWS:
+            raise document.error(key, f"this makes {count:.3g} windows, more than {MAX_WINDOWS}", "Use larger windows.")
+        ranges.append(WindowRange(min(spec.until, end), *spec.sizes))
+        start = spec.until
+    if start < end * (1 - SAME):
+        last: Key = ("coupling", "windows", len(specs) - 1, "until") if specs else ("coupling", "windows")
+        raise document.error(last, f"the windows cover the run to {start:g} s only, not to its end, {end:g} s",
+                             "Add a range that reaches coupling.end.")
+    ranges[-1] = WindowRange(end, ranges[-1].first, ranges[-1].last)
+    return tuple(ranges)
+
+
+def _count(length: float, first: float, last: float) -> float:
+    """About how many windows: the integral of 1/size, which is linear in time for a geometric sequence."""
+    return length / first if math.isclose(first, last) else length * math.log(last / first) / (last - first)
