@@ -77,7 +77,7 @@ class Client:
                 return alive.pop()
             if time.monotonic() + pause > until:
                 if alive:
-                    raise LinkProtocolError(f"{self._role} of run {self._run} has {len(alive)} owners, not one")
+                    raise LinkProtocolError(f"run {self._run} has {len(alive)} of {self._role}, not one")
                 raise ServiceDownError(f"no {self._role} in run {self._run}")
             self._watch()
             time.sleep(pause)

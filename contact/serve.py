@@ -14,14 +14,14 @@ from collections.abc import Callable
 from types import FrameType
 
 from contact.child import become_child, keep_freed_memory
+from contact.link import Handler
 from contact.messages import REQUESTS
 from contact.server import Server
-from contact.service import ContactService
 from contact.zenoh_link import Session, close_all_sessions, close_session, open_session
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Serve until stopped; returns the exit code."""
+def main(handle: Handler, arguments: list[str] | None = None) -> int:
+    """Serve until stopped; returns the exit code.  handle : request -> reply."""
     parser = argparse.ArgumentParser(prog="python -m contact.serve", description=__doc__)
     add = parser.add_argument
     add("--listen", default="tcp/127.0.0.1:0", help="loopback endpoint; port 0 takes a free one")
@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
         say = _print
     session = open_session(listen=(options.listen,))
     try:
-        _serve(session, options.run, say, stoppable=not options.child)
+        _serve(handle, session, options.run, say, stoppable=not options.child)
     finally:
         close_session(session)
     if options.child:
@@ -46,8 +46,8 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _serve(session: Session, run: str, say: Callable[[str], object], *, stoppable: bool) -> None:
-    service = ContactService()
+def _serve(handle: Handler, session: Session, run: str, say: Callable[[str], object], *,
+           stoppable: bool) -> None:
     with Server(session, run, "contact", REQUESTS) as server:
 
         def stop(number: int, frame: FrameType | None) -> None:
@@ -57,7 +57,7 @@ def _serve(session: Session, run: str, say: Callable[[str], object], *, stoppabl
         if stoppable:
             signal.signal(signal.SIGINT, stop)
         say(f"ready {session.listen[0]} {server.instance}")
-        server.work(service.handle)
+        server.work(handle)
 
 
 def _print(line: str) -> None:
@@ -65,4 +65,6 @@ def _print(line: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from contact.service import ContactService
+
+    sys.exit(main(ContactService().handle))

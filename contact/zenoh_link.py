@@ -79,11 +79,11 @@ class Session:
 
     def answer(self, key: str, arrived: Callable[[Question], None]) -> Any:
         """Have questions on a key delivered; undeclare() what is returned to end it."""
-        handler = zenoh.handlers.Callback(lambda query: arrived(Question(query)), indirect=False)
+        handler: Any = zenoh.handlers.Callback(lambda query: arrived(Question(query)), indirect=False)
         return self._zenoh.declare_queryable(key, handler, complete=True)
 
     def show_token(self, key: str) -> Any:
-        """A token that vanishes with this process or its connection; undeclare() what comes back to end it."""
+        """A token that vanishes with this process or its connection; undeclare() the result to end it."""
         return self._zenoh.liveliness().declare_token(key)
 
     def tokens(self, key: str, watch: Callable[[], None]) -> set[str]:
