@@ -1,0 +1,45 @@
+"""Shape functions and quadrature of the cell kinds, as tables the kernels can use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import Element, ElementQuad1, ElementTriP1
+from skfem.quadrature import get_quadrature
+
+Floats = NDArray[np.float64]
+
+# 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate the storage matrix of a straight-sided
+# plane cell exactly, and all weights are positive (a negative one could make storage at a point negative).
+_KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "triangle": (ElementTriP1, 2)}
+
+# 2-point Gauss on [0, 1]: exact for N_i N_j r along an edge.
+EDGE_XI: Floats = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+EDGE_WEIGHT = 0.5
+
+
+@dataclass(frozen=True)
+class Table:
+    """Shape functions of one kind of cell at its quadrature points.
+
+    N : (nq, nn).  dN : (nq, nn, 2), derivatives by reference coordinates.  w : (nq,), weights.
+    """
+
+    N: Floats
+    dN: Floats
+    w: Floats
+
+
+@cache
+def table_of(kind: str) -> Table:
+    """The table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
+    element_type, order = _KINDS[kind]
+    element = element_type()
+    X, w = get_quadrature(element.refdom, order)
+    basis = [element.lbasis(X, i) for i in range(element.refdom.nnodes)]
+    N = np.array([np.broadcast_to(phi, w.shape) for phi, _ in basis]).T
+    dN = np.array([np.broadcast_to(dphi, X.shape) for _, dphi in basis]).transpose(2, 0, 1)
+    return Table(np.ascontiguousarray(N, dtype=float), np.ascontiguousarray(dN, dtype=float), np.array(w))

@@ -1,0 +1,101 @@
+"""The loops over cells, compiled.  They work for any table (nn nodes, nq points); sums run in the order of cells.
+
+Shapes: cells (ne, nn) node numbers; N (nq, nn); G (ne, nq, nn, 2) gradients; *_q (ne, nq) values at quadrature points;
+slots (ne, nn, nn) places in the matrix data.  An empty `data` skips the matrix.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+Slots = NDArray[np.int64]
+
+
+@njit(cache=True)
+def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, axisymmetric: bool,
+                    G: Floats, dV: Floats) -> int:
+    """Fill G [1/m] and dV (ne, nq) [m3] on coordinates x : (n, 2) [m]; returns the first inverted cell or -1.
+
+    dV carries the weight 2 pi r when axisymmetric, else it is per metre of depth.
+    """
+    ne, nn = cells.shape
+    for e in range(ne):
+        for q in range(w.size):
+            xr = 0.0
+            xs = 0.0
+            yr = 0.0
+            ys = 0.0
+            r = 0.0
+            for i in range(nn):
+                node = cells[e, i]
+                xr += dN[q, i, 0] * x[node, 0]
+                xs += dN[q, i, 1] * x[node, 0]
+                yr += dN[q, i, 0] * x[node, 1]
+                ys += dN[q, i, 1] * x[node, 1]
+                r += N[q, i] * x[node, 0]
+            det = xr * ys - xs * yr
+            depth = 2.0 * np.pi * r if axisymmetric else 1.0
+            if not det * depth > 0.0:
+                return e
+            for i in range(nn):
+                G[e, q, i, 0] = (ys * dN[q, i, 0] - yr * dN[q, i, 1]) / det
+                G[e, q, i, 1] = (xr * dN[q, i, 1] - xs * dN[q, i, 0]) / det
+            dV[e, q] = w[q] * det * depth
+    return -1
+
+
+@njit(cache=True)
+def at_points(T: Floats, cells: Ints, N: Floats) -> Floats:
+    """(ne, nq) values of the nodal field T : (n,) at the quadrature points."""
+    ne, nn = cells.shape
+    T_q = np.zeros((ne, N.shape[0]))
+    for e in range(ne):
+        for q in range(N.shape[0]):
+            for i in range(nn):
+                T_q[e, q] += N[q, i] * T[cells[e, i]]
+    return T_q
+
+
+@njit(cache=True)
+def add_conduction(T: Floats, cells: Ints, N: Floats, G: Floats, k_q: Floats, dk_q: Floats, f: Floats,
+                   slots: Slots, scale: float, data: Floats) -> None:
+    """f -= sum_q k grad N_i . grad T [W];  data += scale * (its derivative by T) [W/K].
+
+    k_q, dk_q : k dV and (dk/dT) dV.  Differences to the cell's first node are taken before the gradient, so a
+    uniform temperature conducts exactly nothing.
+    """
+    ne, nn = cells.shape
+    for e in range(ne):
+        T0 = T[cells[e, 0]]
+        for q in range(N.shape[0]):
+            gx = 0.0
+            gy = 0.0
+            for i in range(1, nn):
+                dT = T[cells[e, i]] - T0
+                gx += G[e, q, i, 0] * dT
+                gy += G[e, q, i, 1] * dT
+            for i in range(nn):
+                flow = gx * G[e, q, i, 0] + gy * G[e, q, i, 1]
+                f[cells[e, i]] -= k_q[e, q] * flow
+                if data.size > 0:
+                    for j in range(nn):
+                        dot = G[e, q, i, 0] * G[e, q, j, 0] + G[e, q, i, 1] * G[e, q, j, 1]
+                        data[slots[e, i, j]] += scale * (k_q[e, q] * dot + dk_q[e, q] * flow * N[q, j])
+
+
+@njit(cache=True)
+def add_storage(cells: Ints, N: Floats, rate_q: Floats, mc_q: Floats, S: Floats, slots: Slots,
+                data: Floats) -> None:
+    """S += sum_q N_i rate_q [W];  data += sum_q mc_q N_i N_j [W/K]."""
+    ne, nn = cells.shape
+    for e in range(ne):
+        for q in range(N.shape[0]):
+            for i in range(nn):
+                S[cells[e, i]] += N[q, i] * rate_q[e, q]
+                if data.size > 0:
+                    for j in range(nn):
+                        data[slots[e, i, j]] += mc_q[e, q] * N[q, i] * N[q, j]

@@ -1,0 +1,82 @@
+"""What the boundary data are at a stage time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.signal import Signal
+from thermal_fmu.spec import Model
+
+# A time this close to a kink, as a share of the substep and of the time itself, is on it: clocks of integer ticks
+# round a kink to 2^-40 of the end time, and the value on the wrong side of a jump would last a whole stage.
+SNAP_STEP, SNAP_TIME = 1e-6, 4e-12
+
+Factors = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Values at one time, in the order of the model: Q_T [W/m3], fluxes [W/m2], films (h [W/m2K], Te [K]),
+
+    prescribed temperatures [K], (closed, open) factors of the pairs.
+    """
+
+    Q_T: tuple[float, ...]
+    fluxes: tuple[float, ...]
+    films: tuple[tuple[float, float], ...]
+    prescribed: tuple[float, ...]
+    pairs: tuple[tuple[float, float], ...]
+
+
+def loads_at(model: Model, factors: Factors, t: float, side: int) -> Loads:
+    """Boundary data at t [s], at a jump before it (side = -1) or after it; factors : of the named ones."""
+    def now(signal: Signal, name: str = "") -> float:
+        return signal.at(t, side) * (factors[name] if name else 1.0)
+
+    return Loads(
+        tuple(now(b.Q_T) for b in model.bodies),
+        tuple(now(b.value, b.name) for b in model.fluxes),
+        tuple((now(b.h, b.name), now(b.Te)) for b in model.films),
+        tuple(now(b.value, b.name) for b in model.prescribed),
+        tuple((0.0, 0.0) if p is None else (now(p.closed_factor), now(p.open_factor)) for p in model.pairs),
+    )
+
+
+@dataclass(frozen=True)
+class Calendar:
+    """kinks : times at which any signal jumps or bends.  jumps : those at which one jumps."""
+
+    kinks: NDArray[np.float64]
+    jumps: NDArray[np.float64]
+
+    def snap(self, t: float, h: float) -> float:
+        """The kink t is meant to be, else t itself; h : the substep [s]."""
+        if self.kinks.size == 0:
+            return t
+        near = float(self.kinks[np.argmin(np.abs(self.kinks - t))])
+        return near if abs(near - t) <= _tolerance(t, h) else t
+
+    def jump_within(self, t: float, h: float) -> bool:
+        """Whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's."""
+        early = _tolerance(t, h)
+        return bool(((self.jumps >= t - early) & (self.jumps < t + h - early)).any())
+
+
+def calendar_of(model: Model) -> Calendar:
+    """The times at which the model's own signals bend and jump."""
+    signals = model.signals
+    kinks = np.unique(np.concatenate([np.empty(0), *(s.kinks for s in signals)]))
+    jumps = np.unique(np.concatenate([np.empty(0), *(_jumps(s) for s in signals)]))
+    return Calendar(kinks, jumps)
+
+
+def _jumps(signal: Signal) -> NDArray[np.float64]:
+    return signal.t[1:][(np.diff(signal.t) == 0) & (np.diff(signal.value) != 0)]
+
+
+def _tolerance(t: float, h: float) -> float:
+    return SNAP_STEP * h + SNAP_TIME * abs(t)

@@ -1,0 +1,56 @@
+"""The time stepping methods, as data.
+
+A stage solves (E(T_s) - E_n)/(a dt) - sum_j (a_j/a) F_j = f(T_n + theta (T_s - T_n), t_n + c dt) for T_s, where E is
+the nodal enthalpy [J], f the heat flow into the nodes [W] and F_j the flows of earlier stages.  Storage enters as a
+difference of enthalpies, so no method loses heat, whatever c(T).  The last stage is the end of the substep.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+
+@dataclass(frozen=True)
+class Stage:
+    """c : its time, as a share of dt.  a : its own weight.  theta : where between T_n and T_s f is taken.
+
+    earlier : weights of the flows of earlier stages.
+    """
+
+    c: float
+    a: float
+    theta: float
+    earlier: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Method:
+    """stages in order; weights : share of dt of each stage's flow in the substep's heat.
+
+    stores : False for the steady method, which knows no storage.
+    damped : name of the method of a damped restart and into how many parts it cuts a substep; None: none needed.
+    """
+
+    stages: tuple[Stage, ...]
+    weights: tuple[float, ...]
+    stores: bool = True
+    damped: tuple[str, int] | None = None
+
+
+_GAMMA = 1.0 - 1.0 / sqrt(2.0)
+
+METHODS: dict[str, Method] = {
+    # The true midpoint rule, Eq. (22).  It does not damp the stiff part of a jump, so it starts with backward Euler.
+    "midpoint": Method((Stage(0.5, 1.0, 0.5),), (1.0,), damped=("backward_euler", 2)),
+    "backward_euler": Method((Stage(1.0, 1.0, 1.0),), (1.0,)),
+    "sdirk2": Method((Stage(_GAMMA, _GAMMA, 1.0), Stage(1.0, _GAMMA, 1.0, (1.0 - _GAMMA,))),
+                     (1.0 - _GAMMA, _GAMMA)),
+    "steady": Method((Stage(1.0, 1.0, 1.0),), (1.0,), stores=False),
+}
+
+# control.method: 0 is the method of model.json.
+METHOD_NUMBERS = {1: "midpoint", 2: "sdirk2", 3: "backward_euler"}
+
+# After a jump this many substeps of a method that needs it are damped (measured: docs/theory.md).
+DAMPED_SUBSTEPS = 2

@@ -1,0 +1,175 @@
+"""The thermal half as a HalfModel: first state, and the pure step of docs/design.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.sparse import SingularMatrixError
+from thermal_fmu.facing import ContactRefusedError, Points, ask_facing, points_of, register
+from thermal_fmu.heat import Heat, names_of, no_heat
+from thermal_fmu.held import Scene, factors_of, hold
+from thermal_fmu.loads import calendar_of
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, METHODS, Method
+from thermal_fmu.newton import LastFactors, NotConvergedError
+from thermal_fmu.spec import parse_model
+from thermal_fmu.step import Course, Stepped, take_step
+from thermal_fmu.volume import BadPropertyError, InvertedCellError
+
+Floats = NDArray[np.float64]
+
+RETRY_SHARE = 0.5  # of a step that did not converge
+
+
+@dataclass(frozen=True)
+class ThermalState:
+    """All that evolves.
+
+    T : (n,) [K].  X : (n, 2) reference coordinates [m], the first x: they set the mass.  event : the count
+    control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained since the
+    start [J].  surfaces : what the contact service calls the surfaces ("" without pairs).
+    """
+
+    T: Floats
+    X: Floats
+    event: int
+    damped: int
+    stored: float
+    surfaces: str
+
+
+class ThermalHalf:
+    """Heat conduction in the bodies of an interface file, with the boundary data of a model.json.
+
+    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix asked for.
+    """
+
+    def __init__(self, interface: Interface, spec: Mapping[str, Any]) -> None:
+        """Raises ValueError for a model.json that is not right, naming key and value."""
+        self._scene = Scene(interface, parse_model(interface, spec))
+        self._calendar = calendar_of(self._scene.model)
+        self._factors = LastFactors()
+        self._masses: tuple[Floats, tuple[Floats, ...]] | None = None
+        self.variables = _variables(self._scene)
+
+    def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
+        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+
+        Raises InvertedCellError, ContactRefusedError.
+        """
+        scene = self._scene
+        X = np.array(inputs["x"], dtype=np.float64)
+        self._masses_of(X)
+        T = np.full(scene.volume.n, scene.model.bodies[0].T0)
+        for b, body in enumerate(scene.model.bodies):
+            T[scene.interface.node_body == b] = body.T0
+        surfaces = register(scene.surfaces, link) if scene.interface.pairs else ""
+        state = ThermalState(T, X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0, surfaces)
+        points = self._facing(state, X, inputs, link)
+        touching = 0 if points is None else int((points.p > 0).sum())
+        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
+
+    def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
+        """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
+        number = _whole(inputs, "control.method")
+        if number != 0 and number not in METHOD_NUMBERS:
+            return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
+        method = METHODS[METHOD_NUMBERS.get(number, self._scene.model.method)]
+        try:
+            return self._advance(state, inputs, t, h, link, method)
+        except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
+            return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
+        except (InvertedCellError, ContactRefusedError) as exc:
+            # A smaller step of this half changes nothing here: the coordinates came from outside.
+            return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
+
+    def _advance(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link, method: Method) -> Done:
+        scene = self._scene
+        x = np.array(inputs["x"], dtype=np.float64)
+        E_M = np.asarray(inputs["E_M"], dtype=np.float64)
+        held = hold(scene, self._masses_of(state.X), x, E_M, self._facing(state, x, inputs, link))
+        course = Course(scene, held, factors_of(scene.model, inputs), self._calendar, held.E_M / h, self._factors)
+        event = _whole(inputs, "control.event")
+        jumped = event != state.event or self._calendar.jump_within(t, h)
+        damped = DAMPED_SUBSTEPS if jumped else state.damped
+        T_n = np.array(state.T)
+        done = _substep(course, method, damped > 0, T_n, t, h)
+        stored = state.stored + float(done.heat.stored.sum())
+        new = ThermalState(done.T, state.X, event, max(damped - 1, 0), stored, state.surfaces)
+        return Done(new, self._outputs(new, done.heat, held.touching, done, T_n))
+
+    def _masses_of(self, X: Floats) -> tuple[Floats, ...]:
+        if self._masses is None or not np.array_equal(self._masses[0], X):
+            self._masses = (np.array(X), self._scene.masses(np.array(X)))
+        return self._masses[1]
+
+    def _facing(self, state: ThermalState, x: Floats, inputs: Values, link: Link) -> Points | None:
+        scene = self._scene
+        if not scene.interface.pairs:
+            return None
+        facing = ask_facing(scene.surfaces, link, state.surfaces, x)
+        return points_of(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
+
+    def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: Stepped | None,
+                 T_n: Floats) -> dict[str, Value]:
+        return {
+            "T": state.T, **heat.outputs(self._scene.volume.bodies),
+            "iterations": float(done.iterations) if done else 0.0,
+            "residual": done.residual if done else 0.0,
+            "max_dT": float(np.abs(state.T - T_n).max()),
+            "heat_stored": state.stored,
+            "contact.touching": float(touching),
+        }
+
+
+def _substep(course: Course, method: Method, damped: bool, T: Floats, t: float, h: float) -> Stepped:
+    """One substep, whole, or cut into parts of a damping method after a jump."""
+    if not damped or method.damped is None:
+        return take_step(course, method, T, t, h)
+    name, parts = method.damped
+    done = take_step(course, METHODS[name], T, t, h / parts)
+    for part in range(1, parts):
+        end = t + h if part == parts - 1 else t + (part + 1) * h / parts
+        start = end - h / parts
+        more = take_step(course, METHODS[name], done.T, start, h / parts)
+        done = Stepped(more.T, done.heat + more.heat, done.iterations + more.iterations,
+                       max(done.residual, more.residual))
+    return done
+
+
+def _variables(scene: Scene) -> tuple[Variable, ...]:
+    interface, volume = scene.interface, scene.volume
+    n, n_s = volume.n, len(interface.contact_nodes)
+    surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
+                        description="normal traction at surface nodes, <= 0"),) if n_s else ()
+    return (
+        Variable("x", (n, 2), "input", "m", interface.nodes, description="current coordinates, held in a substep"),
+        *surface,
+        Variable("E_M", (volume.n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
+        *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),
+        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
+        *(Variable(name, unit="J", description="energy of the substep into the bodies")
+          for name in names_of(volume.bodies)),
+        Variable("iterations", description="linear solves of the substep"),
+        Variable("residual", description="heat missing, as a share of the heat that flowed"),
+        Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
+        Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
+        Variable("contact.touching", description="facing points under pressure"),
+    )
+
+
+def _whole(inputs: Values, name: str) -> int:
+    value = inputs.get(name, 0)
+    assert isinstance(value, int | np.integer), f"{name} is an Integer"
+    return int(value)
+
+
+def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
+    """The thermal half of an interface file and the content of its model.json.  Raises ValueError."""
+    return ThermalHalf(interface, spec)

@@ -1,0 +1,104 @@
+"""Newton's method for one stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from contact.half.sparse import Solve, factorise
+from thermal_fmu.stage import Balance, StageProblem, balance
+
+Floats = NDArray[np.float64]
+
+MAX_ITERATIONS = 25  # quadratic convergence needs a handful; a peaked c(T) with line search up to about fifteen
+MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
+DESCENT = 1e-4  # least relative decrease asked for, per share of the full step
+# The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
+SHARE = 0.1
+ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
+
+
+class NotConvergedError(ArithmeticError):
+    """Newton's method did not reach the tolerance."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """T : (n,) [K] of the stage, its balance, the number of linear solves and the relative residual."""
+
+    T: Floats
+    balance: Balance
+    iterations: int
+    residual: float
+
+
+class Factorise(Protocol):
+    """Makes, or finds again, the factors of a matrix."""
+
+    def __call__(self, A: csr_matrix) -> Solve: ...
+
+
+class LastFactors:
+    """Keeps the factors of the last matrix, to be used again for exactly the same one.
+
+    The same matrix gives the same factors to the bit, so remembering them changes no answer.
+    """
+
+    def __init__(self) -> None:
+        self._matrix: csr_matrix | None = None
+        self._solve: Solve | None = None
+        self.made = 0
+
+    def __call__(self, A: csr_matrix) -> Solve:
+        """The factors of A.  Raises SingularMatrixError."""
+        old = self._matrix
+        if (self._solve is None or old is None or not np.array_equal(old.data, A.data)
+                or not np.array_equal(old.indices, A.indices) or not np.array_equal(old.indptr, A.indptr)):
+            self._solve = factorise(A)
+            self._matrix = A
+            self.made += 1
+        return self._solve
+
+
+def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Factorise) -> Solved:
+    """The stage's temperatures, from the guess T : (n,) [K] (prescribed values already in it).
+
+    Converged where the sum of |R| is a tenth of `tolerance` of the sum of all |heats|, or is round-off.
+    Raises NotConvergedError, SingularMatrixError, BadPropertyError.
+    """
+    now = balance(problem, T, jacobian=True)
+    floor = ROUND_OFF * _size(now.jacobian, T)
+    for iteration in range(MAX_ITERATIONS):
+        if now.norm <= max(SHARE * tolerance * now.scale, floor):
+            return Solved(T, now, iteration, now.norm / now.scale if now.scale > 0 else 0.0)
+        if now.jacobian is None:
+            now = balance(problem, T, jacobian=True)
+        assert now.jacobian is not None
+        step = factors(now.jacobian)(np.where(problem.scene.fixed, 0.0, -now.R))
+        if not np.isfinite(step).all():
+            raise NotConvergedError(f"iteration {iteration + 1} gave temperatures that are not finite")
+        T, now = _descend(problem, T, step, now, floor)
+    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.norm / max(now.scale, 1e-300):.2e} "
+                            f"of the heat that flows (tolerance {SHARE * tolerance:.1e})")
+
+
+def _descend(problem: StageProblem, T: Floats, step: Floats, before: Balance, floor: float) -> tuple[Floats, Balance]:
+    """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual."""
+    share = 1.0
+    for _ in range(MAX_HALVINGS):
+        trial = T + share * step
+        after = balance(problem, trial, jacobian=False)
+        if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
+            return trial, after
+        share *= 0.5
+    raise NotConvergedError(f"no step along Newton's direction lowers the residual of "
+                            f"{before.norm / max(before.scale, 1e-300):.2e} of the heat that flows")
+
+
+def _size(A: csr_matrix | None, T: Floats) -> float:
+    assert A is not None
+    return float((abs(A) @ np.abs(T)).sum())

@@ -1,0 +1,71 @@
+"""One step of a method: its stages solved in order, and the heat they moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermal_fmu.heat import Heat
+from thermal_fmu.held import Held, Scene, prescribed_values
+from thermal_fmu.loads import Calendar, Factors, loads_at
+from thermal_fmu.methods import Method
+from thermal_fmu.newton import Factorise, Solved, solve_stage
+from thermal_fmu.stage import StageProblem
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """T : (n,) [K] at the end, heat of the step, linear solves, worst relative residual."""
+
+    T: Floats
+    heat: Heat
+    iterations: int
+    residual: float
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep."""
+
+    scene: Scene
+    held: Held
+    factors: Factors
+    calendar: Calendar
+    power_M: Floats
+    factorise: Factorise
+
+
+def take_step(course: Course, method: Method, T_n: Floats, t: float, dt: float) -> Stepped:
+    """From T_n : (n,) [K] at t to t + dt [s].
+
+    Raises NotConvergedError, SingularMatrixError, BadPropertyError.
+    """
+    model = course.scene.model
+    solved: list[Solved] = []
+    for stage in method.stages:
+        # The end of a step is before a jump that happens then.
+        at = course.calendar.snap(t + stage.c * dt, dt)
+        loads = loads_at(model, course.factors, at, -1 if stage.c == 1.0 else 1)
+        end = course.calendar.snap(t + dt, dt)
+        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, course.factors, end, -1)
+        earlier = np.zeros(T_n.size)
+        for weight, done in zip(stage.earlier, solved, strict=True):
+            earlier += weight * dt * done.balance.flow
+        problem = StageProblem(course.scene, course.held, loads, stage, dt, T_n, course.power_M, earlier,
+                               method.stores)
+        guess = prescribed_values(model, held_T.prescribed, solved[-1].T if solved else T_n)
+        solved.append(solve_stage(problem, guess, model.tolerance, course.factorise))
+    return Stepped(solved[-1].T, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
+                   max(s.residual for s in solved))
+
+
+def _heat(scene: Scene, method: Method, solved: list[Solved], dt: float) -> Heat:
+    """Energies with the weights of the stages; the reaction of a stage is its residual at fixed nodes."""
+    terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
+    reaction = sum(w * float(s.balance.R[scene.fixed].sum()) / stage.a
+                   for w, s, stage in zip(method.weights, solved, method.stages, strict=True))
+    return Heat(solved[-1].balance.stored, float(reaction), np.asarray(terms))
