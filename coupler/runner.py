@@ -22,14 +22,14 @@ from coupler.account import EnergyAccount
 from coupler.control import Plan, Tried, windows
 from coupler.errors import HalfError, ResultsError
 from coupler.half import Half
-from coupler.launch import launch
+from coupler.launch import Launched, launch
 from coupler.ledger import Ledger
-from coupler.level import Level, Scheme
+from coupler.level import Level
 from coupler.measure import measure
 from coupler.recorder import Recorder
 from coupler.results import Results
 from coupler.scenario import Scenario
-from coupler.schedule import WindowRange, schedule
+from coupler.schedule import schedule
 from coupler.window import CoupledState, Halves, wanted_outputs
 
 Array = NDArray[np.float64]
@@ -89,11 +89,11 @@ class Run:
         started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(_interrupts(self))
-            thermal, mechanical = stack.enter_context(launch(self.scenario, processes=self.processes))
-            self.halves = wanted_outputs(thermal, mechanical)
-            self._check(thermal, mechanical)
+            launched = stack.enter_context(launch(self.scenario, processes=self.processes))
+            self.halves = wanted_outputs(launched.thermal, launched.mechanical)
+            self._check(launched.thermal, launched.mechanical)
             self.plan = plan_of(self.scenario)
-            self.state = self._first_state(thermal, mechanical)
+            self.state = self._first_state(launched)
             self._recorder = Recorder(self.out, self._header(), self.scenario.interface)
             self._stack = stack.pop_all()
         self.setup_seconds = time.perf_counter() - started
@@ -118,8 +118,7 @@ class Run:
         Raises CouplingError when a window cannot be solved, HalfError when a half died.
         """
         frames = self.scenario.output.frames()
-        probes = self.scenario.probes
-        self._recorder.start(0.0, measure(probes, self.state.now))
+        self._recorder.start(0.0, self._probed())
         self._frame()
         for tried in windows(self.halves, self.state, self.plan):
             if tried.accepted:
@@ -127,7 +126,7 @@ class Run:
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
             facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
-            self._recorder.window(tried.solved, facts, self.ledger, measure(probes, self.state.now))
+            self._recorder.window(tried.solved, facts, self.ledger, self._probed())
             if tried.accepted and frames.due(tried.number + 1, self.state.now.t):
                 self._frame()
             yield self._progress(tried)
@@ -136,6 +135,9 @@ class Run:
         if not frames.due_was_last:
             self._frame()
         self._finished = True
+
+    def _probed(self) -> Array:
+        return measure(self.scenario.probes, self.scenario.interface, self.state.now)
 
     def _check(self, thermal: Half, mechanical: Half) -> None:
         mesh = self.scenario.interface.mesh_hash
@@ -149,12 +151,14 @@ class Run:
             if name not in mechanical.blocks and (name != "E_M" or "E_M" not in thermal.blocks):
                 self.notes.append(f"{mechanical.name} has no {name}: {cost}")
 
-    def _first_state(self, thermal: Half, mechanical: Half) -> CoupledState:
+    def _first_state(self, launched: Launched) -> CoupledState:
+        thermal, mechanical = launched.thermal, launched.mechanical
         interface, end = self.scenario.interface, self.scenario.coupling.end
         n_s, n_cells = len(interface.contact_nodes), len(interface.quads) + len(interface.triangles)
-        T = thermal.initialise(0.0, end, {}, {"x": interface.nodes}, ("T",))["T"]
+        link = {"contact.link": launched.link}
+        T = thermal.initialise(0.0, end, link, {"x": interface.nodes}, ("T",))["T"]
         given = {"T": T} if "T" in mechanical.blocks else {}
-        out = mechanical.initialise(0.0, end, {}, given, [
+        out = mechanical.initialise(0.0, end, link, given, [
             n for n in self.halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
         now = Level(0.0, T, out["x"], out.get("contact.t_N", np.zeros(n_s)),
                     out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)))
@@ -165,7 +169,7 @@ class Run:
         cells = [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
         return {
             "title": s.title, "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scenario": {"text": s.text, "hash": s.hash, "resolved": s.resolved, "file": Path(s.file).name},
+            "scenario": {"text": s.text, "hash": s.hash, "resolved": dict(s.resolved), "file": Path(s.file).name},
             "temperature_unit": s.temperature_unit, "geometry": s.geometry,
             "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half},
             "coupling": {"scheme": self.plan.scheme.value, "end": s.coupling.end, "windows": len(
@@ -201,8 +205,7 @@ class Run:
 def plan_of(scenario: Scenario) -> Plan:
     """Where windows end, by which scheme, with how many substeps."""
     c = scenario.coupling
-    ranges = [WindowRange(w.until, w.first, w.last) for w in c.windows]
-    return Plan(schedule(c.end, ranges, c.kinks), Scheme(c.scheme), c.substeps)
+    return Plan(schedule(c.end, c.windows, c.kinks), c.scheme, c.substeps)
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
