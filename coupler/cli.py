@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -54,7 +55,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     plan = plan_of(s)
     i, clock = s.interface, plan.schedule.clock
     sizes = [clock.seconds(b) - clock.seconds(a)
-             for a, b in zip(plan.schedule.bounds, plan.schedule.bounds[1:], strict=False)]
+             for a, b in pairwise(plan.schedule.bounds)]
     kinks = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks)) or "none"
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
     typer.echo(f"{s.title}: good.\n"

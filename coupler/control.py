@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from coupler.errors import CouplingError
 from coupler.level import Scheme
@@ -46,7 +47,7 @@ def windows(halves: Halves, state: CoupledState, plan: Plan) -> Iterator[Tried]:
     Raises CouplingError when a window cannot be solved however small, or a half keeps no states.
     """
     clock, number = plan.schedule.clock, 0
-    for k0, k1 in zip(plan.schedule.bounds, plan.schedule.bounds[1:], strict=False):
+    for k0, k1 in pairwise(plan.schedule.bounds):
         if k0 in plan.schedule.kinks:
             state = replace(state, before=None, events=state.events + 1)
         ends = [k1]

@@ -48,10 +48,21 @@ class Advance:
 class Half(Protocol):
     """A half after its FMU was loaded.  Errors of the half itself are HalfError (coupler.errors)."""
 
-    name: str
-    blocks: Mapping[str, Block]
-    strings: Mapping[str, str]  # String parameters and outputs as loaded: mesh.hash, surfaces.hash, geometry, ...
-    can_save: bool
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def blocks(self) -> Mapping[str, Block]: ...
+
+    @property
+    def strings(self) -> Mapping[str, str]:
+        """String parameters and outputs as loaded: mesh.hash, surfaces.hash, geometry, ..."""
+        ...
+
+    @property
+    def can_save(self) -> bool:
+        """Whether states can be saved and restored; without, a window that fails cannot be tried again."""
+        ...
 
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:

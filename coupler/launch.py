@@ -17,7 +17,7 @@ from coupler.scenario import Scenario
 
 @dataclass(frozen=True)
 class Launched:
-    """The two halves, loaded but not initialised.  link : how they reach the contact service (parameter contact.link)."""
+    """The two halves, loaded but not initialised.  link : how they reach contact (parameter contact.link)."""
 
     thermal: Half
     mechanical: Half

@@ -14,7 +14,7 @@ STORED = "heat.stored."
 class Ledger:
     """Totals [J] by term (the thermal half's `heat.*` outputs).
 
-    Every term but the stored ones counts what came INTO the bodies; heat.stored.<body> is what the body's enthalpy grew.
+    Every term but the stored ones counts what came INTO the bodies; heat.stored.<body> is what its enthalpy grew.
     The two sides of an interface are separate terms, each taken from its own side.
     lost : the low-order bits of each total, so that a million windows add up as exactly as one (Neumaier).
     """

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 class Recorder:
     """Writes the header, each window, frames of fields and the end; finish() makes run.h5 of it.
 
-    header : what is known before the first window (scenario, versions, probes, fields); see run.header_of.
+    header : what is known before the first window (scenario, versions, probes, fields); see Run._header.
     """
 
     def __init__(self, out: Path, header: Mapping[str, Any], interface: Interface) -> None:

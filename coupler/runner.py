@@ -30,7 +30,7 @@ from coupler.recorder import Recorder
 from coupler.results import Results
 from coupler.scenario import Scenario
 from coupler.schedule import schedule
-from coupler.window import CoupledState, Halves, wanted_outputs
+from coupler.window import CoupledState, wanted_outputs
 
 Array = NDArray[np.float64]
 PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh", "h5py", "numba")

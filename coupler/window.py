@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,7 +158,7 @@ def _substep_times(clock: Clock, k0: int, k1: int, n: int) -> list[float]:
 def _thermal(halves: Halves, state: CoupledState, times: list[float], scheme: Scheme) -> _Pass:
     """The thermal half over the window, the carried mechanical heat spread evenly in time over its substeps."""
     H, sent, work, terms, outputs = times[-1] - times[0], state.sent, Work(), [], {}
-    for t0, t1 in zip(times, times[1:], strict=False):
+    for t0, t1 in pairwise(times):
         x, t_N = geometry_at(scheme, state.now, state.before, 0.5 * (t0 + t1))
         inputs = {"x": x, "contact.t_N": t_N, "E_M": state.account.carry * ((t1 - t0) / H),
                   "control.event": np.array(float(state.events))}
@@ -172,7 +173,7 @@ def _mechanical(halves: Halves, state: CoupledState, T_end: Array, times: list[f
     """The mechanical half over the window, T interpolated to the end of each of its substeps."""
     H, sent, work, outputs = times[-1] - times[0], state.sent, Work(), {}
     E_M = np.zeros_like(state.account.carry)
-    for t0, t1 in zip(times, times[1:], strict=False):
+    for t0, t1 in pairwise(times):
         inputs = {"T": temperature_at(state.now.T, T_end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)

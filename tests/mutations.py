@@ -1,6 +1,6 @@
 """Named breaks of the code, each of which must turn a test red: `python tests/mutations.py [NAME ...]`.
 
-The packages are copied to a scratch folder, one line is broken there, and the tests named with it are run against the copy.
+The packages are copied to a scratch folder, one line is broken there, and the tests named with it run on the copy.
 A break that no test notices is a hole in the tests; the command then exits with 1.
 """
 
@@ -50,7 +50,7 @@ def broken_copy(mutation: Mutation, target: Path) -> None:
     path = target / mutation.file
     text = path.read_text(encoding="utf-8")
     if text.count(mutation.old) != 1:
-        raise ValueError(f"{mutation.name}: {mutation.old!r} stands {text.count(mutation.old)} times in {mutation.file}")
+        raise ValueError(f"{mutation.name}: the line stands {text.count(mutation.old)} times in {mutation.file}")
     path.write_text(text.replace(mutation.old, mutation.new), encoding="utf-8")
 
 

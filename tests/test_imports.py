@@ -47,5 +47,5 @@ def test_one_file_knows_a_border_library(library):
 
 def test_the_reader_of_imports_sees_every_form(tmp_path):
     source = tmp_path / "x.py"
-    source.write_text("def f():\n    from thermal_fmu.model import A\n    import_module('zenoh')\n    import fmpy.x as y\n")
+    source.write_text("def f():\n from thermal_fmu.model import A\n import_module('zenoh')\n import fmpy.x as y\n")
     assert imported(source) == {"thermal_fmu", "zenoh", "fmpy"}

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-
 # A step's end is t + h in floating point: a time this close (relative) to a point of the table is that point.
 SNAP = 1e-13
 

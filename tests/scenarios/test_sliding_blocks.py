@@ -1,4 +1,4 @@
-"""Case F1, the sliding blocks, against its table; the story step by step; the two mechanical halves against each other."""
+"""Case F1, the sliding blocks: its table, the story step by step, the mechanical halves against each other."""
 
 from __future__ import annotations
 
