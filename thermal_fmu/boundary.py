@@ -17,7 +17,8 @@ from thermal_fmu.spec import Film
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact.master", "gap.slave", "gap.master")
+TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact.master", "gap.slave",
+         "gap.master")
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,15 @@ class Boundary:
 
 
 def boundary_flow(films: Sequence[Film], held: Held, loads: Loads, power_M: Floats, T: Floats) -> Boundary:
-    """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the substep."""
+    """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the
+    substep."""
     flux = np.zeros(T.size)
     for q, area in zip(loads.fluxes, held.flux_areas, strict=True):
         flux += q * area
     source = np.array(loads.Q_T) @ held.sources
     f = flux + source + power_M
-    terms = dict.fromkeys(TERMS, 0.0) | {"flux": flux.sum(), "source": source.sum(), "mechanical": power_M.sum()}
+    terms = dict.fromkeys(TERMS, 0.0)
+    terms |= {"flux": flux.sum(), "source": source.sum(), "mechanical": power_M.sum()}
     magnitude = float(np.abs(flux).sum() + np.abs(source).sum() + np.abs(power_M).sum())
     places, across = [], []
     for film, points, (h, Te) in zip(films, held.films, loads.films, strict=True):
@@ -66,4 +69,4 @@ def boundary_flow(films: Sequence[Film], held: Held, loads: Loads, power_M: Floa
 
 
 def _nodal(nodes: Ints, flow: Floats, n: int) -> Floats:
-    return np.bincount(nodes.ravel(), weights=flow.ravel(), minlength=n)
+    return np.bincount(nodes.ravel(), weights=flow.ravel(), minlength=n).astype(np.float64, copy=False)

@@ -32,7 +32,8 @@ def shape_functions(xi: Floats) -> Floats:
 
 
 def gauss_points(edges: Ints, x: Floats, axisymmetric: bool) -> EdgePoints:
-    """Two points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m]; 2 pi r if axisymmetric."""
+    """Two points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m]; 2 pi r if
+    axisymmetric."""
     a, b = x[edges[:, 0]], x[edges[:, 1]]
     length = np.repeat(np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]), EDGE_XI.size)
     edge = np.repeat(np.arange(len(edges)), EDGE_XI.size)
@@ -46,7 +47,8 @@ def edge_slots(pattern: Pattern, edges: Ints) -> NDArray[np.int64]:
     """(n, 2, 2) places in the matrix data of the blocks of edges : (n, 2), which are edges of cells."""
     row = np.repeat(edges[:, :, None], 2, axis=2).astype(np.int64)
     col = np.repeat(edges[:, None, :], 2, axis=1).astype(np.int64)
-    keys = np.repeat(np.arange(pattern.n, dtype=np.int64), np.diff(pattern.indptr)) * pattern.n + pattern.indices
+    rows = np.repeat(np.arange(pattern.n, dtype=np.int64), np.diff(pattern.indptr))
+    keys = rows * pattern.n + pattern.indices
     slots = np.searchsorted(keys, row * pattern.n + col)
     if slots.size and not (keys[np.minimum(slots, keys.size - 1)] == row * pattern.n + col).all():
         raise ValueError("a surface has an edge that belongs to no cell")

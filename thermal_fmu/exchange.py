@@ -39,7 +39,8 @@ class Group:
 
 
 def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, ...]:
-    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
+    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left
+    out."""
     groups = []
     for pair, own in enumerate(laws):
         if own is None:
@@ -48,15 +49,16 @@ def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, .
             at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
             if law is not None and at.size:
                 argument = (points.p if closed else points.gap)[at]
-                groups.append(Group(pair, closed, law, argument, points.nodes[at], points.N_s[at], points.N_m[at],
-                                    points.area[at]))
+                groups.append(Group(pair, closed, law, argument, points.nodes[at], points.N_s[at],
+                                    points.N_m[at], points.area[at]))
     return tuple(groups)
 
 
 def exchange_flow(group: Group, factor: float, T: Floats) -> tuple[Floats, Floats]:
     """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape functions
+    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape
+    functions
     and enters the master's by theirs.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)

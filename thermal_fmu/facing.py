@@ -49,7 +49,8 @@ class Surfaces:
 class Points:
     """Facing points with the pressure between them.
 
-    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions.
+    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape
+    functions.
     gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area, area_m : (n_p,) [m2].
     pair, slave_edge, master_edge : (n_p,) as registered.
     """
@@ -103,4 +104,6 @@ def points_of(surfaces: Surfaces, facing: Facing, t_N: Floats) -> Points:
 
 
 def _reason(reply: object) -> str:
-    return f"{reply.code}: {reply.message}" if isinstance(reply, Refused) else f"it sent {type(reply).__name__}"
+    if isinstance(reply, Refused):
+        return f"{reply.code}: {reply.message}"
+    return f"it sent {type(reply).__name__}"

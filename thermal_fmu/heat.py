@@ -17,7 +17,8 @@ Floats = NDArray[np.float64]
 class Heat:
     """Energies INTO the bodies [J], weighted with the stages the method used.
 
-    stored : (n_bodies,) increase of enthalpy, from quadrature points.  temperature : through prescribed temperatures,
+    stored : (n_bodies,) increase of enthalpy, from quadrature points.  temperature : through prescribed
+    temperatures,
     from the residual at their nodes.  terms : in the order of boundary.TERMS.
     """
 
@@ -26,7 +27,8 @@ class Heat:
     terms: Floats
 
     def __add__(self, other: Heat) -> Heat:
-        return Heat(self.stored + other.stored, self.temperature + other.temperature, self.terms + other.terms)
+        return Heat(self.stored + other.stored, self.temperature + other.temperature,
+                    self.terms + other.terms)
 
     def outputs(self, bodies: Sequence[str]) -> dict[str, float]:
         """By the names of the outputs heat.*"""

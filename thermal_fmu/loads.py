@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from contact.half.signal import Signal
 from thermal_fmu.spec import Model
 
-# A time this close to a kink, as a share of the substep and of the time itself, is on it: clocks of integer ticks
+# A time this close to a kink, as a share of the substep and of the time itself, is on it: clocks of integer
+# ticks
 # round a kink to 2^-40 of the end time, and the value on the wrong side of a jump would last a whole stage.
 SNAP_STEP, SNAP_TIME = 1e-6, 4e-12
 
@@ -61,7 +62,8 @@ class Calendar:
         return near if abs(near - t) <= _tolerance(t, h) else t
 
     def jump_within(self, t: float, h: float) -> bool:
-        """Whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's."""
+        """Whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next
+        one's."""
         early = _tolerance(t, h)
         return bool(((self.jumps >= t - early) & (self.jumps < t + h - early)).any())
 

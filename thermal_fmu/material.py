@@ -40,14 +40,16 @@ class Curve:
         return np.where(inside, self.first(np.clip(T, self.source.low, self.source.high)), 0.0)
 
     def increase(self, T0: Floats, T: Floats) -> Floats:
-        """Integral from T0 to T : same shape [K].  For a constant the difference is taken before the product."""
+        """Integral from T0 to T : same shape [K].  For a constant the difference is taken before the
+        product."""
         if self.primitive is None or self.source.curve is None:
             assert self.source.constant is not None
             return self.source.constant * (T - T0)
         return self._integral(T) - self._integral(T0)
 
     def _integral(self, T: Floats) -> Floats:
-        assert self.primitive is not None and self.source.curve is not None
+        assert self.primitive is not None
+        assert self.source.curve is not None
         inner = np.clip(T, self.source.low, self.source.high)
         total: Floats = self.primitive(inner)
         outside = T - inner
@@ -57,7 +59,8 @@ class Curve:
 
 
 def positive_curve(spec: float | Mapping[str, Any]) -> Curve:
-    """A Curve from the PROPERTY form of model.json.  Raises ValueError where a number or table is not positive.
+    """A Curve from the PROPERTY form of model.json.  Raises ValueError where a number or table is not
+    positive.
 
     A polynomial cannot be checked here: the step that meets a value <= 0 is discarded.
     """

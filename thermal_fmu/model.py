@@ -32,7 +32,8 @@ class ThermalState:
     """All that evolves.
 
     T : (n,) [K].  X : (n, 2) reference coordinates [m], the first x: they set the mass.  event : the count
-    control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained since the
+    control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained
+    since the
     start [J].  surfaces : what the contact service calls the surfaces ("" without pairs).
     """
 
@@ -47,7 +48,8 @@ class ThermalState:
 class ThermalHalf:
     """Heat conduction in the bodies of an interface file, with the boundary data of a model.json.
 
-    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix asked for.
+    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix
+    asked for.
     """
 
     def __init__(self, interface: Interface, spec: Mapping[str, Any]) -> None:
@@ -59,7 +61,8 @@ class ThermalHalf:
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
-        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the
+        reference.
 
         Raises InvertedCellError, ContactRefusedError.
         """
@@ -89,12 +92,14 @@ class ThermalHalf:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
 
-    def _advance(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link, method: Method) -> Done:
+    def _advance(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link,
+                 method: Method) -> Done:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
         held = hold(scene, self._masses_of(state.X), x, E_M, self._facing(state, x, inputs, link))
-        course = Course(scene, held, factors_of(scene.model, inputs), self._calendar, held.E_M / h, self._factors)
+        factors = factors_of(scene.model, inputs)
+        course = Course(scene, held, factors, self._calendar, held.E_M / h, self._factors)
         event = _whole(inputs, "control.event")
         jumped = event != state.event or self._calendar.jump_within(t, h)
         damped = DAMPED_SUBSTEPS if jumped else state.damped
@@ -149,7 +154,7 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
     surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
                         description="normal traction at surface nodes, <= 0"),) if n_s else ()
     return (
-        Variable("x", (n, 2), "input", "m", interface.nodes, description="current coordinates, held in a substep"),
+        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
         *surface,
         Variable("E_M", (volume.n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
         *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),

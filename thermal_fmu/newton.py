@@ -14,7 +14,7 @@ from thermal_fmu.stage import Balance, StageProblem, balance
 
 Floats = NDArray[np.float64]
 
-MAX_ITERATIONS = 25  # quadratic convergence needs a handful; a peaked c(T) with line search up to about fifteen
+MAX_ITERATIONS = 25  # quadratic convergence needs a handful, a peaked c(T) with halved steps some more
 MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
 DESCENT = 1e-4  # least relative decrease asked for, per share of the full step
 # The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
@@ -74,7 +74,7 @@ def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Fac
     floor = ROUND_OFF * _size(now.jacobian, T)
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(SHARE * tolerance * now.scale, floor):
-            return Solved(T, now, iteration, now.norm / now.scale if now.scale > 0 else 0.0)
+            return Solved(T, now, iteration, now.share)
         if now.jacobian is None:
             now = balance(problem, T, jacobian=True)
         assert now.jacobian is not None
@@ -82,11 +82,12 @@ def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Fac
         if not np.isfinite(step).all():
             raise NotConvergedError(f"iteration {iteration + 1} gave temperatures that are not finite")
         T, now = _descend(problem, T, step, now, floor)
-    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.norm / max(now.scale, 1e-300):.2e} "
-                            f"of the heat that flows (tolerance {SHARE * tolerance:.1e})")
+    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.share:.2e} of the heat that flows "
+                            f"(tolerance {SHARE * tolerance:.1e})")
 
 
-def _descend(problem: StageProblem, T: Floats, step: Floats, before: Balance, floor: float) -> tuple[Floats, Balance]:
+def _descend(problem: StageProblem, T: Floats, step: Floats, before: Balance,
+             floor: float) -> tuple[Floats, Balance]:
     """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual."""
     share = 1.0
     for _ in range(MAX_HALVINGS):
@@ -95,8 +96,8 @@ def _descend(problem: StageProblem, T: Floats, step: Floats, before: Balance, fl
         if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
             return trial, after
         share *= 0.5
-    raise NotConvergedError(f"no step along Newton's direction lowers the residual of "
-                            f"{before.norm / max(before.scale, 1e-300):.2e} of the heat that flows")
+    raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.share:.2e} "
+                            "of the heat that flows")
 
 
 def _size(A: csr_matrix | None, T: Floats) -> float:

@@ -22,7 +22,8 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Body:
-    """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current volume]."""
+    """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current
+    volume]."""
 
     name: str
     material: Material
@@ -67,7 +68,8 @@ class Film:
 
 @dataclass(frozen=True)
 class PairLaws:
-    """Eqs. (8-10) for one contact pair: laws of touching and of open points (None: none), and their factors."""
+    """Eqs. (8-10) for one contact pair: laws of touching and of open points (None: none), and their
+    factors."""
 
     closed: Law | None
     open: Law | None
@@ -90,14 +92,14 @@ class Model:
     @property
     def load_names(self) -> tuple[str, ...]:
         """Names of the factor inputs, each once, in the order of the file."""
-        named = (*self.prescribed, *self.fluxes, *self.films)
-        return tuple(dict.fromkeys(b.name for b in named if b.name))
+        names = [b.name for b in self.prescribed] + [b.name for b in self.fluxes] + [b.name for b in self.films]
+        return tuple(dict.fromkeys(name for name in names if name))
 
     @property
     def signals(self) -> tuple[Signal, ...]:
         """Every signal the half follows by itself."""
         pairs = [p for p in self.pairs if p is not None]
-        return (*(b.Q_T for b in self.bodies), *(b.value for b in (*self.prescribed, *self.fluxes)),
+        return (*(b.Q_T for b in self.bodies), *(b.value for b in self.prescribed), *(b.value for b in self.fluxes),
                 *(s for f in self.films for s in (f.h, f.Te)),
                 *(s for p in pairs for s in (p.closed_factor, p.open_factor)))
 
@@ -126,8 +128,8 @@ def parse_model(interface: Interface, spec: Mapping[str, Any]) -> Model:
 
 def _material(spec: Mapping[str, Any], where: str) -> Material:
     _keys(spec, where, {"rho", "k", "c"})
-    return Material(_number(spec["rho"], f"{where}.rho", low=0.0),
-                    _made(positive_curve, spec["k"], f"{where}.k"), _made(positive_curve, spec["c"], f"{where}.c"))
+    k, c = (_made(positive_curve, spec[name], f"{where}.{name}") for name in ("k", "c"))
+    return Material(_number(spec["rho"], f"{where}.rho", low=0.0), k, c)
 
 
 def _body(name: str, bodies: Mapping[str, Any], materials: Mapping[str, Material]) -> Body:
@@ -137,7 +139,8 @@ def _body(name: str, bodies: Mapping[str, Any], materials: Mapping[str, Material
     spec = bodies[name]
     _keys(spec, where, {"material", "T0"}, {"Q_T"})
     material = materials[_known(spec["material"], f"{where}.material", materials)]
-    return Body(name, material, _number(spec["T0"], f"{where}.T0"), _signal(spec.get("Q_T", 0.0), f"{where}.Q_T"))
+    Q_T = _signal(spec.get("Q_T", 0.0), f"{where}.Q_T")
+    return Body(name, material, _number(spec["T0"], f"{where}.T0"), Q_T)
 
 
 def _boundary(interface: Interface, spec: Mapping[str, Any], where: str) -> Prescribed | Flux | Film:
@@ -145,21 +148,29 @@ def _boundary(interface: Interface, spec: Mapping[str, Any], where: str) -> Pres
     name = str(spec.get("name") or "")
     if kind == "temperature":
         _keys(spec, where, {"kind", "on", "value"}, {"name"})
-        return Prescribed(_nodes(interface, spec["on"], f"{where}.on"), _signal(spec["value"], f"{where}.value"), name)
+        nodes = _nodes(interface, spec["on"], f"{where}.on")
+        return Prescribed(nodes, _signal(spec["value"], f"{where}.value"), name)
     on = _known(spec.get("on"), f"{where}.on", interface.surfaces)
     edges = interface.surfaces[on]
     if kind == "flux":
         _keys(spec, where, {"kind", "on", "value"}, {"name"})
         return Flux(edges, _signal(spec["value"], f"{where}.value"), name)
     _keys(spec, where, {"kind", "on", "h", "T"}, {"exponent", "d_cut", "d_full", "name"})
-    d_cut, d_full = (None if spec.get(k) is None else _number(spec[k], f"{where}.{k}") for k in ("d_cut", "d_full"))
-    if (d_cut is None) != (d_full is None) or (d_cut is not None and d_full is not None and not 0 <= d_cut < d_full):
-        raise ValueError(f"model.json: {where}: 0 <= d_cut < d_full is needed, not {d_cut}, {d_full}")
+    d_cut, d_full = _gaps(spec, where)
     h = _signal(spec["h"], f"{where}.h")
     if (h.value < 0).any():
         raise ValueError(f"model.json: {where}.h must not be negative")
     exponent = _number(spec.get("exponent", 0.0), f"{where}.exponent", low=0.0, equal=True)
     return Film(on, edges, h, _signal(spec["T"], f"{where}.T"), exponent, d_cut, d_full, name)
+
+
+def _gaps(spec: Mapping[str, Any], where: str) -> tuple[float | None, float | None]:
+    if spec.get("d_cut") is None and spec.get("d_full") is None:
+        return None, None
+    d_cut, d_full = (_number(spec.get(key), f"{where}.{key}") for key in ("d_cut", "d_full"))
+    if not 0 <= d_cut < d_full:
+        raise ValueError(f"model.json: {where}: 0 <= d_cut < d_full is needed, not {d_cut}, {d_full}")
+    return d_cut, d_full
 
 
 def _pair(spec: Mapping[str, Any], where: str) -> PairLaws:
@@ -184,7 +195,8 @@ def _keys(spec: Mapping[str, Any], where: str, needed: set[str], optional: Itera
     missing = sorted(needed - set(spec))
     if unknown or missing:
         what = f"unknown key {unknown[0]!r}" if unknown else f"key {missing[0]!r} is missing"
-        raise ValueError(f"model.json: {where or 'top level'}: {what}; known: {sorted(needed | set(optional))}")
+        known = ", ".join(sorted(needed | set(optional)))
+        raise ValueError(f"model.json: {where or 'top level'}: {what}; known: {known}")
 
 
 def _known(value: Any, where: str, known: Iterable[str]) -> str:
@@ -197,7 +209,8 @@ def _number(value: Any, where: str, low: float = -inf, equal: bool = False) -> f
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise ValueError(f"model.json: {where} must be a finite number, not {value!r}")
     if value < low or (value == low and not equal):
-        raise ValueError(f"model.json: {where} must be {'at least' if equal else 'greater than'} {low}, not {value}")
+        bound = "at least" if equal else "greater than"
+        raise ValueError(f"model.json: {where} must be {bound} {low}, not {value}")
     return float(value)
 
 

@@ -94,8 +94,8 @@ def shapes_of(volume: Volume, x: Floats) -> tuple[Shape, ...]:
         bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
         if bad >= 0:
             where = " or reaches across the axis" if volume.axisymmetric else ""
-            raise InvertedCellError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is turned "
-                                    f"inside out{where} by the coordinates that came in")
+            raise InvertedCellError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
+                                    f"turned inside out{where} by the coordinates that came in")
         shapes.append(shape)
     return tuple(shapes)
 
@@ -111,7 +111,8 @@ def spread(volume: Volume, shapes: Sequence[Shape], per_volume: Sequence[Floats]
 
 def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], T: Floats, f: Floats,
             scale: float, data: Floats) -> None:
-    """f -= the heat that leaves each node by conduction at T : (n,) [K];  data += scale * derivative, Eq. (1).
+    """f -= the heat that leaves each node by conduction at T : (n,) [K];  data += scale * derivative, Eq.
+    (1).
 
     Raises BadPropertyError.
     """
@@ -129,7 +130,8 @@ def store(volume: Volume, masses: Sequence[Floats], bodies: Sequence[Body], T0: 
           S: Floats, data: Floats) -> Floats:
     """S += nodal increase of enthalpy from T0 to T : (n,) [J];  data += its derivative [J/K].
 
-    masses : rho0 dV0 of each block, (ne, nq) [kg].  Returns (n_bodies,) increase of each body's enthalpy [J], summed
+    masses : rho0 dV0 of each block, (ne, nq) [kg].  Returns (n_bodies,) increase of each body's enthalpy [J],
+    summed
     over quadrature points, not over nodes.  Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
@@ -147,4 +149,4 @@ def store(volume: Volume, masses: Sequence[Floats], bodies: Sequence[Body], T0: 
 
 def _demand_positive(what: str, values: Floats, body: str) -> None:
     if not (values > 0).all():
-        raise BadPropertyError(f"the {what} of body {body} is {np.min(values):.6g} at a temperature met on the way")
+        raise BadPropertyError(f"the {what} of body {body} is {np.min(values):.6g} at a temperature that was met")
