@@ -1,0 +1,96 @@
+"""Probes against time: all temperatures in one figure (the paper's Figure 4), closer where most happens, the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.report.kinks import draw_kinks
+from coupler.report.picture import Picture, axes_of, legend_below, line_style, new_figure, plain, svg
+from coupler.report.units import counted, number, shown
+from coupler.results import Results
+
+Array = NDArray[np.float64]
+
+BINS = 20  # the time axis in so many parts where kinks do not cut it
+ZOOM_AT_MOST = 0.6  # a closer look at more of the run than this is none
+NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure"}
+
+
+def probe_pictures(results: Results) -> list[Picture]:
+    """The figures of all probes: temperatures, temperatures closer, then one a quantity.  [] without probes."""
+    if len(results.t) < 2:
+        return []
+    by_quantity: dict[str, list[str]] = {}
+    for name in results.probe_names:
+        by_quantity.setdefault(results.quantity(name), []).append(name)
+    pictures = []
+    for quantity, names in sorted(by_quantity.items(), key=lambda item: item[0] != "T"):
+        pictures.append(_picture(results, quantity, names, None))
+        near = eventful(results.t, [results.probe(n)[1] for n in names], kinks_of(results))
+        if quantity == "T" and near:
+            pictures.append(_picture(results, quantity, names, near))
+    return pictures
+
+
+def kinks_of(results: Results) -> list[float]:
+    """Times [s] of kinks inside the run, as its header names them."""
+    end = float(results.header["coupling"]["end"])
+    return [float(k) for k in results.header["coupling"]["kinks"] if 0 < k < end]
+
+
+def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[float, float] | None) -> Picture:
+    values = [results.probe(n)[1] for n in names]
+    finite = np.concatenate(values)[np.isfinite(np.concatenate(values))]
+    largest = float(np.abs(finite).max(initial=0.0))
+    scale = shown(results.unit(names[0]), largest, results.header["temperature_unit"])
+    what = NAMES.get(quantity, quantity)
+    figure = new_figure(4.6 if near is None else 4.2)
+    ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
+    for k, (name, value) in enumerate(zip(names, values, strict=True)):
+        ax.plot(results.t, scale(value), label=plain(name), linewidth=1.6, **line_style(k))
+    low, high = near or (float(results.t[0]), float(results.t[-1]))
+    ax.set_xlim(low, high)
+    if near:
+        _fit_height(ax, results.t, [scale(v) for v in values], near)
+    draw_kinks(ax, kinks_of(results))
+    legend_below(figure, ax)
+    ends = "; ".join(f"{n} {scale.text(float(v[0]))} at first, {scale.text(float(v[-1]))} at last"
+                     for n, v in zip(names[:6], values, strict=False))
+    span = f"from {number(low, 6)} s to {number(high, 6)} s"
+    title = f"{what.capitalize()} of {counted(len(names), 'probe')} against time, {span}"
+    caption = f"{title}. Thin vertical lines: kinks, where boundary data jump or change slope." if near is None else (
+        f"The same where most of it happens, {span}.")
+    return svg(figure, f"{title}: {ends}.", caption)
+
+
+def _fit_height(ax, t: Array, values: Sequence[Array], near: tuple[float, float]) -> None:  # type: ignore[no-untyped-def]
+    inside = (t >= near[0]) & (t <= near[1])
+    low, high = min(float(v[inside].min()) for v in values), max(float(v[inside].max()) for v in values)
+    margin = 0.05 * (high - low) or 1.0
+    ax.set_ylim(low - margin, high + margin)
+
+
+def eventful(t: Array, values: Sequence[Array], kinks: Sequence[float]) -> tuple[float, float] | None:
+    """The range of time [s] in which curves move most for its length; None if that is about the whole run.
+
+    t : (n,) [s].  values : curves (n,).  Time is cut at the kinks (in equal parts without any); of all ranges of
+    neighbouring parts the one is taken that has the most of (share of the movement - share of the time).
+    """
+    length = float(t[-1] - t[0])
+    cuts = np.array([t[0], *[k for k in kinks if t[0] < k < t[-1]], t[-1]])
+    if len(cuts) < 4:
+        cuts = np.linspace(t[0], t[-1], BINS + 1)
+    moved = sum((np.append(0.0, np.cumsum(np.abs(np.diff(v)))) for v in values), np.zeros(len(t)))
+    if not (np.isfinite(moved).all() and moved[-1] > 0 and length > 0):
+        return None
+    gain = np.append(0.0, np.cumsum(np.diff(np.interp(cuts, t, moved)) / moved[-1] - np.diff(cuts) / length))
+    first, last = max(((i, j) for i in range(len(cuts)) for j in range(i + 1, len(cuts))),
+                      key=lambda r: gain[r[1]] - gain[r[0]])
+    low, high = float(cuts[first]), float(cuts[last])
+    if high - low > ZOOM_AT_MOST * length:
+        return None
+    margin = 0.05 * (high - low)
+    return max(low - margin, float(t[0])), min(high + margin, float(t[-1]))

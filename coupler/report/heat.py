@@ -1,0 +1,103 @@
+"""Where the heat went: the ledger over time and in total."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.ledger import PREFIX, mechanism
+from coupler.report.curves import kinks_of
+from coupler.report.kinks import draw_kinks
+from coupler.report.picture import COLOURS, DASHES, Picture, axes_of, legend_below, new_figure, plain, svg
+from coupler.report.units import Shown, number, shown
+from coupler.results import Results
+
+Array = NDArray[np.float64]
+STORED = "stored."
+SIDES = {"contact": "solid contact", "gap": "gas gap"}
+
+
+@dataclass(frozen=True)
+class HeatTable:
+    """Rows (name, heat) of what came in and of what is stored; sides : (name, slave, master, misfit) of interfaces."""
+
+    unit: str
+    came_in: list[tuple[str, str]]
+    stored: list[tuple[str, str]]
+    total_in: str
+    total_stored: str
+    sides: list[tuple[str, str, str, str]]
+    imbalance: str
+
+
+def depth_of(results: Results) -> str:
+    """To what a run's energies refer."""
+    return "over the full circle" if results.header["geometry"] == "axisymmetric" else "per metre of depth"
+
+
+def heat_table(results: Results) -> HeatTable | None:
+    """Totals of the run, or None if it kept no ledger."""
+    ledger = results.ledger
+    if not ledger:
+        return None
+    scale = shown("J", max(abs(e) for e in ledger.values()))
+
+    def rows(stored: bool) -> list[tuple[str, str]]:
+        return [(mechanism(PREFIX + n), _in(scale, e)) for n, e in ledger.items() if n.startswith(STORED) == stored]
+
+    def total(stored: bool) -> str:
+        return _in(scale, sum(e for n, e in ledger.items() if n.startswith(STORED) == stored))
+
+    return HeatTable(scale.unit, rows(False), rows(True), total(False), total(True), _sides(ledger, scale),
+                     number(results.heat_imbalance, 2))
+
+
+def _in(scale: Shown, energy: float) -> str:
+    return number(float(scale(np.array(energy))), 6)
+
+
+def _sides(ledger: Mapping[str, float], scale: Shown) -> list[tuple[str, str, str, str]]:
+    """What each side of an interface got, taken from its own numbers, and how far the two are from cancelling."""
+    rows = []
+    for term, name in SIDES.items():
+        slave, master = ledger.get(f"{term}.slave"), ledger.get(f"{term}.master")
+        if slave is None or master is None:
+            continue
+        size = abs(slave) + abs(master)
+        rows.append((name, _in(scale, slave), _in(scale, master), number(abs(slave + master) / size if size else 0.0, 2)))
+    return rows
+
+
+def heat_picture(results: Results) -> Picture | None:
+    """The ledger stacked by mechanism over time, with what the bodies stored as lines."""
+    t, terms = results.ledger_history()
+    largest = max((float(np.abs(v).max(initial=0.0)) for v in terms.values()), default=0.0)
+    if len(t) < 2 or largest == 0.0:
+        return None
+    scale = shown("J", largest)
+    figure = new_figure(4.8)
+    ax = axes_of(figure, "time [s]", f"heat into the bodies so far [{scale.unit}]\n{depth_of(results)}")
+    flows = {n: scale(v) for n, v in terms.items() if not n.startswith(STORED) and np.any(v)}
+    up, down = np.zeros(len(t)), np.zeros(len(t))
+    for k, (name, value) in enumerate(flows.items()):
+        gain, loss = np.maximum(value, 0.0), np.minimum(value, 0.0)
+        look = {"facecolor": COLOURS[k % len(COLOURS)], "alpha": 0.55 if k < len(COLOURS) else 0.3, "linewidth": 0}
+        ax.fill_between(t, up, up + gain, label=plain(mechanism(PREFIX + name)), **look)
+        ax.fill_between(t, down, down + loss, **look)
+        up, down = up + gain, down + loss
+    stored = {n: scale(v) for n, v in terms.items() if n.startswith(STORED)}
+    for k, (name, value) in enumerate(stored.items()):
+        ax.plot(t, value, color="black", linewidth=1.3, linestyle=DASHES[(k + 1) % len(DASHES)],
+                label=plain(mechanism(PREFIX + name)))
+    if len(stored) > 1:
+        ax.plot(t, sum(stored.values(), np.zeros(len(t))), color="black", linewidth=1.6, label="stored in all")
+    ax.axhline(0.0, color="black", linewidth=0.6)
+    ax.set_xlim(float(t[0]), float(t[-1]))
+    draw_kinks(ax, kinks_of(results))
+    legend_below(figure, ax, columns=3)
+    return svg(figure, f"Heat into the bodies by mechanism over time, {depth_of(results)}; totals are in the table.",
+               "Bands: what came in by each mechanism since the start, above zero into the bodies, below zero out of "
+               "them. Lines: what the bodies stored. The bands add up to the line of what is stored.")

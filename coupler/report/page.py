@@ -1,0 +1,71 @@
+"""The page: every part of the report put into its template, written in one atomic step."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from coupler.errors import ResultsError
+from coupler.report.curves import probe_pictures
+from coupler.report.facts import banner, rejected_windows, scenario_facts, summary
+from coupler.report.heat import depth_of, heat_picture, heat_table
+from coupler.report.snapshots import field_pictures
+from coupler.report.units import duration
+from coupler.report.work import shares, shares_picture, windows_picture
+from coupler.results import Results
+
+TEMPLATE = "page.html.j2"
+
+
+def write_report(results: Results, path: Path) -> Path:
+    """Write the report of a run to `path` (HTML) and return it.
+
+    The page loads nothing: no script, no style, no image from elsewhere.
+    Raises ResultsError if it cannot be written.
+    """
+    text = render(results)
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
+            part = Path(scratch) / path.name
+            part.write_text(text, encoding="utf-8")
+            os.replace(part, path)
+    except OSError as exc:
+        raise ResultsError(f"{path}: the report cannot be written ({exc})") from exc
+    return path
+
+
+def render(results: Results) -> str:
+    """The page as text."""
+    # Names and texts of a scenario are a stranger's: everything is escaped, and a slip in the template is an error.
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(resources.files(__package__).joinpath(TEMPLATE).read_text("utf-8"))
+    fields, remarks = field_pictures(results)
+    parts, (rejected, rejected_count) = shares(results), rejected_windows(results)
+    return template.render(
+        title=results.header["title"], banner=banner(results), summary=summary(results),
+        facts=scenario_facts(results), probes=probe_pictures(results), fields=fields,
+        heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
+        windows=windows_picture(results), shares=parts, shares_picture=shares_picture(parts), duration=duration,
+        rejected=rejected, rejected_count=rejected_count, notes=[*_notes(results), *remarks],
+        versions=results.header["versions"], scenario=results.header["scenario"]["text"],
+        resolved=_resolved(results), file=results.path.name,
+        field_files=[p.name for p in results.field_files.values()])
+
+
+def _notes(results: Results) -> list[str]:
+    notes = [str(n) for n in results.header["notes"]]
+    if results.later is not None:
+        notes.append(f"A later run to the same file has not ended: {results.later.name} is beside it. "
+                     "This page shows the run before.")
+    return notes
+
+
+def _resolved(results: Results) -> str:
+    """The scenario as it was run, defaults and overrides filled in."""
+    resolved = results.header["scenario"].get("resolved")
+    return json.dumps(resolved, indent=1, ensure_ascii=False) if resolved else ""

@@ -1,0 +1,91 @@
+"""What a run cost: windows and iterations over time, and where the seconds went."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from coupler.report.curves import kinks_of
+from coupler.report.kinks import draw_kinks
+from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
+from coupler.report.units import number
+from coupler.results import Results
+
+ACCEPTED = "accepted"
+
+
+@dataclass(frozen=True)
+class Share:
+    """A part of a run's seconds."""
+
+    name: str
+    seconds: float
+    percent: str
+
+
+def windows_picture(results: Results) -> Picture | None:
+    """Window size (log) and iterations over time; rejected windows are crosses."""
+    w = results.windows
+    good, bad = w[w.verdict == ACCEPTED], w[w.verdict != ACCEPTED]
+    if not len(good):
+        return None
+    figure = new_figure(5.0)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    styled(upper, "", "window size [s]")
+    styled(lower, "time [s]", "iterations a window")
+    edges = np.append(good.t, good.t[-1] + good.H[-1])
+    upper.stairs(good.H, edges, baseline=None, color=COLOURS[0], linewidth=1.4, label="window size")
+    upper.set_yscale("log")
+    if good.H.max() < 10 * good.H.min():
+        upper.set_ylim(good.H.min() / 4, good.H.max() * 4)
+    if len(bad):
+        upper.plot(bad.t, bad.H, "x", color=COLOURS[1], markersize=6, label="rejected")
+    lower.stairs(good.thermal_iterations, edges, baseline=None, color=COLOURS[1], linewidth=1.2,
+                 label="thermal iterations")
+    lower.stairs(good.mechanical_iterations, edges, baseline=None, color=COLOURS[2], linewidth=1.2,
+                 linestyle="--", label="mechanical iterations")
+    lower.set_ylim(0, max(good.thermal_iterations.max(), good.mechanical_iterations.max(), 1) * 1.1)
+    lower.yaxis.set_major_locator(MaxNLocator(integer=True))
+    upper.set_xlim(edges[0], edges[-1])
+    draw_kinks(upper, kinks_of(results))
+    for k in kinks_of(results):
+        lower.axvline(k, color="#999999", linewidth=0.7, zorder=1)
+    handles = [*upper.get_legend_handles_labels()[0], *lower.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    text = (f"Window size from {number(float(good.H.min()), 3)} s to {number(float(good.H.max()), 3)} s over "
+            f"{len(good)} accepted and {len(bad)} rejected windows")
+    return svg(figure, f"{text}; iterations of each half below.", f"{text}. Below: iterations of each half in a window.")
+
+
+def shares(results: Results) -> list[Share]:
+    """Where the seconds went; the coupler's are what is left of the total when all others are taken out."""
+    w, totals = results.windows, results.totals
+    thermal, mechanical, fmi, recording = (
+        float(w[n].sum()) for n in ("thermal_seconds", "mechanical_seconds", "fmi_seconds", "recording_seconds"))
+    # A killed run left no totals: its windows are then all that is known.
+    total = float(totals.get("seconds", w.seconds.sum() + recording))
+    parts = {"thermal half": thermal, "mechanical half": mechanical, "FMI and transport": fmi,
+             "recording": recording, "coupler": max(total - thermal - mechanical - fmi - recording, 0.0),
+             "set-up": float(totals.get("setup_seconds", 0.0))}
+    whole = sum(parts.values())
+    return [Share(n, s, number(100 * s / whole if whole > 0 else 0.0, 3)) for n, s in parts.items()]
+
+
+def shares_picture(parts: list[Share]) -> Picture | None:
+    """One bar of where the seconds went."""
+    if not sum(p.seconds for p in parts) > 0:
+        return None
+    figure = new_figure(1.7)
+    ax = styled(figure.subplots(), "seconds of wall-clock time [s]", "")
+    left = 0.0
+    for k, part in enumerate(parts):
+        ax.barh([0], [part.seconds], left=[left], color=COLOURS[k % len(COLOURS)], label=part.name, height=0.6)
+        left += part.seconds
+    ax.set_yticks([])
+    ax.spines["left"].set_visible(False)
+    ax.set_xlim(0, left)
+    legend_below(figure, ax, columns=6)
+    text = ", ".join(f"{p.name} {number(p.seconds, 3)} s" for p in parts)
+    return svg(figure, f"Where the time went: {text}.")
