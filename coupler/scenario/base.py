@@ -13,7 +13,7 @@ from coupler.scenario.quantity import Number, Text, did_you_mean, looks_like_num
 
 
 class Part(BaseModel):
-    """A mapping of the scenario file.  Frozen; an unknown key is an error that names the nearest known one."""
+    """A mapping of the scenario file, frozen; an unknown key is an error that names the nearest known one."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
@@ -60,7 +60,7 @@ class SignalTable(Part):
 
 
 class PropertyTable(Part):
-    """T, increasing, in the scenario's unit of temperature; value, SI.  A monotone cubic goes through the points."""
+    """T, increasing, in the scenario's unit of temperature; value, SI; joined by a monotone cubic."""
 
     T: tuple[Number, ...]
     value: tuple[Number, ...]
@@ -101,7 +101,9 @@ def _property_form(value: Any) -> str:
 
 
 SignalSpec = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[Text, Tag("<name>")] | Annotated[SignalTable, Tag("<table>")],
+    Annotated[Number, Tag("<number>")]
+    | Annotated[Text, Tag("<name>")]
+    | Annotated[SignalTable, Tag("<table>")],
     Discriminator(_signal_form),
 ]
 PropertySpec = Annotated[

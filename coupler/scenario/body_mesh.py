@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-# A corner whose cross product is below this share of the cell's longest edge squared has no area to round-off.
+# A corner whose cross product is below this share of the cell's longest edge squared has none to round-off.
 FLAT = 1e-10
 
 
-class MeshProblem(ValueError):
+class MeshError(ValueError):
     """A mesh that cannot be used.  at : the keys within `mesh` that are to blame.  remedy : what to do."""
 
     def __init__(self, message: str, remedy: str = "", at: tuple[str | int, ...] = ()) -> None:
@@ -44,7 +44,7 @@ class BodyMesh:
 def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:
     """Cells (n, m) with clockwise ones turned round.
 
-    Raises MeshProblem naming the first cell (1-based) that is flat, folded or, for quads, not convex.
+    Raises MeshError naming the first cell (1-based) that is flat, folded or, for quads, not convex.
     """
     if len(cells) == 0:
         return np.asarray(cells, dtype=np.int32)
@@ -56,7 +56,7 @@ def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:
     bad = np.flatnonzero((corner * sign[:, None]).min(axis=1) <= FLAT * longest)
     if bad.size:
         at = ", ".join(f"({X:g}, {Y:g})" for X, Y in x[bad[0]])
-        raise MeshProblem(f"{kind} {bad[0] + 1} is flat, folded or not convex; its corners are {at} m",
+        raise MeshError(f"{kind} {bad[0] + 1} is flat, folded or not convex; its corners are {at} m",
                           "Mend the mesh: every corner of a cell must turn the same way.")
     return np.where(sign[:, None] < 0, cells[:, ::-1], cells).astype(np.int32)
 

@@ -53,14 +53,19 @@ class Context:
         seen: dict[str, int] = {}
         for i, b in enumerate(boundary):
             if b.name is not None and seen.setdefault(b.name, i) != i:
-                raise self.document.error((*place, i, "name"), f"the name {b.name!r} is already that of entry "
-                                          f"{seen[b.name]}", "Each named condition is one input load.<name>.")
+                raise self.document.error(
+                    (*place, i, "name"),
+                    f"the name {b.name!r} is already that of entry {seen[b.name]}",
+                    "Each named condition is one input load.<name>.",
+                )
 
     def known_only(self, given: Iterable[str], known: Mapping[str, Any], key: Key, what: str) -> None:
         """Every given name is known.  Raises ScenarioError."""
         for name in given:
             if name not in known:
-                raise self.document.error((*key, name), f"there is no {what} {name!r}", did_you_mean(name, known))
+                raise self.document.error(
+                    (*key, name), f"there is no {what} {name!r}", did_you_mean(name, known)
+                )
 
     def no_options(self, role: str, options: Mapping[str, Any]) -> None:
         """Options under one of our own halves would be ignored, so they are an error."""
@@ -77,8 +82,11 @@ class Context:
         for name in used:
             missing = [key for key in needs if getattr(self.file.materials[name], key) is None]
             if missing:
-                raise self.document.error(("materials", name), f"material {name!r} lacks {', '.join(missing)}, which the "
-                                          f"half {kind!r} needs", "Add them, in SI.")
+                raise self.document.error(
+                    ("materials", name),
+                    f"material {name!r} lacks {', '.join(missing)}, which the half {kind!r} needs",
+                    "Add them, in SI.",
+                )
         return {name: self.material(name, (*needs, *also)) for name in used}
 
     def material(self, name: str, keys: Iterable[str]) -> Model:

@@ -18,7 +18,7 @@ Json = Any  # a number, or the table of a signal or property as model.json has i
 
 @dataclass(frozen=True)
 class Convert:
-    """Knows the file's unit of temperature and its named signals; every method raises ScenarioError at its key."""
+    """Knows the file's unit of temperature and its named signals.  Every method raises ScenarioError."""
 
     document: Document
     file: ScenarioFile
@@ -31,8 +31,11 @@ class Convert:
     def kelvin(self, T: float, key: Key) -> float:
         """A temperature of the file in K.  Differences of temperature are never converted."""
         if T + self.offset < 0:
-            raise self.document.error(key, f"{T:g} {self.file.units.temperature.value} is below absolute zero",
-                                      "Check units.temperature (degC or K).")
+            raise self.document.error(
+                key,
+                f"{T:g} {self.file.units.temperature.value} is below absolute zero",
+                "Check units.temperature (degC or K).",
+            )
         return T + self.offset
 
     def signal(self, spec: float | str | SignalTable, key: Key, least: float | None = None) -> Json:
@@ -51,7 +54,10 @@ class Convert:
     def property(self, spec: float | PropertyTable | Polynomial, key: Key) -> Json:
         """A PROPERTY of model.json, its temperatures in K."""
         if isinstance(spec, PropertyTable):
-            return {"T": [self.kelvin(T, (*key, "T", i)) for i, T in enumerate(spec.T)], "value": list(spec.value)}
+            return {
+                "T": [self.kelvin(T, (*key, "T", i)) for i, T in enumerate(spec.T)],
+                "value": list(spec.value),
+            }
         if isinstance(spec, Polynomial):
             return {"polynomial": list(spec.polynomial), "T_ref": self.kelvin(spec.T_ref, (*key, "T_ref"))}
         return spec
@@ -59,10 +65,14 @@ class Convert:
     def _mapped(self, spec: float | str | SignalTable, key: Key, each: Callable[[float, Key], float]) -> Json:
         if isinstance(spec, str):
             if spec not in self.file.signals:
-                raise self.document.error(key, f"there is no signal {spec!r}", did_you_mean(spec, self.file.signals))
+                raise self.document.error(
+                    key, f"there is no signal {spec!r}", did_you_mean(spec, self.file.signals)
+                )
             named = self.file.signals[spec]
             if isinstance(named, str):
-                raise self.document.error(("signals", spec), "a signal is a number or a table, not another's name")
+                raise self.document.error(
+                    ("signals", spec), "a signal is a number or a table, not another's name"
+                )
             # What is wrong is its use here, so the key stays that of the user, not of the signal.
             return self._table(named, lambda v, i: each(v, key))
         where = ("value",) if isinstance(spec, SignalTable) else ()

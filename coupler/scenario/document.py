@@ -22,7 +22,7 @@ def dotted(key: Key) -> str:
 class Document:
     """A scenario as read: nothing but dict, list, str, int, float, bool and None.
 
-    lines : line number of every key and list item, 1-based.  overridden : keys that did not come from the file.
+    lines : line number of every key and list item, 1-based.  overridden : keys set from outside the file.
     """
 
     path: Path
@@ -44,12 +44,12 @@ class Document:
         """What stands at a key; None where nothing does."""
         node: Any = self.tree
         for part in key:
-            if isinstance(node, dict) and part in node:
-                node = node[part]
-            elif isinstance(node, list) and isinstance(part, int) and part < len(node):
-                node = node[part]
-            else:
+            inside = (
+                node.keys() if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
+            )
+            if part not in inside:
                 return None
+            node = node[part]
         return node
 
     def error(self, key: Key, message: str, remedy: str = "") -> ScenarioError:
@@ -57,8 +57,14 @@ class Document:
         line = self.line(key)
         if line == 0:
             message = f"{message} [set by an override]"
-        return ScenarioError(message, file=str(self.path), line=line, key=dotted(key), value=shown(self.value(key)),
-                             remedy=remedy)
+        return ScenarioError(
+            message,
+            file=str(self.path),
+            line=line,
+            key=dotted(key),
+            value=shown(self.value(key)),
+            remedy=remedy,
+        )
 
 
 def shown(value: Any) -> Any:

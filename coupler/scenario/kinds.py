@@ -1,4 +1,4 @@
-"""Which halves there are: our own, and those other packages add by the entry-point group `slideline.halves`."""
+"""Which halves there are: our own, and those of other packages (entry points `slideline.halves`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ OWN = {"thermal": ("thermal",), "mechanical": ("elastic", "rigid")}
 
 
 def known_kinds(role: str) -> tuple[str, ...]:
-    """Kinds that can stand in a role: ours for it, and those of other packages, whose role only their user knows."""
+    """Kinds that can stand in a role: ours for it, and those of other packages, whose role we cannot know."""
     ours = {kind for kinds in OWN.values() for kind in kinds}
     return OWN[role] + tuple(sorted({e.name for e in entry_points(group=GROUP)} - ours))
 
@@ -21,4 +21,6 @@ def check_kind(document: Document, role: str, kind: str) -> None:
     """Raises ScenarioError where no such half is installed, or it is one of the other role."""
     known = known_kinds(role)
     if kind not in known:
-        raise document.error((role, "half"), f"there is no {role} half of kind {kind!r}", did_you_mean(kind, known))
+        raise document.error(
+            (role, "half"), f"there is no {role} half of kind {kind!r}", did_you_mean(kind, known)
+        )

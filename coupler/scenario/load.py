@@ -32,8 +32,8 @@ from coupler.scenario.timing import coupling_of
 def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
     """Read, override, check and mesh a scenario.
 
-    path : the YAML file; meshes are looked for beside it.  overrides : dotted key -> value, put in place of the file's
-    own before it is checked, e.g. {"mechanical.half": "rigid", "coupling.windows.3.size": 2.0}.
+    path : the YAML file; meshes are looked for beside it.  overrides : dotted key -> value, put in place of
+    the file's own before it is checked, e.g. {"mechanical.half": "rigid", "coupling.windows.3.size": 2.0}.
     Raises ScenarioError, naming file, line, key, value and remedy, for the first thing found wrong.
     """
     document = apply_overrides(read_document(Path(path)), overrides or {})
@@ -48,9 +48,19 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
     written = models(context)
     coupling = coupling_of(document, file.coupling, written)
     return Scenario(
-        file=document.path, text=document.text, resolved=document.tree, hash=_hash(document, file), title=file.title,
-        temperature_unit=file.units.temperature.value, interface=scene.interface, signals=signals, models=written,
-        coupling=coupling, probes=probes_of(context), output=output_of(document, file.output, coupling.end))
+        file=document.path,
+        text=document.text,
+        resolved=document.tree,
+        hash=_hash(document, file),
+        title=file.title,
+        temperature_unit=file.units.temperature.value,
+        interface=scene.interface,
+        signals=signals,
+        models=written,
+        coupling=coupling,
+        probes=probes_of(context),
+        output=output_of(document, file.output, coupling.end),
+    )
 
 
 def _signals(document: Document, file: ScenarioFile) -> dict[str, Signal]:
@@ -58,9 +68,14 @@ def _signals(document: Document, file: ScenarioFile) -> dict[str, Signal]:
     signals = {}
     for name, spec in file.signals.items():
         if isinstance(spec, str):
-            raise document.error(("signals", name), "a signal is a number or a table, not the name of another",
-                                 did_you_mean(spec, set(file.signals) - {name}))
-        signals[name] = signal_from({"t": spec.t, "value": spec.value} if isinstance(spec, SignalTable) else spec)
+            raise document.error(
+                ("signals", name),
+                "a signal is a number or a table, not the name of another",
+                did_you_mean(spec, set(file.signals) - {name}),
+            )
+        signals[name] = signal_from(
+            {"t": spec.t, "value": spec.value} if isinstance(spec, SignalTable) else spec
+        )
     return signals
 
 
@@ -69,5 +84,7 @@ def _hash(document: Document, file: ScenarioFile) -> str:
     digest = hashlib.sha256(json.dumps(document.tree, sort_keys=True, allow_nan=False).encode())
     for body in file.bodies.values():
         if body.mesh.file is not None:
-            digest.update(hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest())
+            digest.update(
+                hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest()
+            )
     return digest.hexdigest()[:32]

@@ -18,7 +18,10 @@ def locate(interface: Interface, body: str, at: Floats) -> tuple[Ints, Floats] |
     at : (2,) [m].  Weights are the cell's shape functions there; nodes with weight 0 are left out.
     """
     index = interface.bodies.index(body)
-    for cells, owner in ((interface.quads, interface.quad_body), (interface.triangles, interface.triangle_body)):
+    for cells, owner in (
+        (interface.quads, interface.quad_body),
+        (interface.triangles, interface.triangle_body),
+    ):
         own = cells[owner == index]
         if not len(own):
             continue
@@ -45,7 +48,7 @@ def _triangle_weights(x: Floats, at: Floats) -> Floats:
 
 
 def _quad_weights(x: Floats, at: Floats) -> Floats | None:
-    """(4,) bilinear shape functions at a point, by Newton on the map from the unit square; None where it strays."""
+    """(4,) bilinear shape functions at a point, by Newton on the map from the unit square; None: outside."""
     xi = np.full(2, 0.5)
     size = float(np.ptp(x, axis=0).max())
     for _ in range(NEWTON_STEPS):

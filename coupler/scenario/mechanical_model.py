@@ -14,8 +14,11 @@ def elastic_model(c: Context) -> Model:
     c.no_options("mechanical", c.file.mechanical.options)
     elastic = c.file.mechanical.elastic
     if elastic is None:
-        raise c.document.error(("mechanical",), "the half `elastic` is chosen, but mechanical.elastic is missing",
-                               "Say how the bodies are held: mechanical: {elastic: {boundary: [...]}}.")
+        raise c.document.error(
+            ("mechanical",),
+            "the half `elastic` is chosen, but mechanical.elastic is missing",
+            "Say how the bodies are held: mechanical: {elastic: {boundary: [...]}}.",
+        )
     for name in c.file.contact:
         if not next(p for p in c.interface.pairs if p.name == name).eps_N:
             raise c.document.error(("contact", name), "no penalty can be found, because a body has no E",
@@ -45,11 +48,18 @@ def rigid_model(c: Context) -> Model:
     rigid, key = c.file.mechanical.rigid or Rigid(), ("mechanical", "rigid")
     c.known_only(rigid.motion, c.file.bodies, (*key, "motion"), "body")
     c.known_only(rigid.pressure, c.file.contact, (*key, "pressure"), "contact pair")
-    return {"half": "rigid", "format": FORMAT,
-            "bodies": {n: {u: c.convert.signal(getattr(m, u), (*key, "motion", n, u)) for u in ("u_x", "u_y")}
-                       for n, m in rigid.motion.items()},
-            "pairs": {n: {"pressure": c.convert.signal(rigid.pressure.get(n, 0.0), (*key, "pressure", n), least=0)}
-                      for n in c.file.contact}}
+    return {
+        "half": "rigid",
+        "format": FORMAT,
+        "bodies": {
+            n: {u: c.convert.signal(getattr(m, u), (*key, "motion", n, u)) for u in ("u_x", "u_y")}
+            for n, m in rigid.motion.items()
+        },
+        "pairs": {
+            n: {"pressure": c.convert.signal(rigid.pressure.get(n, 0.0), (*key, "pressure", n), least=0)}
+            for n in c.file.contact
+        },
+    }
 
 
 def _materials(c: Context) -> Model:

@@ -1,4 +1,4 @@
-"""A mesh from a file, through meshio: quads and triangles, groups of lines as surfaces, groups of points as node sets."""
+"""A mesh from a file, by meshio: cells, groups of lines as surfaces, groups of points as node sets."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.scenario.body_mesh import BodyMesh, Floats, Ints, MeshProblem, anticlockwise, directed_edges
+from coupler.scenario.body_mesh import BodyMesh, Floats, Ints, MeshError, anticlockwise, directed_edges
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.schema_scene import MeshFile
 
@@ -24,21 +24,26 @@ Groups = dict[str, dict[str, NDArray[np.int64]]]
 
 
 def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
-    """Mesh a body from a file beside the scenario.  Raises MeshProblem, with what to do."""
+    """Mesh a body from a file beside the scenario.  Raises MeshError, with what to do."""
     raw = _read(mesh_path(spec, folder))
     cells, groups = _blocks(raw)
     points = _in_plane(np.asarray(raw.points, dtype=float)) * METRES[spec.unit]
     if spec.region is not None:
         if spec.region not in (known := {**groups["quad"], **groups["triangle"]}):
-            raise MeshProblem(f"the file has no group of cells {spec.region!r}", did_you_mean(spec.region, known),
-                              at=("file", "region"))
+            raise MeshError(
+                f"the file has no group of cells {spec.region!r}",
+                did_you_mean(spec.region, known),
+                at=("file", "region"),
+            )
         for kind in ("quad", "triangle"):
             cells[kind] = cells[kind][groups[kind].get(spec.region, np.empty(0, dtype=np.int64))]
     if not len(cells["quad"]) + len(cells["triangle"]):
-        raise MeshProblem("the file has no quads and no triangles", at=("file", "path"))
+        raise MeshError("the file has no quads and no triangles", at=("file", "path"))
     quads, triangles = (anticlockwise(points, cells[kind], kind) for kind in ("quad", "triangle"))
     used = np.unique(np.concatenate([quads.ravel(), triangles.ravel()]))
-    surfaces = dict(_surfaces(cells["line"], groups["line"], quads, triangles, lenient=spec.region is not None))
+    surfaces = dict(
+        _surfaces(cells["line"], groups["line"], quads, triangles, lenient=spec.region is not None)
+    )
     sets = {name: np.intersect1d(cells["vertex"][rows], used) for name, rows in groups["vertex"].items()}
     sets |= {name: np.intersect1d(np.asarray(ids), used) for name, ids in (raw.point_sets or {}).items()}
 
@@ -57,9 +62,11 @@ def mesh_path(spec: MeshFile, folder: Path) -> Path:
 
 def _read(path: Path) -> Any:
     if not path.is_file():
-        raise MeshProblem(f"there is no file {path}", "Paths are relative to the scenario file.", at=("file", "path"))
+        raise MeshError(
+            f"there is no file {path}", "Paths are relative to the scenario file.", at=("file", "path")
+        )
     if path.stat().st_size > MAX_BYTES:
-        raise MeshProblem(f"{path.name} is larger than {MAX_BYTES} bytes", at=("file", "path"))
+        raise MeshError(f"{path.name} is larger than {MAX_BYTES} bytes", at=("file", "path"))
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -68,16 +75,19 @@ def _read(path: Path) -> Any:
         # A true border: the readers raise whatever a broken file makes them trip over, and where none of them
         # fits, meshio prints and leaves the interpreter.
         reason = " ".join(str(exc).split()) or type(exc).__name__
-        raise MeshProblem(f"{path.name} cannot be read as a mesh ({reason})", "Write it as gmsh .msh 2.2 or 4.1.",
-                          at=("file", "path")) from exc
+        raise MeshError(
+            f"{path.name} cannot be read as a mesh ({reason})",
+            "Write it as gmsh .msh 2.2 or 4.1.",
+            at=("file", "path"),
+        ) from exc
 
 
 def _in_plane(points: Floats) -> Floats:
     """(n, 2) of (n, 2) or (n, 3) coordinates.  A mesh out of one plane z = constant is refused."""
     if not np.isfinite(points).all():
-        raise MeshProblem("the file has coordinates that are not finite", at=("file", "path"))
+        raise MeshError("the file has coordinates that are not finite", at=("file", "path"))
     if points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * max(np.ptp(points[:, :2]), 1e-300):
-        raise MeshProblem("the mesh does not lie in a plane z = constant", at=("file", "path"))
+        raise MeshError("the mesh does not lie in a plane z = constant", at=("file", "path"))
     return np.ascontiguousarray(points[:, :2])
 
 
@@ -89,13 +99,18 @@ def _blocks(raw: Any) -> tuple[dict[str, NDArray[np.int64]], Groups]:
     rows: dict[str, dict[str, list[NDArray[np.int64]]]] = {kind: {} for kind in SIZES}
     for i, block in enumerate(raw.cells):
         if block.type not in SIZES:
-            raise MeshProblem(f"the file has cells of kind {block.type}", "Only lines, triangles and quads of first "
-                              "order can be used.", at=("file", "path"))
+            raise MeshError(
+                f"the file has cells of kind {block.type}",
+                "Only lines, triangles and quads of first order can be used.",
+                at=("file", "path"),
+            )
         start = sum(len(c) for c in cells[block.type])
         cells[block.type].append(np.asarray(block.data, dtype=np.int64))
         for name, within in _groups_of(raw, i, tags[i], names, {"vertex": 0, "line": 1}.get(block.type, 2)):
             rows[block.type].setdefault(name, []).append(start + within)
-    joined = {kind: np.concatenate([np.empty((0, n), dtype=np.int64), *cells[kind]]) for kind, n in SIZES.items()}
+    joined = {
+        kind: np.concatenate([np.empty((0, n), dtype=np.int64), *cells[kind]]) for kind, n in SIZES.items()
+    }
     return joined, {kind: {n: np.concatenate(r) for n, r in found.items()} for kind, found in rows.items()}
 
 
@@ -129,8 +144,11 @@ def _surfaces(lines: NDArray[np.int64], groups: dict[str, NDArray[np.int64]], qu
         on = as_is | turned
         if not on.all() and not lenient:
             a, b = line[np.flatnonzero(~on)[0]]
-            raise MeshProblem(f"the line group {name!r} has a line (nodes {a + 1} and {b + 1}) that is not on the "
-                              "boundary of the body", "Surfaces must be made of edges of boundary cells.",
-                              at=("file", "path"))
+            raise MeshError(
+                f"the line group {name!r} has a line (nodes {a + 1} and {b + 1}) that is not on the "
+                "boundary of the body",
+                "Surfaces must be made of edges of boundary cells.",
+                at=("file", "path"),
+            )
         if on.any():
             yield name, np.where(turned[:, None], line[:, ::-1], line)[on]

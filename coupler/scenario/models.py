@@ -25,7 +25,10 @@ def models(c: Context) -> dict[str, Model]:
     for role, kind in kinds.items():
         check_kind(c.document, role, kind)
     _positive_at_start(c)
-    return {role: WRITERS[kind](c) if kind in OWN[role] else _foreign(c, role, kind) for role, kind in kinds.items()}
+    return {
+        role: WRITERS[kind](c) if kind in OWN[role] else _foreign(c, role, kind)
+        for role, kind in kinds.items()
+    }
 
 
 def _foreign(c: Context, role: str, kind: str) -> Model:
@@ -44,5 +47,7 @@ def _positive_at_start(c: Context) -> None:
         T0 = np.array([c.convert.kelvin(body.T0, ("bodies", name, "T0"))])
         for key, spec in c.material(body.material, ("k", "c", "E")).items():
             if (value := float(property_from(spec)(T0)[0])) <= 0:
-                raise c.document.error(("materials", body.material, key), f"is {value:g} at the T0 of body {name!r}, but "
-                                       "must be greater than zero")
+                raise c.document.error(
+                    ("materials", body.material, key),
+                    f"is {value:g} at the T0 of body {name!r}, but must be greater than zero",
+                )

@@ -30,8 +30,8 @@ class Frames:
 
 @dataclass(frozen=True)
 class Output:
-    """every : keep fields every so many windows, None: never by count.  at : at the first window end at or after these
-    times [s], ascending.  The first and last state of a run are kept in any case."""
+    """every : keep fields every so many windows, None: never by count.  at : at the first window end at or
+    after these times [s], ascending.  The first and last state of a run are kept in any case."""
 
     every: int | None
     at: Sequence[float] = field(default=())
@@ -45,5 +45,7 @@ def output_of(document: Document, spec: OutputSpec, end: float) -> Output:
     """Raises ScenarioError for a time after the end."""
     for i, t in enumerate(spec.fields.at):
         if t > end:
-            raise document.error(("output", "fields", "at", i), f"this is after the end of the run, {end:g} s")
+            raise document.error(
+                ("output", "fields", "at", i), f"this is after the end of the run, {end:g} s"
+            )
     return Output(spec.fields.every, tuple(sorted(set(spec.fields.at))))

@@ -11,22 +11,28 @@ from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, Key, dotted
 from coupler.scenario.reading import plain_value, yaml_value
 
-# Setting one side takes the other out, so that `coupling.windows.3.size=2` works on a range given by first and last.
-ALTERNATIVES = ((frozenset({"size"}), frozenset({"first", "last"})), (frozenset({"rectangle"}), frozenset({"file"})))
+# Setting one side takes the other out, so that `coupling.windows.3.size=2` works on any range.
+ALTERNATIVES = (
+    (frozenset({"size"}), frozenset({"first", "last"})),
+    (frozenset({"rectangle"}), frozenset({"file"})),
+)
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """(dotted key, value) of `key=value`, the value being YAML.  Raises ScenarioError where it is not of that form."""
+    """(dotted key, value) of `key=value`, the value being YAML.  Raises ScenarioError if it is not that."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise ScenarioError("an override is key=value", value=text, remedy="For example coupling.scheme=staggered.")
+        raise ScenarioError(
+            "an override is key=value", value=text, remedy="For example coupling.scheme=staggered."
+        )
     return key.strip(), yaml_value(value, f"override {key.strip()}")
 
 
 def apply_overrides(document: Document, overrides: Mapping[str, Any]) -> Document:
     """The document with values put at dotted keys; list items by their number from 0.
 
-    Whether a key exists is the schema's to say; here an override must only find its way.  Raises ScenarioError.
+    Whether a key exists is the schema's to say; here an override must only find its way.
+    Raises ScenarioError.
     """
     tree = copy.deepcopy(document.tree)
     keys = set(document.overridden)
@@ -55,12 +61,15 @@ def _put(tree: dict[str, Any], name: str, value: Any) -> Key:
 
 
 def _next_part(node: Any, parts: list[str], done: Key, name: str) -> tuple[str | int, list[str]]:
-    """The next step into node and what is left: names may hold dots themselves (probes), so the longest match wins."""
+    """The next step into node and what is left: names may hold dots (those of probes do): the longest wins."""
     if isinstance(node, list):
         if parts[0].isdecimal() and int(parts[0]) < len(node):
             return int(parts[0]), parts[1:]
-        raise ScenarioError(f"{dotted(done)} is a list of {len(node)}; {parts[0]!r} is none of its items", key=name,
-                            remedy=f"Items are numbered 0 to {len(node) - 1}; or give the whole list.")
+        raise ScenarioError(
+            f"{dotted(done)} is a list of {len(node)}; {parts[0]!r} is none of its items",
+            key=name,
+            remedy=f"Items are numbered 0 to {len(node) - 1}; or give the whole list.",
+        )
     if not isinstance(node, dict):
         raise ScenarioError(f"{dotted(done)} is a single value, with nothing inside it", key=name, value=node)
     for n in range(len(parts), 1, -1):

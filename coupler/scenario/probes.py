@@ -43,7 +43,7 @@ class Probe:
 
 
 def probes_of(c: Context) -> dict[str, Probe]:
-    """The scenario's probes by name, in its order.  Raises ScenarioError for one off the mesh or the contact."""
+    """The scenario's probes by name, in its order.  Raises ScenarioError for one off the mesh or contact."""
     return {name: _probe(c, spec, ("probes", name)) for name, spec in c.file.probes.items()}
 
 
@@ -56,8 +56,12 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
     elif target.at is not None:
         nodes, weights = _at(c, target, key)
     else:
-        reduction, surface = next((r, s) for r in ("max", "min", "mean") if (s := getattr(target, r)) is not None)
-        edges = c.interface.surfaces[surface_key(c.document, c.interface.surfaces, surface, (*key, reduction))]
+        reduction, surface = next(
+            (r, s) for r in ("max", "min", "mean") if (s := getattr(target, r)) is not None
+        )
+        edges = c.interface.surfaces[
+            surface_key(c.document, c.interface.surfaces, surface, (*key, reduction))
+        ]
         nodes, weights = surface_mean(c.interface, edges)
     if quantity in AT_CONTACT and not np.isin(nodes, c.interface.contact_nodes).all():
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
@@ -75,8 +79,11 @@ def _named(c: Context, name: str, key: Key) -> tuple[Ints, Floats]:
         assert found is not None, "a named point lies on its own body"
         return found
     if name in c.interface.surfaces or name in sets:
-        raise c.document.error(key, f"{name} is not a single point", f"Write {{max: {name}}}, min or mean; a point "
-                               "is {at: [x, y], body: name}.")
+        raise c.document.error(
+            key,
+            f"{name} is not a single point",
+            f"Write {{max: {name}}}, min or mean; a point is {{at: [x, y], body: name}}.",
+        )
     known = set(c.scene.points) | {n for n, ids in sets.items() if len(ids) == 1}
     raise c.document.error(key, f"there is no point {name!r}", did_you_mean(name, known))
 
@@ -90,13 +97,16 @@ def _at(c: Context, place: Place, key: Key) -> tuple[Ints, Floats]:
     if found is None:
         own = c.interface.nodes[c.interface.node_body == c.interface.bodies.index(place.body)]
         (x0, y0), (x1, y1) = own.min(axis=0), own.max(axis=0)
-        raise c.document.error((*key, "at"), f"the point is not on the mesh of {place.body!r}",
-                               f"It spans x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m in the reference configuration.")
+        raise c.document.error(
+            (*key, "at"),
+            f"the point is not on the mesh of {place.body!r}",
+            f"It spans x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m in the reference configuration.",
+        )
     return found
 
 
 def surface_mean(interface: Interface, edges: Ints) -> tuple[Ints, Floats]:
-    """Nodes and weights of the mean over a surface by reference area: integral of N_i dA over A; dA = r ds or ds."""
+    """Nodes and weights of the mean over a surface: integral of N_i dA over A, reference; dA = ds or r ds."""
     ends = interface.nodes[edges]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     r = ends[:, :, 0] if interface.axisymmetric else np.ones(edges.shape)

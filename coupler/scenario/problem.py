@@ -22,14 +22,14 @@ class Problem:
 
 
 def scenario_error(document: Document, error: ValidationError) -> ScenarioError:
-    """The problem to show first: unknown keys (a misspelt key is also a missing one), then from the top of the file."""
+    """The problem to show: unknown keys first (a misspelt key is also a missing one), then by line."""
     problems = [_problem(details, document) for details in error.errors(include_url=False)]
     first = min(problems, key=lambda p: (p.message != "unknown key", document.line(p.key), len(p.key)))
     return document.error(first.key, first.message, first.remedy)
 
 
 def _problem(details: ErrorDetails, document: Document) -> Problem:
-    # Tags of unions stand in angle brackets, "[key]" marks a name that is itself wrong: neither is in the file.
+    # Tags of unions stand in angle brackets, "[key]" marks a name that is itself wrong: not in the file.
     key: Key = tuple(p for p in details["loc"] if not (isinstance(p, str) and (p[:1] == "<" or p == "[key]")))
     context = details.get("ctx", {})
     kind = details["type"]

@@ -13,15 +13,17 @@ from pydantic_core import PydanticCustomError
 
 # What people write behind a number, as (factor, SI unit); temperatures are in the unit the scenario states.
 UNITS: dict[str, tuple[float, str]] = {
-    "m": (1, "m"), "cm": (1e-2, "m"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"), "μm": (1e-6, "m"),
-    "nm": (1e-9, "m"), "in": (0.0254, "m"), "inch": (0.0254, "m"), "ft": (0.3048, "m"),
+    "m": (1, "m"), "cm": (1e-2, "m"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"),
+    "μm": (1e-6, "m"), "nm": (1e-9, "m"), "in": (0.0254, "m"), "inch": (0.0254, "m"), "ft": (0.3048, "m"),
     "s": (1, "s"), "sec": (1, "s"), "ms": (1e-3, "s"), "min": (60, "s"), "h": (3600, "s"),
     "Pa": (1, "Pa"), "kPa": (1e3, "Pa"), "MPa": (1e6, "Pa"), "GPa": (1e9, "Pa"), "bar": (1e5, "Pa"),
     "psi": (6894.757293168, "Pa"), "N/mm2": (1e6, "Pa"),
-    "W/mK": (1, "W/mK"), "W/m/K": (1, "W/mK"), "W/(mK)": (1, "W/mK"), "J/kgK": (1, "J/kgK"), "kJ/kgK": (1e3, "J/kgK"),
+    "W/mK": (1, "W/mK"), "W/m/K": (1, "W/mK"), "W/(mK)": (1, "W/mK"),
+    "J/kgK": (1, "J/kgK"), "kJ/kgK": (1e3, "J/kgK"),
     "kg/m3": (1, "kg/m3"), "g/cm3": (1e3, "kg/m3"), "W/m2K": (1, "W/m2K"), "kW/m2K": (1e3, "W/m2K"),
-    "W/m2": (1, "W/m2"), "kW/m2": (1e3, "W/m2"), "W/m3": (1, "W/m3"), "1/K": (1, "1/K"), "%": (1e-2, "a fraction"),
-}  # fmt: skip
+    "W/m2": (1, "W/m2"), "kW/m2": (1e3, "W/m2"), "W/m3": (1, "W/m3"), "1/K": (1, "1/K"),
+    "%": (1e-2, "a fraction"),
+}
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -73,8 +75,10 @@ def _text_for_number(text: str) -> PydanticCustomError:
     if unit in ("K", "C", "degC", "°C", "F", "degF", "°F"):
         return problem("a number without its unit is needed here",
                        "Temperatures are in the unit that units.temperature states (degC or K).")
-    return problem("a number without its unit is needed here; all is SI", f"Convert it to SI and write the number "
-                   f"alone (m, s, kg, Pa, W, J); the unit {unit!r} is not known.")
+    return problem(
+        "a number without its unit is needed here; all is SI",
+        f"Convert it to SI and write the number alone (m, s, kg, Pa, W, J); the unit {unit!r} is not known.",
+    )
 
 
 def _positive(value: float) -> float:
@@ -100,7 +104,9 @@ def whole(value: Any) -> int:
 def name(value: Any) -> str:
     """A name: what stands in dotted keys, FMI variables and HDF5 paths, so no dots, blanks or slashes."""
     if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,63}", value):
-        raise problem("not usable as a name", "Use letters, digits, _ and -, beginning with a letter, at most 64.")
+        raise problem(
+            "not usable as a name", "Use letters, digits, _ and -, beginning with a letter, at most 64."
+        )
     return value
 
 

@@ -17,7 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, Key, dotted
 
-# A scenario is some kilobytes; a megabyte is a long table and takes seconds to read. Big data belong in mesh files.
+# A scenario is some kilobytes; a megabyte is a long table and takes seconds to read. Meshes have own files.
 MAX_BYTES = 1_000_000
 # Values after aliases are written out: a few lines of nested aliases can stand for 10^9 of them.
 MAX_VALUES = 300_000
@@ -27,22 +27,27 @@ MAX_DEPTH = 40
 def read_document(path: Path) -> Document:
     """Read a scenario file.
 
-    Raises ScenarioError if it is missing, not a file, too big, not UTF-8, not YAML, empty, or not a mapping at its top.
+    Raises ScenarioError if it is missing, not a file, too big, not UTF-8, not YAML, empty, or not a mapping
+    at its top.
     """
     text = _read_text(path)
     node = _parse(text, str(path))
     if node is None:
         raise ScenarioError("the file is empty", file=str(path), remedy="See docs/scenario.md for the form.")
     if not isinstance(node, CommentedMap):
-        raise ScenarioError("a scenario is a mapping of keys at its top, not a list or a single value", file=str(path),
-                            line=1, remedy="Start with `slideline: 1`; see docs/scenario.md.")
+        raise ScenarioError(
+            "a scenario is a mapping of keys at its top, not a list or a single value",
+            file=str(path),
+            line=1,
+            remedy="Start with `slideline: 1`; see docs/scenario.md.",
+        )
     reading = _Reading(str(path))
     tree = reading.plain(node, ())
     return Document(path, text, tree, reading.lines)
 
 
 def yaml_value(text: str, origin: str) -> Any:
-    """The plain value of a piece of YAML (the right-hand side of an override).  Raises ScenarioError naming origin."""
+    """The plain value of a piece of YAML, that of an override.  Raises ScenarioError naming origin."""
     return _Reading(origin).plain(_parse(text, origin), ())
 
 
@@ -64,7 +69,9 @@ def plain_value(value: Any) -> Any:
 def _read_text(path: Path) -> str:
     file = str(path)
     if not path.exists():
-        raise ScenarioError("there is no such file", file=file, remedy="Check the path; `slideline init` writes one.")
+        raise ScenarioError(
+            "there is no such file", file=file, remedy="Check the path."
+        )
     if not path.is_file():
         raise ScenarioError("this is not a regular file", file=file, remedy="Give the path of the YAML file.")
     try:
@@ -73,8 +80,11 @@ def _read_text(path: Path) -> str:
     except OSError as exc:
         raise ScenarioError(f"the file cannot be read ({exc.strerror})", file=file) from exc
     if len(data) > MAX_BYTES:
-        raise ScenarioError(f"the file is larger than {MAX_BYTES} bytes", file=file,
-                            remedy="A scenario holds no meshes and no long series; put the mesh into a file of its own.")
+        raise ScenarioError(
+            f"the file is larger than {MAX_BYTES} bytes",
+            file=file,
+            remedy="A scenario holds no meshes and no long series; put the mesh into a file of its own.",
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as exc:
@@ -92,7 +102,9 @@ def _parse(text: str, file: str) -> Any:
         raise ScenarioError(f"a key stands twice: {said}", file=file, line=_line_of(exc),
                             remedy="Remove or rename one of the two.") from exc
     except MarkedYAMLError as exc:
-        raise ScenarioError(f"not valid YAML: {exc.problem or exc.context}", file=file, line=_line_of(exc)) from exc
+        raise ScenarioError(
+            f"not valid YAML: {exc.problem or exc.context}", file=file, line=_line_of(exc)
+        ) from exc
     except YAMLError as exc:
         raise ScenarioError(f"not valid YAML: {str(exc).splitlines()[0]}", file=file) from exc
     except RecursionError as exc:

@@ -10,8 +10,8 @@ from coupler.scenario.schema_scene import Rectangle
 
 # A node this near (as a share of the rectangle's side) to a named point is that point.
 NEAR = 1e-9
-# surface -> (axis it runs along, is it at the far end of the other axis, does it run backwards with the body on its
-# left, names of its points in ascending order of the axis)
+# surface -> (axis it runs along, is it at the far end of the other axis, does it run backwards with the body
+# on its left, names of its points in ascending order of the axis)
 SIDES = {
     "bottom": (0, False, False, ("left", "centre", "right")),
     "right": (1, True, False, ("bottom", "centre", "top")),
@@ -38,7 +38,7 @@ def rectangle_mesh(rectangle: Rectangle) -> BodyMesh:
 
 
 def _ticks(origin: float, size: float, cells: int, grading: float) -> Floats:
-    """(cells + 1,) coordinates; sizes of cells grow geometrically so that the last over the first is `grading`."""
+    """(cells + 1,) coordinates; cells grow geometrically, the last over the first is `grading`."""
     ratio = grading ** (1.0 / (cells - 1)) if cells > 1 else 1.0
     share = np.concatenate([[0.0], np.cumsum(ratio ** np.arange(cells))])
     ticks = origin + size * (share / share[-1])

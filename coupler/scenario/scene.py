@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface, Pair
 from contact.half.property import property_from
-from coupler.scenario.body_mesh import BodyMesh, Floats, Ints, MeshProblem
+from coupler.scenario.body_mesh import BodyMesh, Floats, Ints, MeshError
 from coupler.scenario.convert import Convert
 from coupler.scenario.document import Document, Key
 from coupler.scenario.mesh_file import file_mesh
@@ -23,7 +23,7 @@ from coupler.scenario.schema_scene import Body
 
 @dataclass(frozen=True)
 class Scene:
-    """interface : the mesh.  points : name -> (body, (2,) [m]), named places whether or not a node is there."""
+    """interface : the mesh.  points : name -> (body, (2,) [m]), named places with or without a node."""
 
     interface: Interface
     points: Mapping[str, tuple[str, Floats]]
@@ -43,12 +43,18 @@ def scene_of(document: Document, file: ScenarioFile, convert: Convert) -> Scene:
     nodes = np.concatenate([m.nodes for m in meshes.values()])
     _check_radius(document, file, nodes, start)
     interface = Interface(
-        geometry=file.geometry.value, nodes=nodes, bodies=tuple(meshes),
+        geometry=file.geometry.value,
+        nodes=nodes,
+        bodies=tuple(meshes),
         materials=tuple(b.material for b in file.bodies.values()),
-        quads=_joined([m.quads for m in meshes.values()], start), quad_body=_owner([m.quads for m in meshes.values()]),
+        quads=_joined([m.quads for m in meshes.values()], start),
+        quad_body=_owner([m.quads for m in meshes.values()]),
         triangles=_joined([m.triangles for m in meshes.values()], start),
-        triangle_body=_owner([m.triangles for m in meshes.values()]), surfaces=surfaces, node_sets=node_sets,
-        pairs=_pairs(document, file, convert, nodes, surfaces))
+        triangle_body=_owner([m.triangles for m in meshes.values()]),
+        surfaces=surfaces,
+        node_sets=node_sets,
+        pairs=_pairs(document, file, convert, nodes, surfaces),
+    )
     return Scene(interface, points)
 
 
@@ -65,7 +71,7 @@ def _mesh(document: Document, name: str, body: Body) -> BodyMesh:
             return rectangle_mesh(body.mesh.rectangle)
         assert body.mesh.file is not None
         return file_mesh(body.mesh.file, document.path.parent)
-    except MeshProblem as exc:
+    except MeshError as exc:
         raise document.error(("bodies", name, "mesh", *exc.at), f"body {name!r}: {exc}", exc.remedy) from exc
 
 
@@ -82,24 +88,36 @@ def _check_radius(document: Document, file: ScenarioFile, nodes: Floats, start: 
         return
     for name, a, b in zip(file.bodies, start[:-1], start[1:], strict=True):
         if (nodes[a:b, 0] < 0).any():
-            raise document.error(("bodies", name, "mesh"), f"body {name!r} reaches to the left of the axis r = 0",
-                                 "In axisymmetric geometry x is the radius.")
+            raise document.error(
+                ("bodies", name, "mesh"),
+                f"body {name!r} reaches to the left of the axis r = 0",
+                "In axisymmetric geometry x is the radius.",
+            )
 
 
-def _pairs(document: Document, file: ScenarioFile, convert: Convert, nodes: Floats, surfaces: Mapping[str, Ints],
-           ) -> tuple[Pair, ...]:
+def _pairs(
+    document: Document,
+    file: ScenarioFile,
+    convert: Convert,
+    nodes: Floats,
+    surfaces: Mapping[str, Ints],
+) -> tuple[Pair, ...]:
     pairs: list[Pair] = []
     for name, pair in file.contact.items():
         slave = surface_key(document, surfaces, pair.slave, ("contact", name, "slave"))
         master = surface_key(document, surfaces, pair.master, ("contact", name, "master"))
         if slave == master:
-            raise document.error(("contact", name, "master"), "a surface cannot be slave and master of one pair")
+            raise document.error(
+                ("contact", name, "master"), "a surface cannot be slave and master of one pair"
+            )
         if np.intersect1d(surfaces[slave], surfaces[master]).size:
             raise document.error(("contact", name, "master"), f"{slave} and {master} have nodes in common",
                                  "The two sides of a pair must not meet in a node.")
         for other in pairs:
             if {other.slave, other.master} == {slave, master}:
-                raise document.error(("contact", name), f"the pair {other.name!r} already joins {slave} and {master}")
+                raise document.error(
+                    ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}"
+                )
         eps_N = _penalty(document, file, convert, name, nodes, surfaces)
         pairs.append(Pair(name, slave, master, pair.gap_max, eps_N))
     return tuple(pairs)
@@ -107,7 +125,7 @@ def _pairs(document: Document, file: ScenarioFile, convert: Convert, nodes: Floa
 
 def _penalty(document: Document, file: ScenarioFile, convert: Convert, name: str, nodes: Floats,
              surfaces: Mapping[str, Ints]) -> float:
-    """eps_N [Pa/m]: as given, or E/h with h the mean slave edge and E the smaller of the two bodies' at their T0.
+    """eps_N [Pa/m]: as given, or E/h with h the mean slave edge and E the smaller of the bodies' at their T0.
 
     A pair of which a body has no E needs none: no half solves for its stress.
     """

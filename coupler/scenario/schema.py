@@ -36,7 +36,7 @@ class Units(Part):
 
 
 class Windows(Part):
-    """Windows up to `until` [s]: all of one size, or growing (shrinking) geometrically from first to last [s]."""
+    """Windows up to `until` [s]: all of one size, or growing (shrinking) geometrically, first to last [s]."""
 
     until: Positive
     size: Positive | None = None
@@ -54,7 +54,8 @@ class Windows(Part):
         """First and last size [s]."""
         if self.size is not None:
             return self.size, self.size
-        assert self.first is not None and self.last is not None
+        assert self.first is not None
+        assert self.last is not None
         return self.first, self.last
 
 
@@ -66,7 +67,7 @@ class Substeps(Part):
 
 
 class Coupling(Part):
-    """scheme; end [s] (runs begin at 0); kinks [s] besides those of the signals; windows in order; link to contact."""
+    """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
 
     scheme: Scheme = Scheme.STAGGERED
     end: Positive
@@ -118,7 +119,7 @@ class Probe(Part):
 
 
 class Fields(Part):
-    """When fields are kept: every so many windows, or at the first window end at or after each time [s]; or both."""
+    """When fields are kept: every so many windows, and at the first window end at or after times [s]."""
 
     every: Whole | None = None
     at: tuple[NotNegative, ...] = ()
@@ -137,14 +138,14 @@ class ScenarioFile(Part):
     title: Text = ""
     units: Units
     geometry: Geometry
-    signals: dict[Name, SignalSpec] = {}
+    signals: dict[Name, SignalSpec] = Field(default_factory=dict)
     materials: dict[Name, Material] = Field(min_length=1)
     bodies: dict[Name, Body] = Field(min_length=1)
-    contact: dict[Name, ContactPair] = {}
+    contact: dict[Name, ContactPair] = Field(default_factory=dict)
     thermal: Thermal
     mechanical: Mechanical
     coupling: Coupling
-    probes: dict[DottedName, Probe] = {}
+    probes: dict[DottedName, Probe] = Field(default_factory=dict)
     output: Output = Output()
 
     @model_validator(mode="after")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from coupler.scenario.base import Part, SignalSpec, exactly_one
 from coupler.scenario.quantity import Name, NotNegative, Positive, Text, problem
@@ -34,7 +34,7 @@ class FilmGap(Part):
 
 
 class Convection(Part):
-    """h [W/m2K^(1+exponent)], T of the surroundings, exponent alpha; gap: fades where a surface is near. Eqs. (5-7)."""
+    """h [W/m2K^(1+exponent)], T of the surroundings, exponent alpha; gap: fades near others. Eqs. (5-7)."""
 
     h: SignalSpec
     T: SignalSpec
@@ -113,8 +113,8 @@ class Elastic(Part):
 class Rigid(Part):
     """The half `rigid`: bodies not named stay; pressure [Pa] of a pair where it touches."""
 
-    motion: dict[Name, Motion] = {}
-    pressure: dict[Name, SignalSpec] = {}
+    motion: dict[Name, Motion] = Field(default_factory=dict)
+    pressure: dict[Name, SignalSpec] = Field(default_factory=dict)
 
 
 class Thermal(Part):
@@ -124,7 +124,7 @@ class Thermal(Part):
     method: Method = Method.MIDPOINT
     tolerance: Positive = 1e-10
     boundary: tuple[ThermalBoundary, ...] = ()
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict)
 
 
 class Mechanical(Part):
@@ -133,4 +133,4 @@ class Mechanical(Part):
     half: Text
     elastic: Elastic | None = None
     rigid: Rigid | None = None
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default_factory=dict)

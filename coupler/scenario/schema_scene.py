@@ -61,7 +61,7 @@ class Rectangle(Part):
 
 
 class MeshFile(Part):
-    """A mesh file; path relative to the scenario file; unit of its coordinates; region: the physical group to take."""
+    """A mesh file; path relative to the scenario; unit of its coordinates; region: a group of cells."""
 
     path: Text
     unit: Literal["m", "cm", "mm", "um"] = "m"

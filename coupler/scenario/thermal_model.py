@@ -1,4 +1,4 @@
-"""model.json of the thermal half: its share of materials and boundary data, SI and kelvin (form: docs/design.md)."""
+"""model.json of the thermal half, SI and kelvin (form: docs/design.md)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,23 @@ def thermal_model(c: Context) -> Model:
     c.no_options("thermal", thermal.options)
     place: Key = ("thermal", "boundary")
     c.names_once(thermal.boundary, place)
-    return {"half": "thermal", "format": FORMAT, "method": thermal.method.value, "tolerance": thermal.tolerance,
-            "materials": c.materials("thermal", ("rho", "k", "c")),
-            "bodies": {n: {"material": b.material, "T0": c.convert.kelvin(b.T0, ("bodies", n, "T0")),
-                           "Q_T": c.convert.signal(b.Q_T, ("bodies", n, "Q_T"))}
-                       for n, b in c.file.bodies.items()},
-            "boundary": [_boundary(c, b, (*place, i)) for i, b in enumerate(thermal.boundary)],
-            "pairs": {n: _conduction(c, n) for n in c.file.contact}}
+    return {
+        "half": "thermal",
+        "format": FORMAT,
+        "method": thermal.method.value,
+        "tolerance": thermal.tolerance,
+        "materials": c.materials("thermal", ("rho", "k", "c")),
+        "bodies": {
+            n: {
+                "material": b.material,
+                "T0": c.convert.kelvin(b.T0, ("bodies", n, "T0")),
+                "Q_T": c.convert.signal(b.Q_T, ("bodies", n, "Q_T")),
+            }
+            for n, b in c.file.bodies.items()
+        },
+        "boundary": [_boundary(c, b, (*place, i)) for i, b in enumerate(thermal.boundary)],
+        "pairs": {n: _conduction(c, n) for n in c.file.contact},
+    }
 
 
 def _boundary(c: Context, boundary: ThermalBoundary, key: Key) -> Model:

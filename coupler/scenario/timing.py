@@ -24,8 +24,8 @@ SAME = 1e-12
 class Coupling:
     """end [s]; runs begin at 0.  windows : ranges in order, the last ends at end.
 
-    kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal the chosen
-    halves use.  stops : kinks and the ends of ranges; windows end there.  substeps : role -> number in a window.
+    kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
+    the chosen halves use.  substeps : role -> number in a window.
     """
 
     scheme: Scheme
@@ -45,7 +45,9 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     """Check the windows and gather the kinks.  Raises ScenarioError."""
     for i, t in enumerate(spec.kinks):
         if not 0 <= t <= spec.end:
-            raise document.error(("coupling", "kinks", i), f"a kink must lie between 0 and the end, {spec.end:g} s")
+            raise document.error(
+                ("coupling", "kinks", i), f"a kink must lie between 0 and the end, {spec.end:g} s"
+            )
     windows = _ranges(document, spec.windows, spec.end)
     times: Iterable[float] = (*spec.kinks, *kinks_in(models))
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
@@ -58,23 +60,32 @@ def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[W
     for i, spec in enumerate(specs):
         key: Key = ("coupling", "windows", i)
         if spec.until <= start:
-            raise document.error((*key, "until"), f"time goes backwards: the range before ends at {start:g} s")
+            raise document.error(
+                (*key, "until"), f"time goes backwards: the range before ends at {start:g} s"
+            )
         if spec.until > end * (1 + SAME):
             raise document.error((*key, "until"), f"the windows go on after the end of the run, {end:g} s",
                                  "Let the last range end at coupling.end, and drop those after it.")
         sizes = dict(zip(("size",) if spec.size is not None else ("first", "last"), spec.sizes, strict=False))
         for name, size in sizes.items():
             if size > (spec.until - start) * (1 + SAME):
-                raise document.error((*key, name), f"a window is longer than its range, {start:g} to {spec.until:g} s")
+                raise document.error(
+                    (*key, name), f"a window is longer than its range, {start:g} to {spec.until:g} s"
+                )
         count += _count(spec.until - start, *spec.sizes)
         if count > MAX_WINDOWS:
-            raise document.error(key, f"this makes {count:.3g} windows, more than {MAX_WINDOWS}", "Use larger windows.")
+            raise document.error(
+                key, f"this makes {count:.3g} windows, more than {MAX_WINDOWS}", "Use larger windows."
+            )
         ranges.append(WindowRange(min(spec.until, end), *spec.sizes))
         start = spec.until
     if start < end * (1 - SAME):
         last: Key = ("coupling", "windows", len(specs) - 1, "until") if specs else ("coupling", "windows")
-        raise document.error(last, f"the windows cover the run to {start:g} s only, not to its end, {end:g} s",
-                             "Add a range that reaches coupling.end.")
+        raise document.error(
+            last,
+            f"the windows cover the run to {start:g} s only, not to its end, {end:g} s",
+            "Add a range that reaches coupling.end.",
+        )
     ranges[-1] = WindowRange(end, ranges[-1].first, ranges[-1].last)
     return tuple(ranges)
 
