@@ -32,6 +32,7 @@ _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
 
 Arrays = dict[str, NDArray[Any]]
+_NATIVE = {dtype: dtype.newbyteorder("=") for dtype in _DTYPES.values()}
 
 
 class WireError(ValueError):
@@ -94,6 +95,8 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
 
 def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
     """The array little-endian and C-ordered, copied only where it is not."""
+    if array.dtype.str in _DTYPES and array.flags.c_contiguous and array.ndim <= MAX_DIMENSIONS:
+        return array
     if array.dtype.newbyteorder("<").str not in _DTYPES or array.ndim > MAX_DIMENSIONS:
         raise WireError(f"array {key!r}: {array.ndim} dimensions of {array.dtype} cannot be sent")
     # asarray, not ascontiguousarray: the latter makes a vector of a scalar.
@@ -148,6 +151,6 @@ def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, .
     if dtype.kind == "b" and (flat.view(np.uint8) > 1).any():
         raise WireError(f"array {key!r}: a bool that is neither 0 nor 1")
     try:
-        return flat.reshape(shape).astype(dtype.newbyteorder("="), copy=True)
+        return flat.reshape(shape).astype(_NATIVE[dtype], copy=True)
     except ValueError as exc:  # (0, 2**62) has no bytes, yet numpy cannot make it
         raise WireError(f"array {key!r}: shape {shape} is not possible ({exc})") from exc

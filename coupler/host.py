@@ -1,4 +1,4 @@
-"""The process around one half:  python -m coupler.host --name NAME --fmu FILE --run ID
+"""The process around one half:  python -m coupler.host --name NAME --fmu FILE --extracted DIR --run ID
 
 It lives as long as its parent (contact.child), which it tells `ready ENDPOINT INSTANCE` and from which it
 first hears the endpoint of the contact service.  Every call into the FMU comes from the main thread.
@@ -39,18 +39,18 @@ from coupler.verbs import (
 )
 
 PARENT_PATIENCE = 120.0  # s to hear of the contact service, which may be compiling
-Load = Callable[[Path, str], Half]
+Load = Callable[[Path, Path, str], Half]
 
 
 def main(load: Load, arguments: list[str] | None = None) -> None:
-    """Load the half, serve it, and end the process.  load : (FMU, name) -> half."""
+    """Load the half, serve it, and end the process.  load : (FMU, where to unpack it, name) -> half."""
     parser = argparse.ArgumentParser(prog="python -m coupler.host", description=__doc__)
-    for name in ("--name", "--fmu", "--run"):
+    for name in ("--name", "--fmu", "--extracted", "--run"):
         parser.add_argument(name, required=True)
     options = parser.parse_args(arguments)
     parent = become_child(close_all_sessions)
     try:
-        half = load(Path(options.fmu), options.name)
+        half = load(Path(options.fmu), Path(options.extracted), options.name)
     except HalfError as exc:
         _end(1, str(exc))
     # One session for both: calls from the coupler come in at `listen`, the half's own link to contact, opened

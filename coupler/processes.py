@@ -77,7 +77,9 @@ def _start(children: dict[str, Child], fmus: Mapping[str, Path], run: str, direc
     assert CONTACT not in fmus
     children[CONTACT] = start(CONTACT, [*service, "--run", run, "--child"], directory)
     for name, fmu in fmus.items():
-        command = [*host, "--name", name, "--fmu", str(fmu.resolve()), "--run", run]
+        # Unpacked in the run's directory, which this process removes: a host that is killed cannot clean up.
+        command = [*host, "--name", name, "--fmu", str(fmu.resolve()), "--extracted", str(directory / f"{name}.d"),
+                   "--run", run]
         children[name] = start(name, command, directory)
     endpoints: dict[str, str] = {}
     instances: dict[str, str] = {}

@@ -17,7 +17,8 @@ from coupler.host import main
 
 
 class Toy:
-    """State: y, the sum of the gaps of all steps.  Steps longer than 10 s are discarded; h = 7 hangs, h = 8 dies."""
+    """State: y, the sum of the gaps of all steps.  Steps longer than 10 s are discarded; h = 7 hangs, h = 8
+    dies."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -77,7 +78,7 @@ class Toy:
         self.link.close()
 
 
-def load(fmu: Path, name: str) -> Toy:
+def load(fmu: Path, extracted: Path, name: str) -> Toy:
     if not fmu.exists():
         raise HalfError(f"{fmu} does not exist", half=name)
     return Toy(name)
