@@ -1,7 +1,7 @@
 """Thermal contact laws: conductance h_CI [W/m2K] from pressure, gap and temperature.  Eqs. (7)-(10).
 
 A law is a pure function of (p_N, g_N, T): touching points give it their pressure and the gap 0, open points
-the pressure 0 and their gap.  So one law may serve both branches, and then they join: h(g -> 0+) = h(p -> 0+).
+the pressure 0 and their gap.  So one law may serve both branches; then they join.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Law:
     """A conductance law.
 
     name : its word in model.json.
-    of : (p_N [Pa], g_N [m], T [K]) -> (h [W/m2K], dh/dT [W/m2K2]), arrays of one shape; p_N >= 0 and g_N >= 0.
+    of : (p_N [Pa], g_N [m], T [K]) -> (h [W/m2K], dh/dT [W/m2K2]), of one shape; p_N, g_N >= 0.
     """
 
     name: str
@@ -145,7 +145,7 @@ def _gas(spec: Mapping[str, Any]) -> Of:
 
 
 def _table(spec: Mapping[str, Any]) -> Of:
-    """Monotone cubic through (x, h), ends held; x is p_N where touching, g_N where open, or T if variable says so."""
+    """Monotone cubic through (x, h), ends held; x is p_N (touching) and g_N (open), or T by `variable`."""
     name = f"law {spec['law']}"
     try:
         x, h = np.asarray(spec["x"], dtype=float), np.asarray(spec["h"], dtype=float)

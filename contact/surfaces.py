@@ -23,7 +23,7 @@ class Surfaces:
     register : the message, in canonical dtypes.  key : content hash.
     start : (n_surfaces + 1,) the edges of surface k are start[k]..start[k+1]-1.
     chain : (n_edges,) edge numbers, surface by surface, in the order in which one walks along the surface.
-    previous, following : (n_edges,) neighbour within the surface at the edge's first and second node; -1: none.
+    previous, following : (n_edges,) neighbour within the surface at the edge's first, second node; -1: none.
     in_pair : (n_edges,) does the edge belong to a surface of any pair?
     """
 
@@ -83,7 +83,7 @@ def _integers(name: str, value: object, shape: tuple[int, ...]) -> Ints:
 
 
 def checked_reals(name: str, value: object, shape: tuple[int, ...]) -> Floats:
-    """value as a C-ordered float64 array.  Raises ValueError: another shape or dtype, NaN, Inf, beyond LIMIT."""
+    """value as a C-ordered float64 array.  Raises ValueError: other shape or dtype, NaN, beyond LIMIT."""
     a = np.asarray(value)
     if a.shape != shape:
         raise ValueError(f"{name} has shape {a.shape}, expected {shape}")
@@ -127,8 +127,8 @@ def _neighbours(r: Register) -> tuple[Ints, Ints]:
         values, counts = np.unique(keys, return_counts=True)
         if (counts > 1).any():
             surface, node = divmod(int(values[np.argmax(counts > 1)]), r.n_nodes)
-            raise ValueError(f"node {node} is the {name} node of two edges of surface {surface}: a surface is made "
-                             "of chains of edges that run the same way, the body on the left")
+            raise ValueError(f"node {node} is the {name} node of two edges of surface {surface}: a surface "
+                             "is made of chains of edges that run the same way, the body on the left")
     return _lookup(first, second), _lookup(second, first)
 
 

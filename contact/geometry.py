@@ -1,0 +1,302 @@
+"""Compiled kernels of the search: boxes, rays, and the cutting of slave edges at the master's nodes.
+
+A slave point faces the nearest master point on the ray along its normal (contact.normals).  Kernels that call
+each other share this file: a compiled cache is renewed when its own file changes, not when a file it calls does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from contact.wire import Floats, Ints
+
+FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
+ON_NODE = 1e-9  # a foot within this share of an edge beyond its end is on the end
+SLIVER = 1e-13  # cuts closer than this share of an edge are one cut: round-off, not geometry
+STRAIGHT = 1e-6  # master pieces shorter than this share of their edge are weighted as if the map were linear
+REACH = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
+GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
+
+
+@njit(cache=True)
+def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
+    """Boxes [x_min, x_max, y_min, y_max] over a chain of edges, as an implicit binary tree.
+
+    chain : (m,) edge numbers, neighbours side by side, so the boxes are tight however the surface bends.
+    Returns (2 P, 4): node i has children 2i and 2i + 1, leaf P + k is edge chain[k]; P = 2^i >= m.
+    """
+    P = 1
+    while chain.size > P:
+        P *= 2
+    boxes = np.empty((2 * P, 4))
+    for k in range(P):
+        if k < chain.size:
+            a, b = edges[chain[k], 0], edges[chain[k], 1]
+            for c in range(2):
+                boxes[P + k, 2 * c] = min(x[a, c], x[b, c])
+                boxes[P + k, 2 * c + 1] = max(x[a, c], x[b, c])
+        else:
+            for c in range(4):  # an empty box: whatever it is compared with, it is passed by
+                boxes[P + k, c] = np.inf if c % 2 == 0 else -np.inf
+    for i in range(P - 1, 0, -1):
+        for c in range(2):
+            boxes[i, 2 * c] = min(boxes[2 * i, 2 * c], boxes[2 * i + 1, 2 * c])
+            boxes[i, 2 * c + 1] = max(boxes[2 * i, 2 * c + 1], boxes[2 * i + 1, 2 * c + 1])
+    return boxes
+
+
+@njit(cache=True)
+def candidates(boxes: Floats, x1: Floats, x2: Floats, n1: Floats, n2: Floats, back: float, ahead: float,
+               found: Ints) -> int:
+    """Leaves of a box tree that the rays of a slave edge may reach.
+
+    The rays from x1..x2 along n1..n2, from -back to ahead [m], fill a quadrilateral; a box is passed by if it
+    misses the quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put
+    into found.
+    """
+    tx, ty = x2[0] - x1[0], x2[1] - x1[1]
+    slack = ON_NODE * np.sqrt(tx * tx + ty * ty)
+    low_x = low_y = low_t = np.inf
+    high_x = high_y = high_t = -np.inf
+    for corner in range(4):
+        s = -back * REACH if corner % 2 == 0 else ahead * REACH
+        px = x1[0] + s * n1[0] if corner < 2 else x2[0] + s * n2[0]
+        py = x1[1] + s * n1[1] if corner < 2 else x2[1] + s * n2[1]
+        pt = (px - x1[0]) * tx + (py - x1[1]) * ty
+        low_x, high_x = min(low_x, px - slack), max(high_x, px + slack)
+        low_y, high_y = min(low_y, py - slack), max(high_y, py + slack)
+        low_t, high_t = min(low_t, pt), max(high_t, pt)
+    slack_t = slack * (abs(tx) + abs(ty))
+    low_t, high_t = low_t - slack_t, high_t + slack_t
+    P = boxes.shape[0] // 2
+    stack = np.empty(64, dtype=np.int32)
+    stack[0], top, count = 1, 1, 0
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        b = boxes[i]
+        if b[0] > high_x or b[1] < low_x or b[2] > high_y or b[3] < low_y:
+            continue
+        middle = (0.5 * (b[0] + b[1]) - x1[0]) * tx + (0.5 * (b[2] + b[3]) - x1[1]) * ty
+        half = 0.5 * ((b[1] - b[0]) * abs(tx) + (b[3] - b[2]) * abs(ty))
+        if middle - half > high_t or middle + half < low_t:
+            continue
+        if i >= P:
+            found[count] = i - P
+            count += 1
+        else:
+            # The right child is taken first: the chains of a pair run against each other, so feet come ascending.
+            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
+            top += 2
+    return count
+
+
+@njit(cache=True)
+def feet(x1: Floats, x2: Floats, n1: Floats, n2: Floats, X: Floats) -> tuple[float, float]:
+    """The slave coordinates xi whose rays pass through X: roots of (X - x(xi)) x n(xi) = 0; NaN: none.
+
+    The first root is the one that stays finite as the normals become parallel.
+    """
+    dx, dy, ex, ey = x2[0] - x1[0], x2[1] - x1[1], n2[0] - n1[0], n2[1] - n1[1]
+    rx, ry = X[0] - x1[0], X[1] - x1[1]
+    c0 = rx * n1[1] - ry * n1[0]
+    c1 = (rx * ey - ry * ex) - (dx * n1[1] - dy * n1[0])
+    c2 = -(dx * ey - dy * ex)
+    inner = c1 * c1 - 4.0 * c2 * c0
+    if inner < 0.0:
+        return np.nan, np.nan
+    q = -0.5 * (c1 + np.sqrt(inner)) if c1 >= 0.0 else -0.5 * (c1 - np.sqrt(inner))
+    return (c0 / q if q != 0.0 else np.nan), (q / c2 if c2 != 0.0 else np.nan)
+
+
+@njit(cache=True)
+def ray(x1: Floats, x2: Floats, n1: Floats, n2: Floats, xi: float, a: Floats,
+        b: Floats) -> tuple[float, float, float]:
+    """Where the ray of slave coordinate xi meets the line a..b: coordinate on it, gap [m], n . n_m."""
+    px, py = x1[0] + xi * (x2[0] - x1[0]), x1[1] + xi * (x2[1] - x1[1])
+    nx, ny = n1[0] + xi * (n2[0] - n1[0]), n1[1] + xi * (n2[1] - n1[1])
+    size = np.sqrt(nx * nx + ny * ny)
+    nx, ny = nx / size, ny / size
+    ex, ey = b[0] - a[0], b[1] - a[1]
+    cross = ex * ny - ey * nx
+    if cross == 0.0:
+        return np.nan, np.nan, 0.0
+    rx, ry = px - a[0], py - a[1]
+    return (rx * ny - ry * nx) / cross, (rx * ey - ry * ex) / cross, -cross / np.sqrt(ex * ex + ey * ey)
+
+
+@njit(cache=True)
+def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
+    """Is gap g of master edge m to be preferred to the best so far?  Nearest first, then the lower number."""
+    return abs(g) < abs(best) - slack or (m < best_m and abs(g) <= abs(best) + slack)
+
+
+@njit(cache=True)
+def opposed(n1: Floats, n2: Floats, m: Floats) -> bool:
+    """Does a slave edge with end normals n1, n2 face a master edge with normal m anywhere?"""
+    return min(n1[0] * m[0] + n1[1] * m[1], n2[0] * m[0] + n2[1] * m[1]) < -FACING_COS
+
+
+@njit(cache=True)
+def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> None:
+    """Keep the nearest gap of a node."""
+    if -back <= g < ahead and abs(g) < abs(near[node]):
+        near[node] = g
+
+
+@njit(cache=True)
+def cut_edge(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int, cuts: Floats,
+             spans: Floats, near: Floats, back: float, ahead: float) -> int:
+    """Cuts of slave edge e at the feet of its candidates' nodes; the gaps of those nodes on the way.
+
+    found : (>= count,) master edges.  Fills cuts, ascending from 0 to 1, and spans : (count, 2), the range of xi
+    in which each candidate can be met; near : (n_s,) is updated.  Returns the number of cuts.
+    """
+    x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
+    cuts[0], n = 0.0, 1
+    for k in range(count):
+        m = found[k]
+        spans[k, 0], spans[k, 1] = np.inf, -np.inf
+        for end in range(1, -1, -1):
+            X = x[edges[m, end]]
+            first, second = feet(x1, x2, n1, n2, X)
+            wide = np.isnan(first) or 0.0 < second < 1.0
+            spans[k, 0] = 0.0 if wide else min(spans[k, 0], first)
+            spans[k, 1] = 1.0 if wide else max(spans[k, 1], first)
+            for xi in (first, second):
+                if -ON_NODE <= xi <= 1.0 + ON_NODE:
+                    _, g, facing = ray(x1, x2, n1, n2, xi, x[edges[m, 0]], x[edges[m, 1]])
+                    if facing < -FACING_COS:
+                        note_node(near, edges[m, end], g, back, ahead)
+                if 0.0 < xi < 1.0:
+                    i = n
+                    while cuts[i - 1] > xi:
+                        cuts[i] = cuts[i - 1]
+                        i -= 1
+                    cuts[i] = xi
+                    n += 1
+    kept = 1
+    for i in range(1, n):
+        if cuts[i] - cuts[kept - 1] > SLIVER and 1.0 - cuts[i] > SLIVER:
+            cuts[kept] = cuts[i]
+            kept += 1
+    cuts[kept] = 1.0
+    return kept + 1
+
+
+@njit(cache=True)
+def meet(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int, cuts: Floats, n_cuts: int,
+         spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
+    """Into met the nearest master edge that the middle ray of each piece of slave edge e meets; -1: none."""
+    x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
+    slack = ON_NODE * np.sqrt((x2[0] - x1[0]) ** 2 + (x2[1] - x1[1]) ** 2)
+    for i in range(n_cuts - 1):
+        met[i], met_gap[i] = -1, np.inf
+    for k in range(count):
+        m = found[k]
+        i, end = 0, n_cuts - 1
+        while end - i > 1:  # the last cut before the candidate's range
+            half = (i + end) // 2
+            if cuts[half] < spans[k, 0] - SLIVER:
+                i = half
+            else:
+                end = half
+        while i < n_cuts - 1 and cuts[i] < spans[k, 1]:
+            middle = 0.5 * (cuts[i] + cuts[i + 1])
+            xi_m, g, facing = ray(x1, x2, n1, n2, middle, x[edges[m, 0]], x[edges[m, 1]])
+            hit = -SLIVER <= xi_m <= 1.0 + SLIVER and facing < -FACING_COS and -back <= g < ahead
+            if hit and (met[i] < 0 or nearer(g, m, met_gap[i], met[i], slack)):
+                met[i], met_gap[i] = m, g
+            i += 1
+
+
+@njit(cache=True)
+def master_weights(xi: Floats, low: float, high: float, size: float, r_low: float,
+                   r_high: float) -> tuple[float, float]:
+    """Weights at two master coordinates xi that integrate linear functions over the piece low..high exactly.
+
+    So the pieces of an edge add up to the whole edge for each of its shape functions, though the map from the
+    slave is not linear.  size : length of the piece [m].  r_low, r_high : 2 pi r at its ends [m], or 1.
+    """
+    m0, m1 = 0.5 * (r_low + r_high), r_low / 6.0 + r_high / 3.0
+    s0, s1 = 0.5 - GAUSS, 0.5 + GAUSS
+    if abs(high - low) > STRAIGHT:
+        t0, t1 = (xi[0] - low) / (high - low), (xi[1] - low) / (high - low)
+        if t0 < m1 / m0 < t1:  # outside of that a weight would be negative
+            s0, s1 = t0, t1
+    second = (m1 - s0 * m0) / (s1 - s0)
+    return size * (m0 - second), size * second
+
+
+@njit(cache=True)
+def place(x: Floats, edges: Ints, length: Floats, normal: Floats, e: int, m: int, low: float, high: float,
+          axisymmetric: bool, out: Floats) -> None:
+    """The two facing points of piece low..high of slave edge e on master edge m.
+
+    Fills out : (2, 5), rows xi_s, xi_m, gap, area, area_m.
+    """
+    x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
+    a, b = x[edges[m, 0]], x[edges[m, 1]]
+    for q in range(2):
+        xi = 0.5 * (low + high) + (2 * q - 1) * GAUSS * (high - low)
+        xi_m, g, _ = ray(x1, x2, n1, n2, xi, a, b)
+        r = 2.0 * np.pi * max(x1[0] + xi * (x2[0] - x1[0]), 0.0) if axisymmetric else 1.0
+        out[q, 0], out[q, 1], out[q, 2] = xi, min(max(xi_m, 0.0), 1.0), g
+        out[q, 3] = 0.5 * (high - low) * length[e] * r
+    ends = np.empty(2)
+    for q in range(2):
+        xi_m, _, _ = ray(x1, x2, n1, n2, low if q == 0 else high, a, b)
+        ends[q] = min(max(xi_m, 0.0), 1.0)
+    r_low = 2.0 * np.pi * max(a[0] + ends[0] * (b[0] - a[0]), 0.0) if axisymmetric else 1.0
+    r_high = 2.0 * np.pi * max(a[0] + ends[1] * (b[0] - a[0]), 0.0) if axisymmetric else 1.0
+    if r_low + r_high > 0.0:
+        size = abs(ends[1] - ends[0]) * length[m]
+        out[0, 4], out[1, 4] = master_weights(out[:, 1], ends[0], ends[1], size, r_low, r_high)
+    else:
+        out[:, 4] = 0.0
+
+
+@njit(cache=True)
+def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tuple[int, int], masters: Ints,
+              gap_max: float, axisymmetric: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
+    """Facing points of one pair.
+
+    slaves : first and last + 1 of the slave's edges.  masters : the master's edges as a chain.  Fills
+    met_edges : (capacity, 2), slave and master edge, and values : (capacity, 5), xi_s, xi_m, gap, area, area_m,
+    two rows a piece, and near : (n_s,), the nearest gap of each node.  Returns how many points there are, which
+    may be more than the capacity.
+    """
+    boxes, longest = box_tree(x, edges, masters), 0.0
+    for m in masters:
+        longest = max(longest, length[m])
+    found, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
+    cuts, met_gap = np.empty(4 * masters.size + 2), np.empty(4 * masters.size + 2)
+    met = np.empty(4 * masters.size + 2, dtype=np.int32)
+    n_points = 0
+    for e in range(slaves[0], slaves[1]):
+        back = max(length[e], longest)
+        x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
+        count = 0
+        for k in range(candidates(boxes, x1, x2, n1, n2, back, gap_max, found)):
+            m = masters[found[k]]
+            if opposed(n1, n2, normal[m, 0]):
+                found[count] = m
+                count += 1
+        n_cuts = cut_edge(x, edges, normal, e, found, count, cuts, spans, near, back, gap_max)
+        for k in range(count):
+            for end in range(2):
+                a, b = x[edges[found[k], 0]], x[edges[found[k], 1]]
+                xi_m, g, facing = ray(x1, x2, n1, n2, float(end), a, b)
+                if -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS:
+                    note_node(near, edges[e, end], g, back, gap_max)
+        meet(x, edges, normal, e, found, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
+        for i in range(n_cuts - 1):
+            if met[i] < 0:
+                continue
+            if n_points + 2 <= values.shape[0]:
+                met_edges[n_points : n_points + 2, 0], met_edges[n_points : n_points + 2, 1] = e, met[i]
+                place(x, edges, length, normal, e, met[i], cuts[i], cuts[i + 1], axisymmetric,
+                      values[n_points : n_points + 2])
+            n_points += 2
+    return n_points
