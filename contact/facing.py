@@ -89,7 +89,7 @@ def _check_geometry(surfaces: Surfaces, x: Floats, length: Floats) -> None:
         raise ValueError(f"node {node} lies beyond the axis, r = {x[node, 0]!r}")
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def covered_shares(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.bool_], axisymmetric: bool,
                    met: Ints, values: Floats) -> Floats:
     """(n_s,) share in [0, 1] of each node's surface, by its shape functions, that faces something."""

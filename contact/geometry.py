@@ -19,7 +19,7 @@ REACH = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at m
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
     """Boxes [x_min, x_max, y_min, y_max] over a chain of edges, as an implicit binary tree.
 
@@ -46,10 +46,16 @@ def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
     return boxes
 
 
-@njit(cache=True)
-def candidates(boxes: Floats, x1: Floats, x2: Floats, n1: Floats, n2: Floats, back: float, ahead: float,
-               found: Ints) -> int:
-    """Leaves of a box tree that the rays of a slave edge may reach.
+@njit(cache=True, error_model="numpy")
+def opposed(n1: Floats, n2: Floats, m: Floats) -> bool:
+    """Does a slave edge with end normals n1, n2 face a master edge with normal m anywhere?"""
+    return min(n1[0] * m[0] + n1[1] * m[1], n2[0] * m[0] + n2[1] * m[1]) < -FACING_COS
+
+
+@njit(cache=True, error_model="numpy")
+def candidates(boxes: Floats, masters: Ints, normal: Floats, x1: Floats, x2: Floats, n1: Floats, n2: Floats,
+               back: float, ahead: float, found: Ints) -> int:
+    """Edges of a box tree over the chain masters that the rays of a slave edge may reach, and that face it.
 
     The rays from x1..x2 along n1..n2, from -back to ahead [m], fill a quadrilateral; a box is passed by if it
     misses the quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put
@@ -83,8 +89,10 @@ def candidates(boxes: Floats, x1: Floats, x2: Floats, n1: Floats, n2: Floats, ba
         if middle - half > high_t or middle + half < low_t:
             continue
         if i >= P:
-            found[count] = i - P
-            count += 1
+            m = masters[i - P]
+            if opposed(n1, n2, normal[m, 0]):
+                found[count] = m
+                count += 1
         else:
             # The right child is taken first: the chains of a pair run against each other, so feet come ascending.
             stack[top], stack[top + 1] = 2 * i, 2 * i + 1
@@ -92,7 +100,7 @@ def candidates(boxes: Floats, x1: Floats, x2: Floats, n1: Floats, n2: Floats, ba
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def feet(x1: Floats, x2: Floats, n1: Floats, n2: Floats, X: Floats) -> tuple[float, float]:
     """The slave coordinates xi whose rays pass through X: roots of (X - x(xi)) x n(xi) = 0; NaN: none.
 
@@ -110,7 +118,7 @@ def feet(x1: Floats, x2: Floats, n1: Floats, n2: Floats, X: Floats) -> tuple[flo
     return (c0 / q if q != 0.0 else np.nan), (q / c2 if c2 != 0.0 else np.nan)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def ray(x1: Floats, x2: Floats, n1: Floats, n2: Floats, xi: float, a: Floats,
         b: Floats) -> tuple[float, float, float]:
     """Where the ray of slave coordinate xi meets the line a..b: coordinate on it, gap [m], n . n_m."""
@@ -126,26 +134,20 @@ def ray(x1: Floats, x2: Floats, n1: Floats, n2: Floats, xi: float, a: Floats,
     return (rx * ny - ry * nx) / cross, (rx * ey - ry * ex) / cross, -cross / np.sqrt(ex * ex + ey * ey)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
     """Is gap g of master edge m to be preferred to the best so far?  Nearest first, then the lower number."""
     return abs(g) < abs(best) - slack or (m < best_m and abs(g) <= abs(best) + slack)
 
 
-@njit(cache=True)
-def opposed(n1: Floats, n2: Floats, m: Floats) -> bool:
-    """Does a slave edge with end normals n1, n2 face a master edge with normal m anywhere?"""
-    return min(n1[0] * m[0] + n1[1] * m[1], n2[0] * m[0] + n2[1] * m[1]) < -FACING_COS
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> None:
     """Keep the nearest gap of a node."""
     if -back <= g < ahead and abs(g) < abs(near[node]):
         near[node] = g
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cut_edge(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int, cuts: Floats,
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cuts of slave edge e at the feet of its candidates' nodes; the gaps of those nodes on the way.
@@ -185,7 +187,7 @@ def cut_edge(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count:
     return kept + 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def meet(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int, cuts: Floats, n_cuts: int,
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
     """Into met the nearest master edge that the middle ray of each piece of slave edge e meets; -1: none."""
@@ -211,7 +213,7 @@ def meet(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int
             i += 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def master_weights(xi: Floats, low: float, high: float, size: float, r_low: float,
                    r_high: float) -> tuple[float, float]:
     """Weights at two master coordinates xi that integrate linear functions over the piece low..high exactly.
@@ -229,7 +231,7 @@ def master_weights(xi: Floats, low: float, high: float, size: float, r_low: floa
     return size * (m0 - second), size * second
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def place(x: Floats, edges: Ints, length: Floats, normal: Floats, e: int, m: int, low: float, high: float,
           axisymmetric: bool, out: Floats) -> None:
     """The two facing points of piece low..high of slave edge e on master edge m.
@@ -257,7 +259,7 @@ def place(x: Floats, edges: Ints, length: Floats, normal: Floats, e: int, m: int
         out[:, 4] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tuple[int, int], masters: Ints,
               gap_max: float, axisymmetric: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
     """Facing points of one pair.
@@ -277,12 +279,7 @@ def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tu
     for e in range(slaves[0], slaves[1]):
         back = max(length[e], longest)
         x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
-        count = 0
-        for k in range(candidates(boxes, x1, x2, n1, n2, back, gap_max, found)):
-            m = masters[found[k]]
-            if opposed(n1, n2, normal[m, 0]):
-                found[count] = m
-                count += 1
+        count = candidates(boxes, masters, normal, x1, x2, n1, n2, back, gap_max, found)
         n_cuts = cut_edge(x, edges, normal, e, found, count, cuts, spans, near, back, gap_max)
         for k in range(count):
             for end in range(2):

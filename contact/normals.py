@@ -17,7 +17,7 @@ from contact.wire import Floats, Ints
 CORNER_COS = 0.5
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tuple[Floats, Floats]:
     """Outward normals and lengths of edges.
 

@@ -1,0 +1,50 @@
+"""The contact service: a request in, a reply out.
+
+A reply depends on its request and on surfaces registered by content hash, on nothing else; so rollback, retry and
+restart of a caller need no care.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections import OrderedDict
+
+from contact.facing import project
+from contact.surfaces import Surfaces, surfaces_of
+from contact.traction import traction
+from contact.wire import Project, Refused, Register, Registered, Reply, Request, Traction
+
+KEPT = 64  # scenes kept registered; the one unused longest goes first, and its caller registers it again
+
+
+class ContactService:
+    """Answers Register, Project and Traction; wrong requests get a Refused, never an exception."""
+
+    def __init__(self) -> None:
+        self._scenes: OrderedDict[str, Surfaces] = OrderedDict()
+
+    def handle(self, request: Request) -> Reply:
+        """Answer one request."""
+        try:
+            return self._answer(request)
+        except ValueError as exc:
+            return Refused("bad_request", str(exc))
+        except Exception:  # noqa: BLE001 - the caller may be in another process: the reply must carry the fault there
+            return Refused("bug", traceback.format_exc())
+
+    def _answer(self, request: Request) -> Reply:
+        if isinstance(request, Register):
+            scene = surfaces_of(request)
+            self._scenes[scene.key] = scene
+            while len(self._scenes) > KEPT:
+                self._scenes.popitem(last=False)
+            return Registered(scene.key)
+        if not isinstance(request, (Project, Traction)):
+            return Refused("bad_request", f"{type(request).__name__} is not a request of the contact service")
+        known = self._scenes.get(request.surfaces)
+        if known is None:
+            return Refused("unknown_surfaces", f"no surfaces are registered as {request.surfaces!r}")
+        self._scenes.move_to_end(request.surfaces)
+        if isinstance(request, Project):
+            return project(known, request.x)
+        return traction(known, request.x, request.multipliers)
