@@ -24,7 +24,7 @@ class Surfaces:
     start : (n_surfaces + 1,) the edges of surface k are start[k]..start[k+1]-1.
     chain : (n_edges,) edge numbers, surface by surface, in the order in which one walks along the surface.
     previous, following : (n_edges,) neighbour within the surface at the edge's first, second node; -1: none.
-    in_pair : (n_edges,) does the edge belong to a surface of any pair?
+    in_pair : (n_edges,) does the edge belong to a surface of any pair?  on_slave : (n_s,) is the node on a slave?
     """
 
     register: Register
@@ -34,6 +34,7 @@ class Surfaces:
     previous: Ints
     following: Ints
     in_pair: NDArray[np.bool_]
+    on_slave: NDArray[np.bool_]
 
 
 def surfaces_of(message: Register) -> Surfaces:
@@ -45,7 +46,9 @@ def surfaces_of(message: Register) -> Surfaces:
     previous, following = _neighbours(r)
     start = np.searchsorted(r.edge_surface, np.arange(n_surfaces + 1)).astype(np.int32)
     in_pair = np.isin(r.edge_surface, np.concatenate([r.pair_slave, r.pair_master]))
-    return Surfaces(r, _key(r), start, _chain(previous, following), previous, following, in_pair)
+    on_slave = np.zeros(r.n_nodes, dtype=bool)
+    on_slave[r.edges[np.isin(r.edge_surface, r.pair_slave)]] = True
+    return Surfaces(r, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
 
 
 def _canonical(m: Register) -> Register:

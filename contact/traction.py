@@ -30,10 +30,8 @@ def traction(surfaces: Surfaces, x: Floats, multipliers: Floats) -> Tractions:
     p_N = pressures(r.edges, cut.met, cut.values, eps_N, multipliers)
     force, t_N = nodal_forces(r.edges, cut.met, cut.values, cut.normal, p_N, r.n_nodes)
     nodes, blocks = stiffness(r.edges, cut.met, cut.values, cut.normal, p_N, eps_N)
-    on_slave = np.zeros(r.n_nodes, dtype=bool)
-    on_slave[r.edges[np.isin(r.edge_surface, r.pair_slave)]] = True
-    return Tractions(force, nodes, blocks, t_N, cut.node_gap, cut.node_covered, np.where(on_slave, t_N, 0.0),
-                     int(np.count_nonzero(p_N > 0.0)))
+    new = np.where(surfaces.on_slave, t_N, 0.0)
+    return Tractions(force, nodes, blocks, t_N, cut.node_gap, cut.node_covered, new, int(np.count_nonzero(p_N)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -108,11 +106,12 @@ def _add_point(block: Floats, value: Floats, normal: Floats, n_m: Floats, eps_N:
     """Add eps_N A (G n)(G n_m/(n . n_m))^T of one point to its block : (8, 8)."""
     n_x, n_y = _ray_normal(normal, value[0])
     facing = n_x * n_m[0] + n_y * n_m[1]
-    push, slope, G = np.empty(8), np.empty(8), np.empty(4)
-    G[0], G[1], G[2], G[3] = value[0] - 1.0, -value[0], 1.0 - value[1], value[1]
-    for k in range(4):
-        push[2 * k], push[2 * k + 1] = G[k] * n_x, G[k] * n_y
-        slope[2 * k], slope[2 * k + 1] = G[k] * n_m[0] / facing, G[k] * n_m[1] / facing
-    for j in range(8):
-        for k in range(8):
-            block[j, k] += eps_N * value[3] * push[j] * slope[k]
+    k_N = eps_N * value[3] / facing
+    G = (value[0] - 1.0, -value[0], 1.0 - value[1], value[1])
+    for j in range(4):
+        for k in range(4):
+            K = k_N * G[j] * G[k]
+            block[2 * j, 2 * k] += K * n_x * n_m[0]
+            block[2 * j, 2 * k + 1] += K * n_x * n_m[1]
+            block[2 * j + 1, 2 * k] += K * n_y * n_m[0]
+            block[2 * j + 1, 2 * k + 1] += K * n_y * n_m[1]
