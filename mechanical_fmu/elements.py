@@ -1,4 +1,4 @@
-"""Cells of one kind: shape functions, reference gradients and quadrature weights of 4-node quads or 3-node triangles."""
+"""Cells of one kind (4-node quads or 3-node triangles): shape functions, reference gradients, quadrature weights."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Volume:
         return f
 
     def tangent(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[Floats, Floats]:
-        """f_int and the entries of its derivative, flat, blocks in the order of the cells.  Raises InvertedCellError."""
+        """f_int and the entries of its derivative, flat, blocks in the order of cells.  Raises InvertedCellError."""
         f = np.zeros((self.n_nodes, 2))
         entries = np.empty(sum(len(c.nodes) * (2 * c.nodes.shape[1]) ** 2 for c in self.kinds))
         start = 0

@@ -1,0 +1,116 @@
+"""Prescribed displacements, the rigid motions they leave free, and the predictor that moves a driven body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from contact.half.signal import Signal
+from mechanical_fmu.elastic_spec import Displacement
+
+Floats = NDArray[np.float64]
+
+# A node nearer to the axis than this share of the mesh's size is on it.
+ON_AXIS = 1e-12
+# Rank of the constraints on one body's three rigid motions, relative to the best constrained one.
+RANK = 1e-10
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """Degrees of freedom (2 node + component) whose value is given.
+
+    fixed : (n_fixed,) degrees of freedom, ascending.  source : (n_fixed,) index into signals, -1 for a plain 0.
+    names : of the factor of each signal, "" for none.  free : (2 n_nodes,) 1.0 where free, else 0.0.
+    node_body : (n_nodes,), -1 where no cell is.  n_bodies.  axisymmetric : then a body can only move along y.
+    """
+
+    fixed: NDArray[np.intp]
+    source: NDArray[np.intp]
+    signals: tuple[Signal, ...]
+    names: tuple[str, ...]
+    free: Floats
+    node_body: NDArray[np.int32]
+    n_bodies: int
+    axisymmetric: bool
+
+    def values(self, t: float, side: int, factors: Mapping[str, float]) -> Floats:
+        """(n_fixed,) displacements [m] at time t, from the given side of a jump."""
+        numbers = [s.at(t, side) * (factors[n] if n else 1.0) for s, n in zip(self.signals, self.names, strict=True)]
+        return np.array([*numbers, 0.0])[self.source]
+
+    def moved(self, u: Floats, target: Floats) -> Floats:
+        """u with every driven body moved rigidly, by its mean prescribed increment in each component.
+
+        Without it a large sliding step would shear the driven row of cells flat before the first iteration.
+        """
+        increment = target - u.ravel()[self.fixed]
+        body = self.node_body[self.fixed // 2]
+        group = 2 * body + self.fixed % 2
+        inside = body >= 0
+        size = 2 * self.n_bodies
+        n = np.bincount(group[inside], minlength=size)
+        total = np.bincount(group[inside], weights=increment[inside], minlength=size)
+        mean = (total / np.maximum(n, 1)).reshape(-1, 2)
+        return u + np.where(self.node_body[:, None] >= 0, mean[self.node_body], 0.0)
+
+    def loose_motions(self, x: Floats) -> tuple[tuple[int, Floats], ...]:
+        """(body, Z) of bodies that could move rigidly: Z : (3, n_motions) combines moving along x, y and turning.
+
+        x : (n_nodes, 2) [m].  Turning is about the body's middle, by an angle of 1/size.
+        """
+        loose = []
+        for body in range(self.n_bodies):
+            rows = np.flatnonzero(self.node_body[self.fixed // 2] == body)
+            C = self.rigid_motions(x, body)[self.fixed[rows]]
+            if self.axisymmetric:
+                C = np.vstack([C, [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])
+            values, vectors = np.linalg.eigh(C.T @ C)
+            Z = vectors[:, values <= RANK * max(values[-1], 1.0)]
+            if Z.shape[1]:
+                loose.append((body, Z))
+        return tuple(loose)
+
+    def rigid_motions(self, x: Floats, body: int) -> Floats:
+        """(2 n_nodes, 3): moving along x, along y, turning; 0 on other bodies."""
+        here = self.node_body == body
+        offset = x - 0.5 * (x[here].max(axis=0) + x[here].min(axis=0))
+        size = max(float(np.abs(offset[here]).max()), np.finfo(float).tiny)
+        motions = np.zeros((len(x), 2, 3))
+        motions[here, 0, 0] = motions[here, 1, 1] = 1.0
+        motions[here, 0, 2] = -offset[here, 1] / size
+        motions[here, 1, 2] = offset[here, 0] / size
+        return motions.reshape(-1, 3)
+
+
+def constraints_of(interface: Interface, displacements: Sequence[Displacement]) -> Constraints:
+    """Collect the prescribed components.
+
+    On the axis u_r = 0; a node no cell uses stays.  Raises ValueError where two prescriptions disagree on a node.
+    """
+    given: dict[int, int] = {}
+    for i, d in enumerate(displacements):
+        for dof in 2 * d.nodes + d.component:
+            first = given.setdefault(int(dof), i)
+            if first != i and not _same(displacements[first], d):
+                raise ValueError(f"model.json: boundary on {displacements[first].on} and on {d.on} both prescribe "
+                                 f"component {d.component} of node {dof // 2 + 1}, differently")
+    still = np.repeat(interface.node_body < 0, 2)
+    if interface.axisymmetric:
+        still[::2] |= np.abs(interface.nodes[:, 0]) <= ON_AXIS * np.ptp(interface.nodes)
+    for dof in np.flatnonzero(still):
+        given.setdefault(int(dof), -1)
+    fixed = np.array(sorted(given), dtype=np.intp)
+    free = np.ones(2 * len(interface.nodes))
+    free[fixed] = 0.0
+    return Constraints(fixed, np.array([given[int(d)] for d in fixed], dtype=np.intp),
+                       tuple(d.value for d in displacements), tuple(d.name for d in displacements), free,
+                       interface.node_body, len(interface.bodies), interface.axisymmetric)
+
+
+def _same(a: Displacement, b: Displacement) -> bool:
+    return a.name == b.name and np.array_equal(a.value.t, b.value.t) and np.array_equal(a.value.value, b.value.value)

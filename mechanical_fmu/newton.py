@@ -1,0 +1,118 @@
+"""Equilibrium by Newton's method, with a line search on the work of the out-of-balance force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.tangent import Anchor, fresh_direction
+from mechanical_fmu.volume import InvertedCellError
+
+Floats = NDArray[np.float64]
+
+# A step is shortened while the work d . r left at its end exceeds this share of that at its start (Crisfield's .8).
+SLACK = 0.8
+MOST_CUTS = 8
+# An iteration with an old factor that leaves more than this share of the residual is a poor one; after so many
+# poor ones the tangent is taken fresh.  Contact that changes may cause one or two whatever the tangent.
+POOR, MOST_POOR = 0.3, 3
+
+
+class NoEquilibriumError(ArithmeticError):
+    """Newton's method gave up."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """tolerance : of the residual of each body, relative to the forces on it.  max_iterations : of one step.
+
+    adopt, keep : drift of the stiffness up to which a factor is begun to be, and goes on being, used again;
+    negative: never.  A wide gap between them, because beginning costs a factor and a solve per surface unknown.
+    """
+
+    tolerance: float
+    max_iterations: int = 25
+    adopt: float = 0.002
+    keep: float = 0.02
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """balance : at the solution.  residual : largest relative residual of a body.  history : of every iterate.
+
+    iterations : directions computed.  fresh : whether a tangent had to be taken anew.
+    """
+
+    balance: Balance
+    residual: float
+    history: tuple[float, ...]
+    fresh: bool
+
+    @property
+    def iterations(self) -> int:
+        return len(self.history) - 1
+
+
+def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | None, settings: Settings) -> Equilibrium:
+    """The equilibrium nearest to start.
+
+    anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
+    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    """
+    balance, history, poor, fresh = start, [], 0, False
+    floor = system.floor(loading, settings.tolerance)
+    for _ in range(settings.max_iterations + 1):
+        error = system.error(balance, floor)
+        history.append(float(error.max()))
+        gap = loading.target - balance.u.ravel()[system.constraints.fixed]
+        if history[-1] <= settings.tolerance and not gap.any():
+            return Equilibrium(balance, history[-1], tuple(history), fresh)
+        poor += len(history) > 1 and history[-1] > POOR * history[-2]
+        if anchor is not None and poor < MOST_POOR:
+            d = anchor.direction(balance, gap)
+        else:
+            fresh = True
+            if balance.entries is None:
+                balance = system.balance(balance.u, loading, tangent=True)
+            d = fresh_direction(system, balance, loading, gap)
+        balance = _search(system, loading, balance, d, floor, settings.tolerance)
+    body = system.interface.bodies[int(np.argmax(error))]
+    raise NoEquilibriumError(f"no equilibrium after {settings.max_iterations} iterations: the forces on body {body} "
+                             f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
+
+
+def _search(system: System, loading: Loading, start: Balance, d: Floats, floor: Floats, tolerance: float) -> Balance:
+    """Balance at u + s d; s = 1 unless that turns a cell inside out or overshoots.
+
+    The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
+    """
+    free = system.constraints.free
+    driven = bool(d[system.constraints.fixed].any())
+    work = float(np.dot(d * free, start.r.ravel()))
+    s, before, best = 1.0, float(system.error(start, floor).max()), None
+    for _ in range(MOST_CUTS):
+        try:
+            trial = system.balance(_moved(system, loading, start.u, d, s), loading)
+        except InvertedCellError as exc:
+            inverted, s = exc, 0.5 * s
+            continue
+        after = float(system.error(trial, floor).max())
+        left = float(np.dot(d * free, trial.r.ravel()))
+        if driven or after <= max(tolerance, 0.5 * before) or work >= 0.0 or left <= SLACK * abs(work):
+            return trial
+        if best is None or after < best[0]:
+            best = (after, trial)
+        s *= float(np.clip(work / (work - left), 0.1, 0.5))
+    if best is None:
+        raise inverted
+    return best[1]
+
+
+def _moved(system: System, loading: Loading, u: Floats, d: Floats, s: float) -> Floats:
+    moved = u.ravel() + s * d
+    if s == 1.0:
+        moved[system.constraints.fixed] = loading.target
+    return moved.reshape(-1, 2)

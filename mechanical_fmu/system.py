@@ -1,0 +1,161 @@
+"""Balance of forces at a trial displacement: what pushes, what resists, and how far from equilibrium it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from contact.half.interface import Interface
+from contact.half.sparse import Pattern, pattern_of
+from contact.wire import Tractions
+from mechanical_fmu.constraints import Constraints, constraints_of
+from mechanical_fmu.contact_forces import Contact
+from mechanical_fmu.elastic_spec import ElasticSpec, Pressure
+from mechanical_fmu.elements import cells_of
+from mechanical_fmu.loads import pressure_blocks, pressure_forces
+from mechanical_fmu.material import Moduli, moduli
+from mechanical_fmu.volume import Volume
+
+Floats = NDArray[np.float64]
+
+# A residual is measured against the forces on a body, but never against less than this share of E L: before two
+# bodies touch there are no forces, and a purely relative measure would iterate on round-off.
+FORCE_FLOOR = 1e-4
+# Round-off of internal forces as a share of (bulk modulus) L; matters near nu = 1/2, where the bulk modulus dwarfs E.
+ROUND_OFF = 2e-15
+
+
+@dataclass(frozen=True)
+class Loading:
+    """What one equilibrium is sought for.
+
+    moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
+    ask : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
+    """
+
+    moduli: tuple[Moduli, ...]
+    target: Floats
+    pressure: Floats
+    ask: Callable[[Floats], Tractions] | None
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Forces at displacement u : (n_nodes, 2) [m].
+
+    r : (n_nodes, 2) [N], internal less external; on prescribed components, what has to hold them.
+    external : (n_nodes, 2) [N], pressure and contact.  entries : of the volume tangent where it was asked for.
+    """
+
+    u: Floats
+    r: Floats
+    external: Floats
+    tractions: Tractions | None
+    entries: Floats | None
+
+
+@dataclass(frozen=True)
+class System:
+    """A scene of elastic bodies, apart from its loading."""
+
+    interface: Interface
+    spec: ElasticSpec
+    volume: Volume
+    constraints: Constraints
+    contact: Contact
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        return pattern_of(2 * self.volume.n_nodes, *(cells.dofs for cells in self.volume.kinds))
+
+    @cached_property
+    def can_be_loose(self) -> bool:
+        """Whether a body needs contact to be held."""
+        return bool(self.constraints.loose_motions(self.interface.nodes))
+
+    @cached_property
+    def loads(self) -> tuple[Pressure, ...]:
+        return self.spec.pressures
+
+    @cached_property
+    def size(self) -> Floats:
+        """(n_bodies,) L [m], or 2 pi r L [m2] when axisymmetric: what makes a force of a stress, roughly."""
+        sizes = []
+        for body in range(len(self.interface.bodies)):
+            X = self.interface.nodes[self.interface.node_body == body]
+            L = float(np.ptp(X, axis=0).max())
+            sizes.append(L * (2.0 * np.pi * float(X[:, 0].max()) if self.interface.axisymmetric else 1.0))
+        return np.array(sizes)
+
+    def moduli(self, T: Floats) -> tuple[Moduli, ...]:
+        """Moduli of all cells at nodal temperatures T : (n_nodes,) [K].  Raises MaterialRangeError."""
+        return tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean)
+                     for cells, mean in zip(self.volume.kinds, self.volume.means(T), strict=True))
+
+    def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> Balance:
+        """Forces at u.  Raises InvertedCellError, ContactRefusedError."""
+        entries = None
+        if tangent:
+            internal, entries = self.volume.tangent(u, loading.moduli)
+        else:
+            internal = self.volume.forces(u, loading.moduli)
+        x = self.interface.nodes + u
+        external = np.zeros_like(u)
+        for load, p in zip(self.loads, loading.pressure, strict=True):
+            if p != 0.0:
+                forces = pressure_forces(x, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric)
+                np.add.at(external, load.edges, forces)
+        tractions = None
+        if loading.ask is not None:
+            tractions = loading.ask(x)
+            external += self.contact.force(tractions)
+        return Balance(u, internal - external, external, tractions, entries)
+
+    def load_matrix(self, u: Floats, loading: Loading) -> csr_matrix:
+        """Stiffness of the follower pressures."""
+        n = 2 * self.volume.n_nodes
+        total = csr_matrix((n, n))
+        for load, p in zip(self.loads, loading.pressure, strict=True):
+            if p != 0.0:
+                blocks = pressure_blocks(self.interface.nodes + u, load.edges, np.full(len(load.edges), p),
+                                         self.interface.axisymmetric)
+                dofs = (2 * load.edges[:, :, None].astype(np.int64) + np.arange(2)).reshape(-1, 4)
+                where = (np.repeat(dofs, 4, axis=1).ravel(), np.tile(dofs, (1, 4)).ravel())
+                total = total + csr_matrix((blocks.ravel(), where), shape=(n, n))
+        return total
+
+    def floor(self, loading: Loading, tolerance: float) -> Floats:
+        """(n_bodies,) [N]: the least force a residual is compared with."""
+        n = len(self.interface.bodies)
+        E, kappa = np.zeros(n), np.zeros(n)
+        for cells, m in zip(self.volume.kinds, loading.moduli, strict=True):
+            np.maximum.at(E, cells.body, 9.0 * m.kappa * m.mu / (3.0 * m.kappa + m.mu))
+            np.maximum.at(kappa, cells.body, m.kappa)
+        return np.maximum(FORCE_FLOOR * E, ROUND_OFF * kappa / tolerance) * self.size
+
+    def error(self, balance: Balance, floor: Floats) -> Floats:
+        """(n_bodies,) norm of the out-of-balance force of each body, relative to the forces on it (at least floor)."""
+        free = self.constraints.free.reshape(-1, 2)
+        norms = [self._body_norms(f) for f in (balance.r * free, balance.r * (1.0 - free), balance.external)]
+        return norms[0] / np.maximum(np.maximum(norms[1], norms[2]), floor)
+
+    def _body_norms(self, f: Floats) -> Floats:
+        squares = np.bincount(self.interface.node_body + 1, weights=(f * f).sum(axis=1),
+                              minlength=len(self.interface.bodies) + 1)
+        return np.sqrt(squares[1:])
+
+
+def system_of(interface: Interface, spec: ElasticSpec) -> System:
+    """Everything about a scene that does not change while it runs.  Raises ValueError for a bad mesh or constraints."""
+    kinds = cells_of(interface)
+    bodies = np.concatenate([cells.body for cells in kinds]) if kinds else np.empty(0)
+    for i, name in enumerate(interface.bodies):
+        if i not in bodies:
+            raise ValueError(f"mesh: body {name} has no cells")
+    return System(interface, spec, Volume(kinds, len(interface.nodes)),
+                  constraints_of(interface, spec.displacements), Contact(interface))

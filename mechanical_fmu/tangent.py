@@ -1,0 +1,172 @@
+"""Newton directions: with a fresh tangent, or with the factor of an earlier one and today's contact.
+
+Bodies that slide change their contact in every step but hardly their own stiffness.  So the stiffness K_v of the
+bodies is factored once, at an anchor (u_a, T_a) held in the state, and contact C enters by its few surface nodes:
+    (K_v + C)^-1 r = K_v^-1 (r - P E w),   (1 + S E) w = P' K_v^-1 r,   S = P' K_v^-1 P,   E = C - D.
+P picks the surface degrees of freedom; D are springs that hold bodies which only contact holds, inside the factor.
+All of it can be rebuilt bit for bit from the anchor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags_array
+
+from contact.half.sparse import SingularMatrixError, Solve, factorise
+from contact.wire import Tractions
+from mechanical_fmu.material import Moduli
+from mechanical_fmu.system import Balance, Loading, System
+
+Floats = NDArray[np.float64]
+
+# More surface unknowns than this and their dense inverse costs more than factoring anew.
+MOST_SURFACE_DOFS = 2000
+# Right-hand sides solved at a time: keeps the memory of the surface compliance small.
+CHUNK = 64
+# A rigid motion whose contact stiffness is less than this share of the stiffest one is not held by contact.
+LOOSE = 1e-7
+
+MOTIONS = ("moving along x", "moving along y", "turning")
+
+
+def fresh_direction(system: System, balance: Balance, loading: Loading, gap: Floats) -> Floats:
+    """d : (2 n_nodes,) [m] with the whole tangent at balance.u; d = gap on prescribed components.
+
+    balance must hold entries.  Raises SingularMatrixError, naming body and motion where one is loose.
+    """
+    assert balance.entries is not None
+    refuse_loose(system, balance)
+    K = system.pattern.matrix(balance.entries) + system.load_matrix(balance.u, loading)
+    if balance.tractions is not None and len(balance.tractions.blocks):
+        K = K + system.contact.matrix(balance.tractions)
+    d = factorise(_held(system, K))(_right_side(system, balance, K, gap))
+    return _finish(system, d, gap)
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """The stiffness of the bodies at u : (n_nodes, 2) [m] and the moduli of that time, and what follows from it."""
+
+    system: System
+    u: Floats
+    moduli: tuple[Moduli, ...]
+
+    @cached_property
+    def entries(self) -> Floats:
+        return self.system.volume.tangent(self.u, self.moduli)[1]
+
+    @cached_property
+    def matrix(self) -> csr_matrix:
+        return self.system.pattern.matrix(self.entries)
+
+    @cached_property
+    def springs(self) -> Floats:
+        """(2 n_s,) D [N/m]: the own stiffness of surface nodes of bodies that prescribed displacements do not hold."""
+        dofs = self.system.contact.dofs
+        loose = [body for body, _ in self.system.constraints.loose_motions(self.system.interface.nodes)]
+        held_by_contact = np.isin(self.system.constraints.node_body[dofs // 2], loose)
+        return np.where(held_by_contact, self.matrix.diagonal()[dofs], 0.0) * self.system.constraints.free[dofs]
+
+    @cached_property
+    def solve(self) -> Solve:
+        diagonal = np.zeros(self.matrix.shape[0])
+        diagonal[self.system.contact.dofs] = self.springs
+        return factorise(_held(self.system, self.matrix + diags_array(diagonal, format="csr")))
+
+    @cached_property
+    def compliance(self) -> Floats:
+        """S : (2 n_s, 2 n_s) [m/N]."""
+        dofs = self.system.contact.dofs
+        S = np.empty((dofs.size, dofs.size))
+        for start in range(0, dofs.size, CHUNK):
+            unit = np.zeros((self.matrix.shape[0], min(CHUNK, dofs.size - start)))
+            unit[dofs[start : start + CHUNK], np.arange(unit.shape[1])] = 1.0
+            S[:, start : start + CHUNK] = self.solve(unit)[dofs]
+        return S
+
+    def drift(self, entries: Floats) -> float:
+        """Largest change of a cell's stiffness since the anchor, relative to that cell's largest entry."""
+        worst, start = 0.0, 0
+        for cells in self.system.volume.kinds:
+            size = (2 * cells.nodes.shape[1]) ** 2
+            part = slice(start, start + size * len(cells.nodes))
+            then, now = self.entries[part].reshape(-1, size), entries[part].reshape(-1, size)
+            worst = max(worst, float((np.abs(now - then).max(axis=1) / np.abs(then).max(axis=1)).max()))
+            start = part.stop
+        return worst
+
+    def direction(self, balance: Balance, gap: Floats) -> Floats:
+        """d : (2 n_nodes,) [m] with the bodies' stiffness of the anchor and the contact of today.
+
+        Raises SingularMatrixError, naming body and motion where one is loose.
+        """
+        refuse_loose(self.system, balance)
+        b = _right_side(self.system, balance, self.matrix, gap, balance.tractions)
+        d = self.solve(b)
+        E = self._surface_change(balance.tractions)
+        active = np.flatnonzero(E.any(axis=1))
+        if active.size:
+            E = E[np.ix_(active, active)]
+            dofs = self.system.contact.dofs[active]
+            small = np.eye(active.size) + self.compliance[np.ix_(active, active)] @ E
+            b[dofs] -= E @ np.linalg.solve(small, d[dofs])
+            d = self.solve(b)
+        return _finish(self.system, d, gap)
+
+    def _surface_change(self, tractions: Tractions | None) -> Floats:
+        free = self.system.constraints.free[self.system.contact.dofs]
+        E = np.diag(-self.springs)
+        if tractions is not None and len(tractions.blocks):
+            E = E + self.system.contact.dense(tractions) * np.outer(free, free)
+        return E
+
+
+def refuse_loose(system: System, balance: Balance) -> None:
+    """Raises SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
+    if not system.can_be_loose:
+        return
+    x = system.interface.nodes + balance.u
+    for body, Z in system.constraints.loose_motions(x):
+        motions = system.constraints.rigid_motions(x, body) @ Z
+        held = np.zeros((Z.shape[1], Z.shape[1]))
+        if balance.tractions is not None and len(balance.tractions.blocks):
+            held = motions.T @ (system.contact.matrix(balance.tractions) @ motions)
+        values, vectors = np.linalg.eigh(0.5 * (held + held.T))
+        if values[0] <= LOOSE * values[-1] or values[-1] <= 0.0:
+            mode = np.abs(Z @ vectors[:, 0])
+            # Turning about a held point moves the middle too: any turning at all is turning.
+            motion = MOTIONS[2 if mode[2] > 0.1 * mode.max() else int(np.argmax(mode[:2]))]
+            raise SingularMatrixError(f"nothing holds body {system.interface.bodies[body]} against {motion}: "
+                                      "prescribe a displacement or let it touch something")
+
+
+def _right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
+                tractions: Tractions | None = None) -> Floats:
+    """-r - K gap on free components; `tractions`: contact not in K, whose share of K gap is added."""
+    b = -balance.r.ravel()
+    if gap.any():
+        moved = np.zeros_like(b)
+        moved[system.constraints.fixed] = gap
+        b -= K @ moved
+        if tractions is not None and len(tractions.blocks):
+            b -= system.contact.matrix(tractions) @ moved
+    return b * system.constraints.free
+
+
+def _held(system: System, K: csr_matrix) -> csr_matrix:
+    """K with the rows and columns of prescribed components replaced by those of a diagonal."""
+    free = system.constraints.free
+    diagonal = (1.0 - free) * np.abs(K.diagonal()).max()
+    mask = diags_array(free, format="csr")
+    return csr_matrix(mask @ K @ mask + diags_array(diagonal, format="csr"))
+
+
+def _finish(system: System, d: Floats, gap: Floats) -> Floats:
+    if not np.isfinite(d).all():
+        raise SingularMatrixError("the stiffness matrix is singular")
+    d[system.constraints.fixed] = gap
+    return d
