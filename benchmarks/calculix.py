@@ -109,7 +109,10 @@ def _cells(n: int) -> Iterator[str]:
 
 
 def run_calculix(n: int, dt: float, element: str = "CPE4") -> Cost:
-    """Write the deck, run ccx on one thread, count what it did.  Raises RuntimeError with its last output if it fails."""
+    """Write the deck, run ccx on one thread, count what it did.
+
+    Raises RuntimeError with its last output if it fails.
+    """
     ccx = shutil.which("ccx")
     if ccx is None:
         raise RuntimeError("ccx is not on the path (Debian: apt-get install calculix-ccx)")
@@ -128,8 +131,8 @@ def run_calculix(n: int, dt: float, element: str = "CPE4") -> Cost:
         iterations = [line.split() for line in Path(folder, "blocks.cvg").read_text().splitlines()]
         probe = re.findall(r"^\s+\d+\s+([-\d.E+]+)\s*$", Path(folder, "blocks.dat").read_text(), re.M)
         equations = re.findall(r"number of equations\s+(\d+)", done.stdout)
-        return Cost(n, element, int(equations[-1]), len(increments), sum(1 for r in iterations if r and r[0].isdigit()), cpu,
-                    float(probe[-1]))
+        counted = sum(1 for r in iterations if r and r[0].isdigit())
+        return Cost(n, element, int(equations[-1]), len(increments), counted, cpu, float(probe[-1]))
 
 
 def main() -> None:
