@@ -53,6 +53,9 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
         directory = Path(tempfile.mkdtemp(prefix="slideline-"))
         stack.callback(shutil.rmtree, directory, ignore_errors=True)
         children: dict[str, Child] = {}
+        sessions: list[Session] = []
+        # Children first: to close a session takes ten seconds while a stopped process is at its other end.
+        stack.callback(lambda: [close_session(session) for session in sessions])
         stack.callback(lambda: reap(children.values()))
         try:
             endpoints, instances = _start(children, fmus, run, directory, time.monotonic() + start_deadline,
@@ -60,9 +63,8 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
                                           service or [*python(), "-m", "contact.serve"])
         except ChildError as exc:
             raise _named(exc.child, str(exc), exc.log) from exc
-        session = open_session(connect=endpoints.values())
-        stack.callback(close_session, session)
-        halves = {name: _remote(name, session, run, instance, children, call_deadline)
+        sessions.append(open_session(connect=endpoints.values()))
+        halves = {name: _remote(name, sessions[0], run, instance, children, call_deadline)
                   for name, instance in instances.items() if name != CONTACT}
         pids = {name: child.process.pid for name, child in children.items()}
         yield Processes(halves, f"zenoh:{endpoints[CONTACT]}/{run}", pids)

@@ -1,0 +1,99 @@
+"""The ways to the contact service agree to the bit, and a server carries each call out once."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact.desk import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Desk, Verdict
+from contact.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError, open_link
+from contact.wire import Project, Refused, Registered
+
+sys.path.insert(0, str(Path(__file__).parent))
+from fake_contact import FakeContact, register
+
+X = np.random.default_rng(3).random((4, 2))
+
+
+def test_codec_and_direct_agree():
+    for link in (DirectLink(FakeContact().handle), CodecLink(FakeContact().handle)):
+        assert link.ask(register()) == Registered("surfaces-4")
+        facing = link.ask(Project("surfaces-4", X))
+        assert facing.xi_s.tobytes() == np.sin(X[:, 0]).tobytes()
+        assert isinstance(link.ask(Project("other", X)), Refused)
+        link.close()
+
+
+def test_codec_link_does_not_alias():
+    held = []
+
+    def keep(request):
+        held.append(request.x)
+        return Registered("")
+
+    CodecLink(keep).ask(Project("s", X))
+    assert not np.shares_memory(held[0], X)
+
+
+def test_codec_link_refuses_what_cannot_be_sent():
+    with pytest.raises(LinkProtocolError, match="float64 was expected"):
+        CodecLink(FakeContact().handle).ask(Project("s", X.astype(np.float32)))
+
+
+@pytest.mark.parametrize("spec", [
+    "", "Direct", "tcp/127.0.0.1:1", "zenoh:", "zenoh:tcp/127.0.0.1:7447", "zenoh:tcp/192.168.0.1:7447/r",
+    "zenoh:tcp/0.0.0.0:7447/r", "zenoh:tcp/[::]:7447/r", "zenoh:udp/127.0.0.1:7447/r", "zenoh:tcp/127.0.0.1:99999/r",
+    "zenoh:tcp/127.0.0.1.example.org:7447/r", "zenoh:tcp/127.0.0.1:7447#iface=eth0/r", "zenoh:tcp/127.0.0.1:7447/a*"])
+def test_wrong_specs_are_refused(spec):
+    with pytest.raises(LinkSpecError):
+        open_link(spec)
+
+
+def test_embedded_use_does_not_load_zenoh():
+    code = "import sys, contact.link; assert 'zenoh' not in sys.modules, 'loaded'"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+OK = Verdict(True, b"yes")
+
+
+def test_a_repeated_call_is_carried_out_once():
+    desk: Desk[str] = Desk("i")
+    assert desk.arrive("i/me/1", b"x", "first") is None
+    assert desk.arrive("i/me/1", b"x", "again") is None
+    call = desk.queue.get_nowait()
+    assert call is not None
+    assert desk.queue.empty()
+    assert desk.finish(call, OK) == ["first", "again"]
+    assert desk.arrive("i/me/1", b"x", "late") == OK
+    assert desk.queue.empty()
+
+
+def test_forgotten_foreign_and_garbled_calls_are_refused():
+    desk: Desk[int] = Desk("i")
+    for n in range(1, KEEP_ANSWERS + 3):
+        assert desk.arrive(f"i/me/{n}", b"", n) is None
+        desk.finish(desk.queue.get_nowait(), OK)
+    codes = [desk.arrive(label, b"", 0).payload.split(b":")[0]
+             for label in ("i/me/1", "j/me/99", "", "i/me", "i/me/-1", "i/me/x", "i/m e/1", f"i/me/{10**40}")]
+    assert codes == [b"stale", b"wrong_instance", *[b"bad_request"] * 6]
+    assert desk.arrive("i/you/1", b"", 0) is None
+
+
+def test_a_flood_is_told_to_wait_and_memory_is_bounded():
+    desk: Desk[int] = Desk("i")
+    for n in range(CAPACITY):
+        assert desk.arrive(f"i/c{n}/1", b"", n) is None
+    assert desk.arrive("i/late/1", b"", 0).payload.startswith(b"busy")
+    for _ in range(CAPACITY):
+        desk.finish(desk.queue.get_nowait(), OK)
+    assert desk.arrive("i/late/1", b"", 0) is None
+    for n in range(3 * KEEP_CLIENTS):
+        desk.arrive(f"i/d{n}/1", b"", n)
+        while not desk.queue.empty():
+            desk.finish(desk.queue.get_nowait(), OK)
+    assert len(desk._clients) <= KEEP_CLIENTS
