@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from coupler.report.kinks import draw_kinks
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 
 BINS = 20  # the time axis in so many parts where kinks do not cut it
 ZOOM_AT_MOST = 0.6  # a closer look at more of the run than this is none
+LEAST_GAIN = 0.1  # share of the movement beyond the share of the time: below it curves move about evenly
 NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure"}
 
 
@@ -50,7 +52,7 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     figure = new_figure(4.6 if near is None else 4.2)
     ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
-        ax.plot(results.t, scale(value), label=plain(name), linewidth=1.6, **line_style(k))
+        ax.plot(results.t, scale(value), label=plain(name), **line_style(k))
     low, high = near or (float(results.t[0]), float(results.t[-1]))
     ax.set_xlim(low, high)
     if near:
@@ -66,7 +68,7 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     return svg(figure, f"{title}: {ends}.", caption)
 
 
-def _fit_height(ax, t: Array, values: Sequence[Array], near: tuple[float, float]) -> None:  # type: ignore[no-untyped-def]
+def _fit_height(ax: Axes, t: Array, values: Sequence[Array], near: tuple[float, float]) -> None:
     inside = (t >= near[0]) & (t <= near[1])
     low, high = min(float(v[inside].min()) for v in values), max(float(v[inside].max()) for v in values)
     margin = 0.05 * (high - low) or 1.0
@@ -90,7 +92,7 @@ def eventful(t: Array, values: Sequence[Array], kinks: Sequence[float]) -> tuple
     first, last = max(((i, j) for i in range(len(cuts)) for j in range(i + 1, len(cuts))),
                       key=lambda r: gain[r[1]] - gain[r[0]])
     low, high = float(cuts[first]), float(cuts[last])
-    if high - low > ZOOM_AT_MOST * length:
+    if high - low > ZOOM_AT_MOST * length or gain[last] - gain[first] < LEAST_GAIN:
         return None
     margin = 0.05 * (high - low)
     return max(low - margin, float(t[0])), min(high + margin, float(t[-1]))

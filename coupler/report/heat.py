@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,8 @@ def _sides(ledger: Mapping[str, float], scale: Shown) -> list[tuple[str, str, st
         if slave is None or master is None:
             continue
         size = abs(slave) + abs(master)
-        rows.append((name, _in(scale, slave), _in(scale, master), number(abs(slave + master) / size if size else 0.0, 2)))
+        misfit = abs(slave + master) / size if size else 0.0
+        rows.append((name, _in(scale, slave), _in(scale, master), number(misfit, 2)))
     return rows
 
 
@@ -84,7 +86,8 @@ def heat_picture(results: Results) -> Picture | None:
     up, down = np.zeros(len(t)), np.zeros(len(t))
     for k, (name, value) in enumerate(flows.items()):
         gain, loss = np.maximum(value, 0.0), np.minimum(value, 0.0)
-        look = {"facecolor": COLOURS[k % len(COLOURS)], "alpha": 0.55 if k < len(COLOURS) else 0.3, "linewidth": 0}
+        look: dict[str, Any] = {
+            "facecolor": COLOURS[k % len(COLOURS)], "alpha": 0.55 if k < len(COLOURS) else 0.3, "linewidth": 0}
         ax.fill_between(t, up, up + gain, label=plain(mechanism(PREFIX + name)), **look)
         ax.fill_between(t, down, down + loss, **look)
         up, down = up + gain, down + loss

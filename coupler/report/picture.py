@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from dataclasses import dataclass
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -19,11 +20,12 @@ PNG_DPI = 130
 
 @dataclass(frozen=True)
 class Picture:
-    """An image for the page.  src : data URI.  alt : what it shows, in words.  caption : stands below it."""
+    """An image for the page.  src : data URI.  alt : what it shows, in words.  caption : stands below it.  narrow : not for the whole width."""
 
     src: str
     alt: str
     caption: str
+    narrow: bool = False
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
@@ -48,9 +50,10 @@ def styled(ax: Axes, xlabel: str, ylabel: str) -> Axes:
     return ax
 
 
-def line_style(k: int) -> dict[str, str]:
-    """Colour and dash of the k-th curve: colours first, then the same colours dashed."""
-    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k // len(COLOURS) % len(DASHES)]}
+def line_style(k: int) -> dict[str, Any]:
+    """Colour, dash and width of the k-th curve: of equal curves each is still seen under the next."""
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)],
+            "linewidth": 2.6 if k % len(DASHES) == 0 else 1.7}
 
 
 def plain(label: str) -> str:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
@@ -77,7 +80,8 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
     figure.colorbar(image, ax=panels, label=f"von Mises stress [{scale.unit}]", pad=0.02)
     t = number(float(file.times[k]), 6)
     text = f"Von Mises stress, mean of each cell, at t = {t} s, the frame where it is highest"
-    return [png(figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).")]
+    picture = png(figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).")
+    return [replace(picture, narrow=True)]
 
 
 def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
@@ -89,7 +93,7 @@ def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
     wide, tall = high - low + 2 * pad
     columns = min(len(points), 4 if tall >= 0.6 * wide else 2)
     rows = math.ceil(len(points) / columns)
-    panel = 9.6 / columns if columns > 1 else 4.5
+    panel = 8.9 / columns if columns > 1 else 4.5
     height = min(max(panel * tall / wide, 0.9), 5.0)
     figure = new_figure(rows * (height + 0.35) + 0.5, 10.6 if columns > 1 else 6.0)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -97,13 +101,12 @@ def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
     for ax in panels[len(points):]:
         ax.set_visible(False)
     ax = panels[0]
-    ax.set_aspect("equal", adjustable="box")
     ax.set_xlim(*length(np.array([low[0] - pad, high[0] + pad])))
     ax.set_ylim(*length(np.array([low[1] - pad, high[1] + pad])))
     for k, ax in enumerate(panels[: len(points)]):
         ax.set_aspect("equal", adjustable="box")
         ax.tick_params(labelsize=8, colors=INK)
-        ax.xaxis.set_major_locator(_few())
+        ax.xaxis.set_major_locator(MaxNLocator(4))
         if k + columns >= len(points):
             ax.set_xlabel(f"x [{length.unit}]", fontsize=9, color=INK)
             ax.tick_params(labelbottom=True)
@@ -112,27 +115,22 @@ def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
     return figure, panels[: len(points)], length
 
 
-def _few() -> Any:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(4)
-
-
 def _paint(ax: Axes, x: Array, file: FieldReader, value: Array, limits: tuple[float, float]) -> Any:
     """Paint nodal or cell values on the cells, with the bodies' outlines; returns what a colour bar needs."""
     q = file.quads
     cells = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]], file.triangles])
     low, high = limits if limits[1] > limits[0] else (limits[0] - 0.5, limits[1] + 0.5)
-    look = {"cmap": "inferno", "vmin": low, "vmax": high}
+    look: dict[str, Any] = {"cmap": "inferno", "vmin": low, "vmax": high}
+    mesh = Triangulation(x[:, 0], x[:, 1], cells)
     if len(value) == len(x) and len(cells) <= SMOOTH_UP_TO:
-        image = ax.tripcolor(x[:, 0], x[:, 1], cells, value, shading="gouraud", **look)
+        image: Any = ax.tripcolor(mesh, value, shading="gouraud", **look)
     else:
         if len(value) == len(x):
             flat = value[cells].mean(axis=1)
         else:
             flat = np.concatenate([value[: len(q)], value[: len(q)], value[len(q):]])
-        image = ax.tripcolor(x[:, 0], x[:, 1], cells, facecolors=flat, **look)
-    ax.add_collection(LineCollection(list(x[outline(q, file.triangles)]), colors=INK, linewidths=0.8),
+        image = ax.tripcolor(mesh, facecolors=flat, **look)
+    ax.add_collection(LineCollection(list(x[outline(q, file.triangles)]), colors=INK, linewidths=0.9, capstyle="round"),
                       autolim=False)
     return image
 

@@ -11,11 +11,10 @@ Array = NDArray[np.float64]
 
 # For each SI unit: multiples from small to large; the largest with which the greatest value is still >= 1 is used.
 MULTIPLES = {
-    "m": ((1e6, "µm"), (1e3, "mm"), (1.0, "m")),
     "Pa": ((1.0, "Pa"), (1e-3, "kPa"), (1e-6, "MPa"), (1e-9, "GPa")),
     "J": ((1.0, "J"), (1e-3, "kJ"), (1e-6, "MJ"), (1e-9, "GJ")),
 }
-METRES_FROM = 2.0  # m: below this engineers read lengths in mm
+MICROMETRES_TO, METRES_FROM = 1e-3, 2.0  # m: between them engineers read lengths in mm
 
 
 @dataclass(frozen=True)
@@ -38,14 +37,11 @@ def shown(unit: str, largest: float, temperature_unit: str = "K") -> Shown:
     """How to show values of an SI unit whose greatest magnitude is `largest`."""
     if unit == "K":
         return Shown(1.0, -273.15, "°C") if temperature_unit == "degC" else Shown(1.0, 0.0, "K")
-    multiples = MULTIPLES.get(unit, ((1.0, unit),))
-    if unit == "m" and largest >= METRES_FROM:
-        return Shown(1.0, 0.0, "m")
     if unit == "m":
-        multiples = multiples[:2]
-    fitting = [m for m in multiples if largest * m[0] >= 1.0]
-    factor, name = fitting[0] if unit == "m" and fitting and largest < 1e-3 else (
-        fitting[-1] if fitting else multiples[0])
+        factor, name = (1e6, "µm") if 0 < largest < MICROMETRES_TO else (1e3, "mm")
+        return Shown(factor, 0.0, name) if largest < METRES_FROM else Shown(1.0, 0.0, "m")
+    multiples = MULTIPLES.get(unit, ((1.0, unit),))
+    factor, name = [m for m in multiples if largest * m[0] >= 1.0 or m is multiples[0]][-1]
     return Shown(factor, 0.0, name)
 
 

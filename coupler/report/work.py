@@ -56,7 +56,8 @@ def windows_picture(results: Results) -> Picture | None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     text = (f"Window size from {number(float(good.H.min()), 3)} s to {number(float(good.H.max()), 3)} s over "
             f"{len(good)} accepted and {len(bad)} rejected windows")
-    return svg(figure, f"{text}; iterations of each half below.", f"{text}. Below: iterations of each half in a window.")
+    return svg(figure, f"{text}; iterations of each half below.",
+               f"{text}. Below: iterations of each half in a window.")
 
 
 def shares(results: Results) -> list[Share]:

@@ -1,0 +1,261 @@
+"""The report: its numbers, what it does with strange runs and strange names, and that it loads nothing."""
+
+from __future__ import annotations
+
+import base64
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler.errors import ResultsError
+from coupler.report import write_report
+from coupler.report.curves import eventful
+from coupler.report.frames import choose
+from coupler.report.kinks import spread
+from coupler.report.snapshots import outline
+from coupler.report.units import duration, number, shown
+from coupler.results import Results, journal_of
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import Case, blocks, record, write_run
+
+CASE = Case()
+
+
+class Page(HTMLParser):
+    """What a browser would see: text without tags, tables as rows, images, every attribute that loads something."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.text, self.rows, self.images, self.loads, self.tags = "", [], [], [], []
+        self._open = False
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self.tags.append(tag)
+        self.loads += [v for k, v in attrs if k in ("src", "href", "data", "action", "srcset", "poster")]
+        if tag == "img":
+            self.images.append(dict(attrs))
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+            self._open = True
+
+    def handle_endtag(self, tag: str) -> None:
+        self._open = self._open and tag not in ("td", "th")
+
+    def handle_data(self, data: str) -> None:
+        self.text += "" if self.tags[-1:] == ["style"] and data.strip() else data
+        if self._open:
+            self.rows[-1][-1] += data.strip()
+
+    def row(self, first: str) -> list[str]:
+        return next(r for r in self.rows if r and r[0] == first)
+
+    @property
+    def words(self) -> str:
+        return " ".join(self.text.split())
+
+
+def page_of(results: Results, folder: Path) -> Page:
+    return Page(write_report(results, folder / "report.html").read_text("utf-8"))
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    folder = tmp_path_factory.mktemp("report")
+    return page_of(write_run(folder / "run.h5", CASE), folder)
+
+
+def test_summary_tells_the_numbers(page: Page) -> None:
+    found = re.search(r"The run completed: (\d+) s of simulated time in (\d+) windows \((\d+) more rejected\) with "
+                      r"(\d+) half-solves, in ([\d.]+) s of wall-clock time", page.words)
+    assert found is not None
+    assert [float(x) for x in found.groups()] == [25000, 40, 4, 84, 2.5]
+    assert "ledger closes to 0.0001 of" in page.words
+    assert "highest temperature was 1000 °C" in page.words
+    assert "highest contact pressure 10 MPa" in page.words
+    assert "contact pressed first at t = 10625 s" in page.words
+
+
+def test_a_completed_run_has_no_banner(page: Page) -> None:
+    assert "This run" not in page.words
+
+
+def test_heat_table_holds_the_ledger(page: Page) -> None:
+    assert page.row("prescribed temperature") == ["prescribed temperature", "2.8"]
+    assert page.row("convection")[1] == "-0.8"
+    assert page.row("stored in upper")[1] == "0.5992"
+    assert [r[1] for r in page.rows if r and r[0] == "together"] == ["2", "1.9992"]
+    assert page.row("solid contact") == ["solid contact", "-1.2", "1.2", "0"]
+    assert "per metre of depth" in page.words
+
+
+def test_time_table_adds_up(page: Page) -> None:
+    seconds = {n: float(page.row(n)[1].split()[0]) for n in (
+        "thermal half", "mechanical half", "FMI and transport", "recording", "coupler", "set-up")}
+    assert (seconds["thermal half"], seconds["mechanical half"]) == (0.8, 0.4)
+    assert (seconds["FMI and transport"], seconds["set-up"]) == (0.2, 0.5)
+    assert sum(seconds.values()) == pytest.approx(2.5, abs=0.005)
+
+
+def test_rejected_windows_are_listed_with_their_reason(page: Page) -> None:
+    rows = [r for r in page.rows if r and r[-1] == CASE.message]
+    assert len(rows) == 4
+    assert rows[0] == ["625", "1250", "thermal discard", CASE.message]
+
+
+def test_pictures_say_what_they_show_and_are_whole(page: Page) -> None:
+    assert len(page.images) == 9
+    assert all(len(i["alt"]) > 30 for i in page.images)
+    for image in page.images:
+        head, data = image["src"].split(",", 1)
+        content = base64.b64decode(data, validate=True)
+        assert content.startswith(b"\x89PNG" if "png" in head else b"<?xml")
+    temperatures = page.images[0]["alt"]
+    assert "lower.top.left 0 °C at first, 18 °C at last" in temperatures
+    assert "upper.bottom.centre 1000 °C at first" in temperatures
+    assert sum("Temperature of the bodies at t = 0 s" in i["alt"] for i in page.images) == 1
+
+
+def test_the_page_loads_nothing(page: Page) -> None:
+    assert page.loads
+    assert all(v.startswith("data:image/") for v in page.loads)
+    assert not {"script", "link", "iframe", "object", "embed", "a"} & set(page.tags)
+
+
+def test_facts_and_versions(page: Page) -> None:
+    assert page.row("halves")[1] == "thermal: thermal, mechanical: elastic"
+    assert "slave upper.bottom, master lower.top" in page.row("contact pairs")[1]
+    assert page.row("kinks")[1].startswith("2500 s, 9900 s, 10000 s, 12500 s, 14772.7 s, 15000 s")
+    assert page.row("versions")[1] == "python 3.11, numpy 2.0"
+    assert "a note of the run" in page.words
+    assert "slideline: 1 title: synthetic" in page.words
+
+
+def test_names_of_strangers_are_text(tmp_path: Path) -> None:
+    bad = "<script>alert('x')</script>"
+    case = Case(windows=3, frames=2, title=bad, text=f"</pre>{bad}", message=f"{bad} & more", reject=2)
+    results = write_run(tmp_path / "run.h5", case, "failed", bad)
+    html = write_report(results, tmp_path / "r.html").read_text("utf-8")
+    assert "<script" not in html
+    assert "&lt;script&gt;" in html
+    page = Page(html)
+    assert page.words.count(bad) >= 4  # title, heading, banner, scenario, message of a window
+
+
+def test_probe_names_are_no_formulas(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=3, frames=0))
+    for old, new in zip(results.probe_names[:3], ("_hidden", "cost $x^$ and $y", "<b>&amp;"), strict=True):
+        results._probes[new] = results._probes.pop(old)
+    svg = base64.b64decode(page_of(results, tmp_path).images[0]["src"].split(",", 1)[1]).decode()
+    for label in ("_hidden", "cost $x^$ and $y", "&lt;b&gt;&amp;amp;"):
+        assert label in svg
+
+
+@pytest.mark.parametrize(("outcome", "headline"), [
+    ("failed", "This run failed."), ("interrupted", "This run was interrupted."),
+    ("stopped", "This run was stopped before its end."), ("something", "did not complete (something)")])
+def test_a_run_that_did_not_complete_has_a_banner(tmp_path: Path, outcome: str, headline: str) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=1, frames=0, probes=False), outcome, "out of patience")
+    words = page_of(results, tmp_path).words
+    assert headline in words
+    assert "out of patience." in words
+
+
+def test_a_killed_run_says_how_far_it_came(tmp_path: Path) -> None:
+    record(tmp_path / "run.h5", Case(windows=10, probes=False, frames=2))._journal.close()
+    words = page_of(Results(tmp_path / "run.h5"), tmp_path).words
+    assert "This run was killed. It reached t = 25000 s of 25000 s." in words
+    assert "of wall-clock time" in words
+
+
+@pytest.mark.parametrize("case", [
+    Case(windows=1, frames=1, reject=0), Case(windows=1, frames=0, probes=False, ledger=False, reject=0),
+    Case(windows=0, frames=0, reject=0), Case(windows=3, frames=0), Case(windows=3, probes=False)])
+def test_small_runs_report_too(tmp_path: Path, case: Case) -> None:
+    page = page_of(write_run(tmp_path / "run.h5", case), tmp_path)
+    assert f"in {case.windows} window" in page.words
+    assert ("Heat" in page.words) == (case.ledger and case.windows > 0)
+
+
+def test_field_files_gone_are_a_note(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=10, frames=11, probes=False))
+    results.field_files["thermal"].unlink()
+    page = page_of(results, tmp_path)
+    assert "No pictures of the thermal fields" in page.words
+    assert any("Von Mises" in i["alt"] for i in page.images)
+
+
+def test_a_later_unfinished_run_is_a_note(tmp_path: Path) -> None:
+    write_run(tmp_path / "run.h5", Case(windows=1, frames=0, probes=False))
+    record(tmp_path / "run.h5", Case(windows=2))._journal.close()
+    results = Results(tmp_path / "run.h5")
+    assert f"{journal_of(results.path).name} is beside it" in page_of(results, tmp_path).words
+
+
+def test_what_cannot_be_read_or_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="no such results file"):
+        write_report(Results(tmp_path / "none.h5"), tmp_path / "r.html")
+    results = write_run(tmp_path / "run.h5", Case(windows=1, frames=0))
+    with pytest.raises(ResultsError, match="cannot be written"):
+        write_report(results, tmp_path / "none" / "r.html")
+
+
+def test_the_closer_look_is_where_curves_move() -> None:
+    t = np.linspace(0, 100, 501)
+    jump = np.clip((t - 40) / 10, 0, 1)
+    assert eventful(t, [jump, 1 - jump], [40, 50, 70]) == pytest.approx((39.5, 50.5))
+    assert eventful(t, [jump], []) == pytest.approx((39.5, 50.5))
+    assert eventful(t, [t], []) is None
+    assert eventful(t, [np.zeros(501)], [40, 50]) is None
+
+
+def test_frames_chosen() -> None:
+    times = np.linspace(0, 100, 101)
+    told = np.interp(times, [0, 40, 60, 100], [0, 0, 1, 1]) + 0.25 * times / 100
+    picks = choose(times, told, [33.0, 71.2], most=8)
+    assert {0, 33, 71, 100} <= set(picks)
+    assert len(picks) == 8
+    assert all(40 <= k <= 60 for k in set(picks) - {0, 33, 71, 100})
+    assert choose(times, told, list(range(0, 100, 5)), most=6)[::5] == [0, 100]
+    assert choose(times[:1], told[:1], []) == [0]
+    assert choose(times[:3], told[:3], []) == [0, 1, 2]
+
+
+def test_outline_is_the_boundary_of_both_bodies() -> None:
+    scene = blocks(4)
+    edges = outline(scene.quads, scene.triangles)
+    lengths = np.linalg.norm(np.diff(scene.nodes[edges], axis=1), axis=2)
+    assert lengths.sum() == pytest.approx(8 * 0.0762, rel=1e-12)
+
+
+def test_labels_of_kinks_do_not_cover_each_other() -> None:
+    places = spread(np.array([0.1, 0.105, 0.5, 0.99, 0.995, 1.0]), 0.02)
+    assert (np.diff(places) >= 0.02 - 1e-12).all()
+    assert places[-1] <= 1.0
+    assert places[2] == 0.5
+
+
+@pytest.mark.parametrize(("value", "digits", "text"), [
+    (25000.0, 4, "25000"), (14772.727, 6, "14772.7"), (3.21e-15, 2, "3.2e-15"), (0.0, 4, "0"), (-0.8, 6, "-0.8"),
+    (1e7, 3, "1e+07"), (0.05, 2, "0.05"), (float("nan"), 3, "nan")])
+def test_numbers(value: float, digits: int, text: str) -> None:
+    assert number(value, digits) == text
+
+
+@pytest.mark.parametrize(("unit", "value", "text"), [
+    ("m", 0.0508, "50.8 mm"), ("m", 7.1e-6, "7.1 µm"), ("m", 3.0, "3 m"), ("Pa", 1e7, "10 MPa"),
+    ("Pa", 1.5e9, "1.5 GPa"), ("J", 2500.0, "2.5 kJ"), ("K", 300.0, "26.85 °C"), ("m", 0.0, "0 mm"), ("W", 3.0, "3 W")])
+def test_units_fit_the_size(unit: str, value: float, text: str) -> None:
+    assert shown(unit, value, "degC").text(value) == text
+
+
+def test_durations() -> None:
+    assert [duration(s) for s in (0.0123, 59.0, 185.0, 7800.0)] == ["0.0123 s", "59 s", "3 min 5 s", "2 h 10 min"]
