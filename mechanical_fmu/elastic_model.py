@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.wire import Tractions
+from mechanical_fmu.contact_forces import contact_variables
 from mechanical_fmu.elastic_spec import parse_elastic
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, Settings, solve
@@ -50,7 +51,6 @@ class ElasticHalf:
         self.system, self.settings = system, settings
         self.variables = _variables(system)
         self._anchors: dict[bytes, Anchor] = {}
-        self._registered: tuple[Link, str] | None = None
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ElasticState, Mapping[str, Value]]:
         """Equilibrium at t from the reference, all at once.  Raises ArithmeticError where there is none."""
@@ -108,10 +108,7 @@ class ElasticHalf:
     def _asker(self, multipliers: Floats, link: Link) -> Callable[[Floats], Tractions] | None:
         if not self.system.interface.pairs:
             return None
-        if self._registered is None or self._registered[0] is not link:
-            self._registered = (link, self.system.contact.register(link))
-        surfaces = self._registered[1]
-        return lambda x: self.system.contact.tractions(link, surfaces, x, multipliers)
+        return lambda x: self.system.contact.tractions(link, x, multipliers)
 
     def _anchor(self, state: ElasticState) -> Anchor:
         key = state.anchor_u.tobytes() + state.anchor_T.tobytes()
@@ -169,11 +166,3 @@ def _variables(system: System) -> tuple[Variable, ...]:
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
                 for name in interface.bodies]
     return (*inputs, *outputs, *(contact_variables(n_s) if n_s else ()))
-
-
-def contact_variables(n_s: int) -> tuple[Variable, ...]:
-    """What both mechanical halves say of contact; n_s : surface nodes."""
-    return (Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0"),
-            Variable("contact.gap", (n_s,), unit="m", description="normal gap"),
-            Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced"),
-            Variable("contact.touching", description="facing points that touch"))

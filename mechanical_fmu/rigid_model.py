@@ -1,0 +1,107 @@
+"""The rigid half: bodies that move as prescribed, x = X + u(t), and touch with a prescribed pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.signal import Signal
+from mechanical_fmu.checks import keys, signal
+from mechanical_fmu.contact_forces import Contact, ContactRefusedError, contact_variables
+
+Floats = NDArray[np.float64]
+
+# A pair touches where a facing gap is no more than this [m]: motions are sums of tables, good to round-off only.
+TOUCH = 1e-9
+
+
+@dataclass(frozen=True)
+class RigidState:
+    """t [s]: where the bodies are follows from it."""
+
+    t: float
+
+
+@dataclass(frozen=True)
+class RigidSpec:
+    """motion : (u_x, u_y) of every body of the interface [m].  pressure : of every pair [Pa], >= 0, or None."""
+
+    motion: tuple[tuple[Signal, Signal], ...]
+    pressure: tuple[Signal | None, ...]
+
+
+class RigidHalf:
+    """HalfModel of bodies that follow signals.  It knows no temperature, and its contact no forces."""
+
+    def __init__(self, interface: Interface, spec: RigidSpec) -> None:
+        self.interface, self.spec, self.contact = interface, spec, Contact(interface)
+        n_s = interface.contact_nodes.size
+        x = Variable("x", (len(interface.nodes), 2), unit="m", start=interface.nodes, description="current coordinates")
+        self.variables = (x, *(contact_variables(n_s) if n_s else ()))
+
+    def start(self, inputs: Values, t: float, link: Link) -> tuple[RigidState, Mapping[str, Value]]:
+        """Positions at t, after a jump there.  Raises ContactRefusedError."""
+        return RigidState(t), self._outputs(t, 1, link)
+
+    def step(self, state: RigidState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
+        """Positions at t + h, before a jump there."""
+        try:
+            return Done(RigidState(t + h), self._outputs(t + h, -1, link))
+        except ContactRefusedError as exc:
+            return Discard(str(exc), 0.5 * h)
+
+    def _outputs(self, t: float, side: int, link: Link) -> dict[str, Value]:
+        u = np.array([[s.at(t, side) for s in signals] for signals in self.spec.motion] + [[0.0, 0.0]])
+        x = self.interface.nodes + u[self.interface.node_body]
+        if not self.interface.pairs:
+            return {"x": x}
+        facing = self.contact.facing(link, x)
+        t_N, touching = np.zeros(self.interface.contact_nodes.size), 0
+        for i, (pair, pressure) in enumerate(zip(self.interface.pairs, self.spec.pressure, strict=True)):
+            met = facing.gap[facing.pair == i]
+            p = 0.0 if pressure is None else pressure.at(t, side)
+            if p > 0.0 and met.size and met.min() <= TOUCH:
+                # On the whole surfaces: a facing point takes it from its edge's nodes, some of which face nothing.
+                nodes = np.concatenate([self.interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
+                s = np.searchsorted(self.interface.contact_nodes, nodes)
+                t_N[s] = np.minimum(t_N[s], -p)
+                touching += met.size
+        return {"x": x, "contact.t_N": t_N, "contact.gap": facing.node_gap, "contact.covered": facing.node_covered,
+                "contact.touching": float(touching)}
+
+
+def load(interface: Interface, model: Mapping[str, Any]) -> RigidHalf:
+    """The rigid half of an interface and a model.json.  Raises ValueError naming what is wrong."""
+    return RigidHalf(interface, parse_rigid(interface, model))
+
+
+def parse_rigid(interface: Interface, spec: Mapping[str, Any]) -> RigidSpec:
+    """The model a model.json describes.  Raises ValueError naming the key, the value and what would do."""
+    keys(spec, "", {"half", "format"}, {"bodies", "pairs"})
+    if spec["half"] != "rigid" or spec["format"] != 1:
+        raise ValueError(f"model.json: half {spec['half']!r}, format {spec['format']!r} is not rigid, 1")
+    bodies = keys(spec.get("bodies", {}), "bodies", set(), interface.bodies)
+    pairs = keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs])
+    return RigidSpec(tuple(_motion(bodies.get(name, {}), f"bodies.{name}") for name in interface.bodies),
+                     tuple(_pressure(pairs.get(p.name, {}), f"pairs.{p.name}") for p in interface.pairs))
+
+
+def _motion(spec: Any, where: str) -> tuple[Signal, Signal]:
+    keys(spec, where, set(), {"u_x", "u_y"})
+    return signal(spec.get("u_x", 0.0), f"{where}.u_x"), signal(spec.get("u_y", 0.0), f"{where}.u_y")
+
+
+def _pressure(spec: Any, where: str) -> Signal | None:
+    keys(spec, where, set(), {"pressure"})
+    if "pressure" not in spec:
+        return None
+    pressure = signal(spec["pressure"], f"{where}.pressure")
+    if (pressure.value < 0.0).any():
+        raise ValueError(f"model.json: {where}.pressure must not be negative, not {pressure.value.min():g}")
+    return pressure
