@@ -165,9 +165,9 @@ def test_a18_damped_restart_keeps_second_order():
 
 
 def test_a20_constant_flux_into_a_half_space():
-    """140 mm stand for infinity (3.4 lengths of diffusion); 1.4 mm elements, dt .25 s: within .05 K."""
+    """150 mm stand for infinity (3.7 lengths of diffusion); 1.25 mm elements, dt .25 s: within .05 K."""
     k, a = 45.0, 1.4e-5
-    bar = scene(Box(0, 0.14, 0, 0.01, 100))
+    bar = scene(Box(0, 0.15, 0, 0.01, 120))
     model = spec([{"kind": "flux", "on": "a.left", "value": 3.2e5}], k=k, rho=1000.0, c=k / a / 1000.0, T0=35.0)
     assert abs(at(run(bar, model, 0.25, 120), 30.0, 0.025, bar) - EXPECTED["A20"]["expected"]) < 0.05
 
