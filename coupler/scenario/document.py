@@ -38,6 +38,8 @@ class Document:
                 return 0
             if key[:n] in self.lines:
                 return self.lines[key[:n]]
+            if any(other[:n] == key[:n] for other in self.overridden):
+                return 0  # an override made this on its way to something within
         return 1
 
     def value(self, key: Key) -> Any:

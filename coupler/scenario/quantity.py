@@ -24,6 +24,8 @@ UNITS: dict[str, tuple[float, str]] = {
     "W/m2": (1, "W/m2"), "kW/m2": (1e3, "W/m2"), "W/m3": (1, "W/m3"), "1/K": (1, "1/K"),
     "%": (1e-2, "a fraction"),
 }
+# Longer lists than this are not read.
+MANY = 16
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -33,11 +35,15 @@ def problem(text: str, remedy: str = "", at: tuple[str | int, ...] = ()) -> Pyda
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A remedy that names the nearest of the known words, then all of them."""
+    """A remedy that names the nearest of the known words, then the others (of many, the nearest ones)."""
     names = sorted(known)
     near = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
     guess = f"Did you mean {near[0]!r}? " if near else ""
-    return f"{guess}Known here: {', '.join(names) or 'none'}."
+    more = ""
+    if len(names) > MANY:
+        more = f" and {len(names) - MANY} more"
+        names = difflib.get_close_matches(word, names, n=MANY, cutoff=0.0)
+    return f"{guess}Known here: {', '.join(names) or 'none'}{more}."
 
 
 def looks_like_number(text: str) -> bool:

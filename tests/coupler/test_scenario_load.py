@@ -1,0 +1,139 @@
+"""What a good scenario becomes: models in SI and kelvin, pairs, kinks, directories."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact.half.interface import read_interface
+from coupler.level import Scheme
+from coupler.scenario import load_scenario
+from coupler.schedule import WindowRange
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenario_text import GOOD, ROOT, load_text
+
+
+def test_temperatures_become_kelvin_everywhere(tmp_path: Path) -> None:
+    text = GOOD.replace("k: 30,", "k: {T: [0, 100], value: [30, 40]},").replace(
+        "c: 500,", "c: {polynomial: [500, 1], T_ref: 20},")
+    thermal = load_text(tmp_path, text).models["thermal"]
+    assert thermal["bodies"]["lower"]["T0"] == pytest.approx(293.15)
+    steel = thermal["materials"]["steel"]
+    assert steel["k"] == {"T": [273.15, 373.15], "value": [30.0, 40.0]}
+    assert steel["c"] == {"polynomial": [500.0, 1.0], "T_ref": 293.15}
+    oven, flux, film = thermal["boundary"]
+    assert oven["value"] == {"t": [0.0, 20.0], "value": [293.15, 673.15]}
+    assert flux == {"kind": "flux", "value": 1000.0, "on": "upper.top", "name": "lamp"}
+    assert (film["T"], film["h"], film["d_cut"], film["d_full"]) == (473.15, 40.0, 1e-3, 6e-3)
+
+
+def test_kelvin_stays_kelvin_and_other_signals_are_not_shifted(tmp_path: Path) -> None:
+    s = load_text(tmp_path, GOOD.replace("degC", "K"))
+    assert s.temperature_unit == "K"
+    assert s.models["thermal"]["bodies"]["upper"]["T0"] == 100.0
+    c = load_text(tmp_path, GOOD)
+    assert c.models["mechanical"]["boundary"][2]["value"]["value"] == [0.0, 0.0, -1e-4, -2e-4]
+    assert c.models["mechanical"]["materials"]["steel"]["T_ref"] == pytest.approx(293.15)
+
+
+def test_models_have_the_documented_form(tmp_path: Path) -> None:
+    elastic = load_text(tmp_path, GOOD).models["mechanical"]
+    assert elastic["half"] == "elastic"
+    assert [(b["kind"], b["component"], b["on"]) for b in elastic["boundary"]] == [
+        ("displacement", 0, "lower.bottom"), ("displacement", 1, "lower.bottom"), ("displacement", 1, "upper.top"),
+        ("displacement", 0, "upper.top.left")]
+    assert elastic["tolerance"] == 1e-8
+    thermal = load_text(tmp_path, GOOD).models["thermal"]
+    assert thermal["method"] == "midpoint"
+    assert thermal["pairs"]["face"] == {"closed": {"law": "constant", "h": 2000}, "closed_factor": 1.0,
+                                        "open": {"law": "gas", "k_g": 0.05, "g_m": 25e-6}, "open_factor": 1.0}
+
+
+def test_swapping_the_half_uses_what_the_file_says_of_the_other(tmp_path: Path) -> None:
+    rigid = load_text(tmp_path, GOOD, {"mechanical.half": "rigid"})
+    assert rigid.mechanical_half == "rigid"
+    assert rigid.thermal_half == "thermal"
+    model = rigid.models["mechanical"]
+    assert model["pairs"] == {"face": {"pressure": 1e6}}
+    assert model["bodies"]["upper"]["u_y"]["t"] == [0.0, 10.0, 10.0, 30.0]
+    assert rigid.interface.mesh_hash == load_text(tmp_path, GOOD).interface.mesh_hash
+
+
+def test_automatic_penalty_is_the_smaller_stiffness_over_the_mean_slave_edge(tmp_path: Path) -> None:
+    text = GOOD.replace("    T0: 100", "    T0: 100").replace(
+        "bodies:\n", "  soft: {rho: 1, c: 1, k: 1, E: {T: [0, 200], value: [2.0e9, 1.0e9]}, nu: 0.3, alpha: 0}\n"
+        "bodies:\n").replace("cells: [5, 2]}}\n    material: steel", "cells: [5, 2]}}\n    material: soft")
+    pair = load_text(tmp_path, text).interface.pairs[0]
+    # E of the soft body at its T0 = 100 degC is 1.5e9; slave edges are 2/5 m long.
+    assert pair.eps_N == pytest.approx(1.5e9 / 0.4, rel=1e-12)
+    assert load_text(tmp_path, GOOD, {"contact.face.penalty": 7e12}).interface.pairs[0].eps_N == 7e12
+
+
+def test_kinks_come_from_the_file_and_from_signals_in_use_only(tmp_path: Path) -> None:
+    c = load_text(tmp_path, GOOD).coupling
+    # push: 10, 30; oven: 20; stated: 25. `idle` has a kink at 7 but drives nothing.
+    assert c.kinks == (10.0, 20.0, 25.0, 30.0)
+    assert c.stops == (10.0, 20.0, 25.0, 30.0, 40.0)
+    assert c.windows == (WindowRange(10.0, 1.0, 1.0), WindowRange(40.0, 1.0, 5.0))
+    assert (c.scheme, c.end, c.link) == (Scheme.EXTRAPOLATED, 40.0, "direct")
+    assert c.substeps == {"thermal": 1, "mechanical": 1}
+
+
+def test_frames_are_due_by_count_and_at_times_each_once(tmp_path: Path) -> None:
+    frames = load_text(tmp_path, GOOD).output.frames()
+    assert [frames.due(n, float(t)) for n, t in ((1, 1), (5, 5), (6, 12), (7, 13), (8, 14), (10, 20))] == [
+        False, True, False, True, False, True]
+    assert frames.due_was_last
+    assert not load_text(tmp_path, GOOD, {"output": {}}).output.frames().due(100, 40.0)
+
+
+def test_a_half_finds_in_its_directory_what_the_scenario_says(tmp_path: Path) -> None:
+    s = load_text(tmp_path, GOOD)
+    directories = s.half_directories(tmp_path / "out")
+    assert set(directories) == {"thermal", "mechanical"}
+    for role, directory in directories.items():
+        interface = read_interface(directory / "interface.h5")
+        assert interface.mesh_hash == s.interface.mesh_hash
+        assert interface.surfaces_hash == s.interface.surfaces_hash
+        assert json.loads((directory / "model.json").read_text()) == s.models[role]
+
+
+def test_the_hash_follows_values_not_layout(tmp_path: Path) -> None:
+    first = load_text(tmp_path, GOOD).hash
+    assert load_text(tmp_path, "# a comment\n" + GOOD.replace("end: 40", "end:   40")).hash == first
+    assert load_text(tmp_path, GOOD.replace("T0: 100", "T0: 101")).hash != first
+    assert load_text(tmp_path, GOOD, {"bodies.upper.T0": 101}).hash == load_text(
+        tmp_path, GOOD.replace("T0: 100", "T0: 101")).hash
+
+
+def test_the_source_is_kept_and_the_scenario_is_frozen(tmp_path: Path) -> None:
+    s = load_text(tmp_path, GOOD, {"bodies.upper.T0": 150})
+    assert s.text == GOOD
+    assert s.resolved["bodies"]["upper"]["T0"] == 150
+    assert s.signals["push"].at(20.0) == pytest.approx(-1.5e-4)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        s.title = "other"  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("name", sorted(p.name for p in (ROOT / "scenarios").glob("*.yaml")))
+def test_every_shipped_scenario_is_good_with_both_halves(name: str) -> None:
+    path = ROOT / "scenarios" / name
+    s = load_scenario(path)
+    assert s.probes
+    assert s.models["mechanical"]["half"] == s.mechanical_half
+    assert load_scenario(path, {"mechanical.half": "rigid"}).models["mechanical"]["half"] == "rigid"
+
+
+def test_sliding_blocks_are_those_of_the_paper() -> None:
+    s = load_scenario(ROOT / "scenarios" / "sliding_blocks.yaml")
+    assert s.coupling.kinks == pytest.approx((2500, 10000, 12500, 12500 + 2500 / 1.1, 15000))
+    assert set(s.probes) >= {"lower.top.left", "lower.top.centre", "lower.top.right", "upper.bottom.centre"}
+    gap = s.interface.nodes[s.interface.surfaces["upper.bottom"]][..., 1].min() - np.max(
+        s.interface.nodes[s.interface.surfaces["lower.top"]][..., 1])
+    assert gap == pytest.approx(0.0508)

@@ -1,0 +1,106 @@
+"""Files that are no scenario at all, and files made to hang their reader."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from coupler.errors import ScenarioError
+from coupler.scenario import load_scenario
+from coupler.scenario.reading import MAX_BYTES, read_document
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenario_text import GOOD, load_text
+
+BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 12))
+
+
+def refusal(path: Path, data: bytes | None) -> ScenarioError:
+    """The error a file with these bytes gives."""
+    if data is not None:
+        path.write_bytes(data)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert caught.value.file == str(path)
+    return caught.value
+
+
+@pytest.mark.parametrize(("data", "words", "line"), [
+    (None, "no such file", 0),
+    (b"", "empty", 0),
+    (b"# only a comment\n", "empty", 0),
+    (b"- a\n- b\n", "mapping of keys", 1),
+    (b"just text\n", "mapping of keys", 1),
+    (b"a: 1\nb: [1, 2\nc: 3\n", "not valid YAML", 3),
+    (b"a: 1\n\tb: 2\n", "not valid YAML", 2),
+    (b"a: \xff\xfe\n", "not UTF-8", 1),
+    ("ä: 1\n".encode("latin-1"), "not UTF-8", 1),
+    (b"a: 1\x00\n", "not valid YAML", 0),
+    (b"a: 1\nb: 2\na: 3\n", "stands twice", 3),
+    (b"a: {b: 1, b: 2}\n", "stands twice", 1),
+    (b"a: 1\n---\nb: 2\n", "not valid YAML", 2),
+    (b"1: 2\n", "not text", 1),
+    (b"a: !!python/object/apply:os.system ['true']\n", "tag", 1),
+    (b"a: !thing {b: 1}\n", "tag", 1),
+    (b"a: !thing 1\n", "tag", 1),
+    (b"title: 2020-01-01\n", "date", 1),
+    (b"title: 2020-13-45\n", "not valid YAML", 0),
+    (b"a: *nowhere\n", "not valid YAML", 1),
+])
+def test_what_is_no_scenario_is_one_clear_error(data: bytes | None, words: str, line: int, tmp_path: Path) -> None:
+    error = refusal(tmp_path / "s.yaml", data)
+    assert words in error.message
+    assert error.line == line
+
+
+def test_a_folder_is_not_a_scenario(tmp_path: Path) -> None:
+    assert "regular file" in refusal(tmp_path, None).message
+
+
+@pytest.mark.parametrize("data", [
+    pytest.param(BOMB.encode(), id="aliases within aliases"),
+    pytest.param(b"a: &a [*a]\n", id="a list in itself"),
+    pytest.param(b"a: &a {b: *a}\n", id="a mapping in itself"),
+    pytest.param(b"a: " + b"[" * 100_000, id="deep flow"),
+    pytest.param(b"a: " + b"{a: " * 2_000, id="deep mappings"),
+])
+def test_texts_made_to_hang_are_refused_soon(data: bytes, tmp_path: Path) -> None:
+    start = time.perf_counter()
+    refusal(tmp_path / "s.yaml", data)
+    assert time.perf_counter() - start < 20
+
+
+def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    with path.open("wb") as f:
+        f.truncate(200_000_000)
+    start = time.perf_counter()
+    error = refusal(path, None)
+    assert f"larger than {MAX_BYTES}" in error.message
+    assert time.perf_counter() - start < 2
+
+
+def test_anchors_and_merges_within_reason_are_welcome(tmp_path: Path) -> None:
+    text = GOOD.replace("mesh: {rectangle: {origin: [0, 0], size: [2, 1], cells: [4, 2]}}",
+                        "mesh: {rectangle: &r {origin: [0, 0], size: [2, 1], cells: [4, 2]}}")
+    text = text.replace("mesh: {rectangle: {origin: [0, 1], size: [2, 1], cells: [5, 2]}}",
+                        "mesh: {rectangle: {<<: *r, origin: [0, 1]}}")
+    s = load_text(tmp_path, text)
+    assert s.interface.nodes[:, 1].max() == 2.0
+    assert len(s.interface.quads) == 16
+
+
+def test_numbers_are_those_of_yaml_1_2(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("a: [1e7, 1.0e-3, 0x10, .5, -3, yes, true, ~, '1']\n", encoding="utf-8")
+    assert read_document(path).tree == {"a": [1e7, 1e-3, 16, 0.5, -3, "yes", True, None, "1"]}
+
+
+def test_a_byte_order_mark_and_windows_lines_do_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert load_scenario(path).title == "Two blocks"
