@@ -6,6 +6,7 @@ first `contact` that is loaded serves all of them, so another one is refused, ne
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import importlib
 import importlib.util
@@ -55,6 +56,15 @@ def _installed_is(name: str, expected: str) -> bool:
     if found is None or found.origin is None:
         return False
     return sources_hash(Path(found.origin).parent) == expected
+
+
+def hold(namespace: dict[str, Any]) -> None:
+    """Add a reference to an entry script's namespace; to be called each time the script runs.
+
+    pythonfmu's wrapper runs the script once more an instance and then gives up a reference it never had: without
+    this the namespace of a script as short as ours is freed under its module, and the second instance crashes.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(namespace))
 
 
 def half(load: str, packages: Mapping[str, str]) -> tuple[type, Callable[..., Any]]:
