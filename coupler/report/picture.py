@@ -20,7 +20,10 @@ PNG_DPI = 130
 
 @dataclass(frozen=True)
 class Picture:
-    """An image for the page.  src : data URI.  alt : what it shows, in words.  caption : stands below it.  narrow : not for the whole width."""
+    """An image for the page.  src : data URI.  alt : what it shows, in words.  caption : stands below it.
+
+    narrow : not for the whole width of the page.
+    """
 
     src: str
     alt: str

@@ -38,6 +38,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert same(list(read_journal(tmp_path / "j")), RECORDS)
 
 
+def test_a_record_is_in_the_file_when_write_returns(tmp_path: Path) -> None:
+    with Journal(tmp_path / "j") as journal:
+        for k, record in enumerate(RECORDS):
+            journal.write(*record)
+            assert same(list(read_journal(tmp_path / "j")), RECORDS[: k + 1])
+
+
 def test_cut_at_every_byte_of_the_last_two_records(tmp_path: Path) -> None:
     ends = write(tmp_path / "j")
     data, cut = (tmp_path / "j").read_bytes(), tmp_path / "cut"
