@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from coupler.description import Description, Field, read_description
 from coupler.errors import HalfError
 from coupler.half import Advance, Array, Block, Status
-from coupler.unpack import unpack
+from coupler.unpack import unpack, unpacked_beside
 
 DISCARD, FATAL = 2, 4
 FAILED, INTERRUPTED = 2, 3  # status.code of our halves (contact.half.slave)
@@ -41,9 +41,11 @@ _libraries: dict[str, Any] = {}
 def load_half(fmu: Path, extracted: Path | None = None, name: str = "half") -> FmuHalf:
     """Load an FMU and make one instance of it.
 
-    extracted : where it is, or will be, unpacked; None for a directory of its own that goes when the program ends.
-    Raises HalfError with the half's own words.
+    extracted : where it is, or will be, unpacked; None for where it lies unpacked beside the FMU (as build_half leaves
+    it), else for a directory of its own that goes when the program ends.  Raises HalfError with the half's own words.
     """
+    if extracted is None:
+        extracted = unpacked_beside(fmu)
     if extracted is None:
         scratch = tempfile.TemporaryDirectory(prefix="slideline-")
         _scratch.append(scratch)
@@ -288,7 +290,8 @@ class FmuHalf:
         log = self._log
 
         def record(_: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
-            log.append(f"[{_STATUS[status] if 0 <= status < 6 else status}] {(message or b'').decode('utf-8', 'replace')}")
+            label = _STATUS[status] if 0 <= status < len(_STATUS) else status
+            log.append(f"[{label}] {(message or b'').decode('utf-8', 'replace')}")
 
         callbacks = fmpy.fmi2.fmi2CallbackFunctions()
         callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(record)

@@ -50,3 +50,17 @@ def unpack(fmu: Path, target: Path) -> Path:
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return target
+
+
+def unpacked_beside(fmu: Path) -> Path | None:
+    """The directory `half` beside `half.fmu`, if that is what the FMU unpacks to (its description says so)."""
+    beside = fmu.with_suffix("")
+    inside = beside / "modelDescription.xml"
+    if not (inside.is_file() and is_safe(beside)):
+        return None
+    try:
+        with zipfile.ZipFile(fmu) as archive:
+            same = archive.read("modelDescription.xml") == inside.read_bytes()
+    except (OSError, KeyError, zipfile.BadZipFile) as exc:
+        raise HalfError(f"{fmu} cannot be read: {exc}") from exc
+    return beside if same else None

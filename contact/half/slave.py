@@ -130,8 +130,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
             self._layout: Layout = layout_of(self._model.variables, standard_variables(interface, text))
         except (ValueError, OSError) as exc:
             raise RuntimeError(plain(f"the half cannot be made: {exc}")) from None
-        except Exception as exc:
-            # A bug: this text is all the host will ever show.
+        except Exception as exc:  # noqa: BLE001 a bug: the text below is all the host will ever show
             text = plain("the half cannot be made:\n" + "".join(traceback.format_exception(exc)))
             raise RuntimeError(text) from None
         self._reals = self._layout.start_store()

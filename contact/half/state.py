@@ -166,11 +166,11 @@ def _class(of: str, packages: Collection[str]) -> type:
 
 
 def _rebuilt(kind: type, values: dict[str, Any]) -> Any:
-    """An instance with exactly these fields, past __init__ and __post_init__: the values were checked when first made."""
+    """An instance with exactly these fields, made without __init__: the values were checked when first made."""
     expected = [f.name for f in fields(kind)]
     if sorted(expected) != sorted(values):
         raise StateError(f"{kind.__qualname__} has fields {expected}, the state {sorted(values)}")
-    made = object.__new__(kind)
+    made: Any = object.__new__(kind)
     for name, value in values.items():
         object.__setattr__(made, name, value)
     return made
