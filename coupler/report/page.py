@@ -22,12 +22,8 @@ from coupler.results import Results
 TEMPLATE = "page.html.j2"
 
 
-def write_report(results: Results, path: Path) -> Path:
-    """Write the report of a run to `path` (HTML) and return it.
-
-    The page loads nothing: no script, no style, no image from elsewhere.
-    Raises ResultsError if it cannot be written.
-    """
+def write_page(results: Results, path: Path) -> Path:
+    """Render the report of a run and put it at `path` whole.  Raises ResultsError if it cannot be written."""
     text = render(results)
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
