@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import Box, FlatContact, inputs_of, scene, spec
@@ -187,7 +188,7 @@ def _with(model, value, *path):
 ])
 def test_a_wrong_model_is_refused_by_key_and_value(path, value, words):
     mesh, model = blocks()
-    with pytest.raises(ValueError, match="model.json") as caught:
+    with pytest.raises(ValueError, match=r"model\.json") as caught:
         load(mesh, _with(model, value, *path))
     assert all(word in str(caught.value) for word in words), str(caught.value)
 
@@ -215,6 +216,7 @@ try:
         assert all(a.status.value == "ok" for a in T), [a.message for a in T]
         runs.append([a.outputs["T"].tobytes() for a in T])
         half.restore(token)
+    half.release(token)
     assert runs[0] == runs[1]
     print(json.dumps({"n": n, "same": True, "T": float(T[-1].outputs["T"].max())}))
 finally:
@@ -233,6 +235,7 @@ def test_its_fmu_is_valid_and_runs(tmp_path):
     built = subprocess.run([sys.executable, "-m", "thermal_fmu.build", str(tmp_path), str(out)], check=False,
                            capture_output=True, text=True, cwd=root, timeout=60)
     assert built.returncode == 0, built.stderr
+    assert validate_fmu(str(out)) == []
     ran = subprocess.run([sys.executable, "-c", HOST, str(out)], check=False, capture_output=True, text=True, cwd=root,
                          timeout=60)
     assert ran.returncode == 0, ran.stderr[-3000:]

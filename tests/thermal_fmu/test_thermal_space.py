@@ -31,7 +31,7 @@ def distorted(X):
     """Inner nodes of a unit-ish square moved by a fixed pattern, up to a third of a cell."""
     rng = np.random.default_rng(7)
     low, high = X.min(axis=0), X.max(axis=0)
-    inner = ((X > low + 1e-9) & (X < high - 1e-9)).all(axis=1)
+    inner = ((low + 1e-9 < X) & (high - 1e-9 > X)).all(axis=1)
     return X + np.where(inner[:, None], rng.uniform(-0.06, 0.06, X.shape), 0.0)
 
 
