@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 import shutil
 import tempfile
@@ -21,6 +22,7 @@ from coupler.remote import RemoteHalf
 from coupler.verbs import ANSWERS
 
 CONTACT = "contact"
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 START_DEADLINE = 120.0  # s for all to be ready; a first run compiles kernels
 CALL_DEADLINE = 600.0  # s for one substep of a half; a death is noticed at once, only a hang waits for this
 
@@ -46,8 +48,11 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
 
     fmus : name of a half (letters, digits, - and _) -> its FMU.  host, service : commands to run instead of
     `python -m coupler.host` and `python -m contact.serve`, with the same options.
-    Raises HalfError or ServiceDownError naming who did not start, later who died, with the tail of its log.
+    Raises ValueError for another name, HalfError or ServiceDownError naming who did not start, later who died, with the tail of its log.
     """
+    for name in fmus:
+        if not _NAME.fullmatch(name) or name == CONTACT:
+            raise ValueError(f"{name!r} cannot name a half's process: letters, digits, - and _ only, not {CONTACT!r}")
     run = secrets.token_hex(4)
     with ExitStack() as stack:
         directory = Path(tempfile.mkdtemp(prefix="slideline-"))
@@ -76,7 +81,6 @@ def _start(children: dict[str, Child], fmus: Mapping[str, Path], run: str, direc
            until: float, host: Sequence[str],
            service: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
     """Start all at once, for each imports for a second; returns endpoint and instance of each."""
-    assert CONTACT not in fmus
     children[CONTACT] = start(CONTACT, [*service, "--run", run, "--child"], directory)
     for name, fmu in fmus.items():
         # Unpacked in the run's directory, which this process removes: a host that is killed cannot clean up.

@@ -196,6 +196,12 @@ def test_a_half_that_does_not_start_is_named(fmu, tmp_path):
     assert set(psutil.Process().children(recursive=True)) <= before
 
 
+@pytest.mark.parametrize("name", ["contact", "", "a/b", "../x", "a b", "*"])
+def test_wrong_names_are_refused(fmu, name):
+    with pytest.raises(ValueError, match="cannot name a half"), processes({name: fmu}, host=HOST, service=SERVICE):
+        raise AssertionError("not reached")
+
+
 def test_a_program_that_is_not_there(tmp_path):
     with pytest.raises(ChildError, match="cannot be run"):
         start("x", ["/no/such/program"], tmp_path)
