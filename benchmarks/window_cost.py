@@ -22,7 +22,18 @@ from pathlib import Path
 from time import process_time
 
 from calculix import Cost, run_calculix
-from scene import APPROACH, SLIDE_END, SLIDE_START, Stopwatch, blocks, contact_stopwatch, pin, table
+from scene import (
+    APPROACH,
+    SLIDE_END,
+    SLIDE_START,
+    SLIP_OFF,
+    Stopwatch,
+    blocks,
+    contact_stopwatch,
+    cpu_clock,
+    pin,
+    table,
+)
 
 from coupler import Run
 from coupler.control import Tried, windows
@@ -65,11 +76,12 @@ def main() -> None:
 def side_by_side(n: int, batches: int, dt: float) -> tuple[list[Window], list[Cost]]:
     """Our windows and CalculiX's runs, in turns."""
     size = 250.0 / (1.1 * n)  # a tenth of the time the edge takes to cross a cell
-    scenario = blocks(n, coupling__windows=[*APPROACH, {"until": SLIDE_END, "size": size}],
+    scenario = blocks(n, coupling__end=SLIDE_END,
+                      coupling__windows=[*APPROACH, {"until": SLIDE_END, "size": size}], coupling__kinks=[SLIP_OFF],
                       output__fields={"at": [SLIDE_END]})
     ours: list[Window] = []
     rival: list[Cost] = []
-    with (tempfile.TemporaryDirectory(prefix="window.") as folder, contact_stopwatch() as watch,
+    with (tempfile.TemporaryDirectory(prefix="window.") as folder, cpu_clock(), contact_stopwatch() as watch,
           Run(scenario, Path(folder) / "run.h5") as r):
         steps = windows(r.halves, r.state, r.plan)
         before = next(tried for tried in steps if tried.t >= SLIDE_START)
