@@ -15,7 +15,7 @@ from contact.wire import Tractions
 from mechanical_fmu.contact_forces import contact_variables
 from mechanical_fmu.elastic_spec import parse_elastic
 from mechanical_fmu.material import MaterialRangeError
-from mechanical_fmu.newton import Equilibrium, Settings, solve
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings, solve
 from mechanical_fmu.system import Balance, Loading, System, system_of
 from mechanical_fmu.tangent import MOST_SURFACE_DOFS, Anchor
 from mechanical_fmu.volume import InvertedCellError, von_mises
@@ -76,27 +76,40 @@ class ElasticHalf:
     def _step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done:
         u, T = _array(state.u), _array(inputs["T"])
         loading = self._loading(inputs, t + h, -1, state.multipliers, link)
-        first = self._predicted(u, loading)
-        assert first.entries is not None
         anchor = self._anchor(state)
-        limit = self.settings.keep if state.anchored else self.settings.adopt
-        small = self.system.contact.dofs.size <= MOST_SURFACE_DOFS
-        anchored = small and limit >= 0.0 and anchor.drift(first.entries) <= limit
-        found = solve(self.system, loading, first, anchor if anchored else None, self.settings)
+        first = self._predicted(u, loading, tangent=not state.anchored)
+        anchored = state.anchored or self._adopts(anchor, first)
+        found = self._solved(loading, first, anchor if anchored else None)
         anchored = anchored and not found.fresh
         after = replace(state, t=t + h, u=found.balance.u, anchored=anchored)
         if found.fresh:
             after = replace(after, anchor_u=found.balance.u, anchor_T=T)
         return Done(after, self._outputs(found, loading, u))
 
-    def _predicted(self, u: Floats, loading: Loading) -> Balance:
-        """Balance, with tangent, where driven bodies have moved rigidly by their mean prescribed increment."""
+    def _solved(self, loading: Loading, first: Balance, anchor: Anchor | None) -> Equilibrium:
+        if anchor is not None:
+            try:
+                return solve(self.system, loading, first, anchor, self.settings)
+            except (InvertedCellError, NoEquilibriumError):
+                # An old tangent may lead astray where today's would not.
+                pass
+        return solve(self.system, loading, first, None, self.settings)
+
+    def _adopts(self, anchor: Anchor, first: Balance) -> bool:
+        """Whether the anchor's factor is worth keeping: the stiffness has hardly changed over a whole step."""
+        if self.settings.adopt < 0.0 or self.system.contact.dofs.size > MOST_SURFACE_DOFS:
+            return False
+        assert first.entries is not None
+        return anchor.drift(first.entries) <= self.settings.adopt
+
+    def _predicted(self, u: Floats, loading: Loading, tangent: bool = True) -> Balance:
+        """Balance, with tangent if asked for, where driven bodies have moved by their mean prescribed increment."""
         moved = self.system.constraints.moved(u, loading.target)
         fixed = self.system.constraints.fixed
         off = np.abs(moved.ravel()[fixed] - loading.target)
         if off.size and off.max() <= SNAP * float(self.system.size.max()):
             moved.ravel()[fixed] = loading.target
-        return self.system.balance(moved, loading, tangent=True)
+        return self.system.balance(moved, loading, tangent)
 
     def _loading(self, inputs: Values, t: float, side: int, multipliers: Floats, link: Link) -> Loading:
         spec = self.system.spec

@@ -29,14 +29,13 @@ class NoEquilibriumError(ArithmeticError):
 class Settings:
     """tolerance : of the residual of each body, relative to the forces on it.  max_iterations : of one step.
 
-    adopt, keep : drift of the stiffness up to which a factor is begun to be, and goes on being, used again;
-    negative: never.  A wide gap between them, because beginning costs a factor and a solve per surface unknown.
+    adopt : drift of the stiffness over a step up to which its factor is kept for the next steps; negative: never.
+        Well below what would still converge, because beginning costs a factor and a solve per surface unknown.
     """
 
     tolerance: float
     max_iterations: int = 25
     adopt: float = 0.002
-    keep: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -62,15 +61,15 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
     anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
     Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
     """
-    balance, history, poor, fresh = start, [], 0, False
     floor = system.floor(loading, settings.tolerance)
-    for _ in range(settings.max_iterations + 1):
-        error = system.error(balance, floor)
-        history.append(float(error.max()))
+    balance, error = start, system.error(start, floor)
+    history, poor, fresh = [float(error.max())], 0, False
+    while True:
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if history[-1] <= settings.tolerance and not gap.any():
             return Equilibrium(balance, history[-1], tuple(history), fresh)
-        poor += len(history) > 1 and history[-1] > POOR * history[-2]
+        if len(history) > settings.max_iterations:
+            break
         if anchor is not None and poor < MOST_POOR:
             d = anchor.direction(balance, gap)
         else:
@@ -78,37 +77,42 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
             if balance.entries is None:
                 balance = system.balance(balance.u, loading, tangent=True)
             d = fresh_direction(system, balance, loading, gap)
-        balance = _search(system, loading, balance, d, floor, settings.tolerance)
+        balance, error = _search(system, loading, (balance, error), d, floor, settings.tolerance)
+        history.append(float(error.max()))
+        poor += history[-1] > POOR * history[-2]
     body = system.interface.bodies[int(np.argmax(error))]
     raise NoEquilibriumError(f"no equilibrium after {settings.max_iterations} iterations: the forces on body {body} "
                              f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
 
 
-def _search(system: System, loading: Loading, start: Balance, d: Floats, floor: Floats, tolerance: float) -> Balance:
-    """Balance at u + s d; s = 1 unless that turns a cell inside out or overshoots.
+def _search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
+            tolerance: float) -> tuple[Balance, Floats]:
+    """Balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """
-    free = system.constraints.free
+    balance, before = start
+    pull = d * system.constraints.free
     driven = bool(d[system.constraints.fixed].any())
-    work = float(np.dot(d * free, start.r.ravel()))
-    s, before, best = 1.0, float(system.error(start, floor).max()), None
+    work = float(np.dot(pull, balance.r.ravel()))
+    s, best, inverted = 1.0, None, None
     for _ in range(MOST_CUTS):
         try:
-            trial = system.balance(_moved(system, loading, start.u, d, s), loading)
+            trial = system.balance(_moved(system, loading, balance.u, d, s), loading)
         except InvertedCellError as exc:
             inverted, s = exc, 0.5 * s
             continue
-        after = float(system.error(trial, floor).max())
-        left = float(np.dot(d * free, trial.r.ravel()))
-        if driven or after <= max(tolerance, 0.5 * before) or work >= 0.0 or left <= SLACK * abs(work):
-            return trial
-        if best is None or after < best[0]:
-            best = (after, trial)
+        after = system.error(trial, floor)
+        left = float(np.dot(pull, trial.r.ravel()))
+        smaller = after.max() <= max(tolerance, 0.5 * before.max())
+        if driven or smaller or work >= 0.0 or left <= SLACK * abs(work):
+            return trial, after
+        if best is None or after.max() < best[1].max():
+            best = trial, after
         s *= float(np.clip(work / (work - left), 0.1, 0.5))
     if best is None:
-        raise inverted
-    return best[1]
+        raise inverted or AssertionError("a search tries at least once")
+    return best
 
 
 def _moved(system: System, loading: Loading, u: Floats, d: Floats, s: float) -> Floats:

@@ -145,7 +145,7 @@ class System:
         return norms[0] / np.maximum(np.maximum(norms[1], norms[2]), floor)
 
     def _body_norms(self, f: Floats) -> Floats:
-        squares = np.bincount(self.interface.node_body + 1, weights=(f * f).sum(axis=1),
+        squares = np.bincount(self.interface.node_body + 1, weights=f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1],
                               minlength=len(self.interface.bodies) + 1)
         return np.sqrt(squares[1:])
 

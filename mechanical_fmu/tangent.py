@@ -160,9 +160,11 @@ def _right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
 def _held(system: System, K: csr_matrix) -> csr_matrix:
     """K with the rows and columns of prescribed components replaced by those of a diagonal."""
     free = system.constraints.free
-    diagonal = (1.0 - free) * np.abs(K.diagonal()).max()
-    mask = diags_array(free, format="csr")
-    return csr_matrix(mask @ K @ mask + diags_array(diagonal, format="csr"))
+    rows = np.repeat(np.arange(free.size), np.diff(K.indptr))
+    data = K.data * free[rows] * free[K.indices]
+    # The diagonal is in the pattern, and sums of matrices keep it.
+    data[rows == K.indices] += (1.0 - free) * np.abs(K.diagonal()).max()
+    return csr_matrix((data, K.indices, K.indptr), shape=K.shape)
 
 
 def _finish(system: System, d: Floats, gap: Floats) -> Floats:

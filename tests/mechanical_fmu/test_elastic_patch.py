@@ -211,7 +211,8 @@ def test_jumps_are_seen_from_the_left_at_the_end_of_a_step():
 
 
 def test_load_factors_scale():
-    half = elastic(block(GRID, GRID), [hold("block.bottom", 1), hold("block.left", 0), press("block.top", 1e6, name="p"),
+    half = elastic(block(GRID, GRID), [hold("block.bottom", 1), hold("block.left", 0),
+                                       press("block.top", 1e6, name="p"),
                                        hold("block.right", 0, 1e-5, name="stretch")])
     _, once = half.start(inputs_of(half, p=1.0, stretch=0.0), 0.0, LINK)
     _, twice = half.start(inputs_of(half, p=2.0, stretch=1.0), 0.0, LINK)
