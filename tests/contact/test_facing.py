@@ -109,6 +109,8 @@ def test_curved_coverage_adds_up_on_both_sides(mesh: tuple[int, int]) -> None:
     share = (parts.sum(axis=1) / whole.sum(axis=1))[~mine]
     assert (parts >= 0).all()
     assert ((share > -ROUND_OFF) & (share < 1 + 1e-9)).all()
+    full = ~mine & (parts.sum(axis=1) > (1 - 1e-12) * whole.sum(axis=1))
+    np.testing.assert_allclose(parts[full], whole[full], rtol=1e-11, atol=ROUND_OFF)
     inner = (share > 1e-9) & (share < 1 - 1e-9)
     assert inner.sum() <= 2, "only the edges at the two ends of the slave are partly covered"
     if mesh[1] > 10:
@@ -219,7 +221,8 @@ def test_surfaces_that_look_the_same_way_do_not_face() -> None:
     assert ask(away, x).area.size == 0
 
 
-def test_of_two_master_surfaces_on_one_ray_the_nearer_is_met() -> None:
+@pytest.mark.parametrize("floor_first", [False, True])
+def test_of_two_master_surfaces_on_one_ray_the_nearer_is_met(floor_first: bool) -> None:
     """A master chain that folds: a shelf 0.1 above the floor, seen from above at 0.01 over the shelf."""
     slave = np.column_stack([np.linspace(0.1, 0.9, 6), np.full(6, 0.11)])
     shelf = np.array([[1.0, 0.1], [0.5, 0.1], [0.5, 0.0], [0.0, 0.0]])  # down a step: floor at the left
@@ -228,6 +231,8 @@ def test_of_two_master_surfaces_on_one_ray_the_nearer_is_met() -> None:
     x = np.concatenate([x, floor_under])
     register = replace(register, n_nodes=len(x), edge_surface=np.append(register.edge_surface, 1).astype(np.int32),
                        edges=np.concatenate([register.edges, [[len(x) - 2, len(x) - 1]]]).astype(np.int32))
+    if floor_first:
+        register = replace(register, edges=register.edges[[0, 1, 2, 3, 4, 8, 5, 6, 7]])
     facing = ask(register, x)
     X_s, X_m = points(register, x, facing)
     np.testing.assert_allclose(X_m[X_s[:, 0] > 0.5][:, 1], 0.1, atol=ROUND_OFF)
