@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import Picture, axes_of, legend_below, line_style, new_figure, plain, svg
-from coupler.report.units import counted, number, shown
+from coupler.report.units import Shown, counted, number, shown
 from coupler.results import Results
 
 Array = NDArray[np.float64]
 
 BINS = 20  # the time axis in so many parts where kinks do not cut it
+TALL, LOW = 4.5, 3.4  # inches: temperatures, and all else
 ZOOM_AT_MOST = 0.6  # a closer look at more of the run than this is none
 LEAST_GAIN = 0.1  # share of the movement beyond the share of the time: below it curves move about evenly
 NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure"}
@@ -43,13 +44,20 @@ def kinks_of(results: Results) -> list[float]:
     return [float(k) for k in results.header["coupling"]["kinks"] if 0 < k < end]
 
 
+def _values(results: Results, name: str) -> Array:
+    """(n,) a probe in SI; a gap where nothing is faced is not a number: gap_max stands for it in the file."""
+    value = results.probe(name)[1]
+    if results.quantity(name) != "gap":
+        return value
+    return np.where(np.isin(value, [float(p["gap_max"]) for p in results.header["pairs"]]), np.nan, value)
+
+
 def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[float, float] | None) -> Picture:
-    values = [results.probe(n)[1] for n in names]
-    finite = np.concatenate(values)[np.isfinite(np.concatenate(values))]
-    largest = float(np.abs(finite).max(initial=0.0))
+    values = [_values(results, n) for n in names]
+    largest = float(np.nan_to_num(np.abs(np.concatenate(values))).max(initial=0.0))
     scale = shown(results.unit(names[0]), largest, results.header["temperature_unit"])
     what = NAMES.get(quantity, quantity)
-    figure = new_figure(4.6 if near is None else 4.2)
+    figure = new_figure(TALL if quantity == "T" else LOW)
     ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         ax.plot(results.t, scale(value), label=plain(name), **line_style(k))
@@ -59,13 +67,27 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
         _fit_height(ax, results.t, [scale(v) for v in values], near)
     draw_kinks(ax, kinks_of(results))
     legend_below(figure, ax)
-    ends = "; ".join(f"{n} {scale.text(float(v[0]))} at first, {scale.text(float(v[-1]))} at last"
-                     for n, v in zip(names[:6], values, strict=False))
     span = f"from {number(low, 6)} s to {number(high, 6)} s"
-    title = f"{what.capitalize()} of {counted(len(names), 'probe')} against time, {span}"
-    caption = f"{title}. Thin vertical lines: kinks, where boundary data jump or change slope." if near is None else (
-        f"The same where most of it happens, {span}.")
-    return svg(figure, f"{title}: {ends}.", caption)
+    of = counted(len(names), "probe") if len(names) > 1 else f"probe {names[0]}"
+    title = f"{what[0].upper()}{what[1:]} of {of} against time, {span}"
+    return svg(figure, f"{title}: {_ends(names, values, scale)}.", _caption(quantity, title, span, near is not None))
+
+
+def _caption(quantity: str, title: str, span: str, near: bool) -> str:
+    if near:
+        return f"The same where most of it happens, {span}."
+    more = {"T": " Thin vertical lines: kinks, where boundary data jump or change slope.",
+            "gap": " Where nothing is faced there is no gap."}
+    return f"{title}.{more.get(quantity, '')}"
+
+
+def _ends(names: Sequence[str], values: Sequence[Array], scale: Shown) -> str:
+    """First and last value of the first few curves, in words."""
+    def said(v: float) -> str:
+        return scale.text(v) if np.isfinite(v) else "none"
+
+    return "; ".join(f"{n} {said(float(v[0]))} at first, {said(float(v[-1]))} at last"
+                     for n, v in zip(names[:6], values, strict=False))
 
 
 def _fit_height(ax: Axes, t: Array, values: Sequence[Array], near: tuple[float, float]) -> None:

@@ -46,7 +46,7 @@ def summary(results: Results) -> str:
     good, rejected = w[w.verdict == ACCEPTED], int((w.verdict != ACCEPTED).sum())
     reached = float(results.t[-1]) if len(results.t) else 0.0
     text = (f"The run {_became(results.outcome)}: {number(reached, 6)} s of simulated time in "
-            f"{counted(len(good), 'window')} ({rejected} more rejected) with "
+            f"{counted(len(good), 'window')} ({rejected or 'none'} rejected) with "
             f"{counted(int(w.solves.sum()), 'half-solve')}, in {duration(wall_seconds(results))} of wall-clock time.")
     if not len(good):
         return text
@@ -56,8 +56,9 @@ def summary(results: Results) -> str:
     text += f" The highest temperature was {T.text(float(good.max_T.max()), 5)}"
     p = float(good.max_p.max())
     if p > 0:
-        first = good[good.max_p > 0][0]
-        return text + (f", the highest contact pressure {shown('Pa', p).text(p, 5)}; "
+        first, peak = good[good.max_p > 0][0], good[good.max_p.argmax()]
+        return text + (f", the highest contact pressure {shown('Pa', p).text(p, 5)} "
+                       f"at t = {number(float(peak.t + peak.H), 6)} s; "
                        f"contact pressed first at t = {number(float(first.t + first.H), 6)} s.")
     return text + "; no contact pressure was seen."
 

@@ -41,7 +41,9 @@ def depth_of(results: Results) -> str:
 
 def heat_table(results: Results) -> HeatTable | None:
     """Totals of the run, or None if it kept no ledger."""
-    ledger = results.ledger
+    _, history = results.ledger_history()
+    # A mechanism that never moved heat is not part of the scene; what a body stored is told even where it is 0.
+    ledger = {n: e for n, e in results.ledger.items() if n.startswith(STORED) or np.any(history[n])}
     if not ledger:
         return None
     scale = shown("J", max(abs(e) for e in ledger.values()))

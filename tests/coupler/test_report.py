@@ -74,13 +74,13 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 def test_summary_tells_the_numbers(page: Page) -> None:
-    found = re.search(r"The run completed: (\d+) s of simulated time in (\d+) windows \((\d+) more rejected\) with "
+    found = re.search(r"The run completed: (\d+) s of simulated time in (\d+) windows \((\d+) rejected\) with "
                       r"(\d+) half-solves, in ([\d.]+) s of wall-clock time", page.words)
     assert found is not None
     assert [float(x) for x in found.groups()] == [25000, 40, 4, 84, 2.5]
     assert "ledger closes to 0.0001 of" in page.words
     assert "highest temperature was 1000 °C" in page.words
-    assert "highest contact pressure 10 MPa" in page.words
+    assert "highest contact pressure 10 MPa at t = 12500 s" in page.words
     assert "contact pressed first at t = 10625 s" in page.words
 
 
@@ -150,6 +150,24 @@ def test_names_of_strangers_are_text(tmp_path: Path) -> None:
     assert "&lt;script&gt;" in html
     page = Page(html)
     assert page.words.count(bad) >= 4  # title, heading, banner, scenario, message of a window
+
+
+def test_a_gap_that_faces_nothing_is_not_drawn(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=10, frames=0, reject=0))
+    gap = results._probes["gap"][0]
+    gap[-3:] = results.header["pairs"][0]["gap_max"]
+    page = page_of(results, tmp_path)
+    assert any("probe gap against time" in i["alt"] and "gap 50.8 mm at first, none at last" in i["alt"]
+               for i in page.images)
+
+
+def test_mechanisms_that_moved_no_heat_are_left_out(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=3, frames=0, probes=False))
+    results._terms["source"] = np.zeros(4)
+    results._terms["flux"] = np.array([0.0, 5.0, 5.0, 0.0])
+    names = [r[0] for r in page_of(results, tmp_path).rows if r]
+    assert "prescribed flux" in names
+    assert "thermal source" not in names
 
 
 def test_probe_names_are_no_formulas(tmp_path: Path) -> None:
