@@ -23,11 +23,12 @@ def base_exponents(unit: str) -> dict[str, int]:
     if len(parts) > 2:
         raise ValueError(f"unit {unit!r}: one '/' at most")
     for sign, part in zip((1, -1), parts, strict=False):
-        if not part or _TOKEN.sub("", part):
+        tokens = _TOKEN.findall(part)
+        symbols = [symbol for symbol, _ in tokens]
+        # A symbol twice in a row is a prefix in disguise: "mm" is not m2.
+        if not part or _TOKEN.sub("", part) or len(set(symbols)) < len(symbols) or not _SYMBOLS.keys() >= set(symbols):
             raise ValueError(f"unit {unit!r} is not made of {', '.join(_SYMBOLS)} and powers")
-        for symbol, power in _TOKEN.findall(part):
-            if symbol not in _SYMBOLS:
-                raise ValueError(f"unit {unit!r} is not made of {', '.join(_SYMBOLS)} and powers")
+        for symbol, power in tokens:
             for base, exponent in zip(BASE, _SYMBOLS[symbol], strict=False):
                 total[base] += sign * exponent * int(power or 1)
     return {base: exponent for base, exponent in total.items() if exponent}
