@@ -17,7 +17,7 @@ from contact.wire import Refused, Register, Registered, Reply, Request
 from contact.zenoh_link import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
 
 CALL_DEADLINE = 300.0  # s; a first request may compile kernels on a busy machine, a death is noticed at once
-STATUS_TIMEOUT = 1.0  # s
+STATUS_TIMEOUT = 2.0  # s
 RESTART_GRACE = 1.5  # s a client waits for a new instance after its service died
 PAUSES = (0.01, 0.02, 0.05, 0.1)  # s between repeats of a call; the last one stays
 

@@ -48,7 +48,8 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
 
     fmus : name of a half (letters, digits, - and _) -> its FMU.  host, service : commands to run instead of
     `python -m coupler.host` and `python -m contact.serve`, with the same options.
-    Raises ValueError for another name, HalfError or ServiceDownError naming who did not start, later who died, with the tail of its log.
+    Raises ValueError for another name; HalfError or ServiceDownError naming who did not start, later who died, with
+    the tail of its log.
     """
     for name in fmus:
         if not _NAME.fullmatch(name) or name == CONTACT:

@@ -247,6 +247,13 @@ def test_a_program_that_forgets_to_close_ends_all_the_same(service):
     assert (done.returncode, done.stdout) == (0, "surfaces-4\n")
 
 
+def test_a_server_that_forgets_to_close_ends_all_the_same():
+    code = ("from contact.server import Server; from contact.zenoh_link import open_session;"
+            "s = Server(open_session(listen=('tcp/127.0.0.1:0',)), 'r', 'contact', {}); print('done')")
+    done = run_script(code)
+    assert (done.returncode, done.stdout) == (0, "done\n")
+
+
 def test_a_session_is_not_used_after_a_fork(service, link):
     code = """
 import os, sys
