@@ -74,10 +74,9 @@ def read_description(extracted: Path) -> Description:
         raise HalfError(f"{extracted} holds no FMU: {exc.strerror}") from exc
     key = f"{_CACHE_VERSION}:{hashlib.sha256(text).hexdigest()}"
     cache = extracted / "blocks.json"
-    if cache.is_file():
-        kept = json.loads(cache.read_text(encoding="utf-8"))
-        if kept["key"] == key:
-            return _from_json(kept)
+    kept = _cached(cache, key)
+    if kept is not None:
+        return kept
     description = _parse(text, path)
     # A cache that cannot be written (a folder of another user) costs time only.
     with contextlib.suppress(OSError):
@@ -85,6 +84,15 @@ def read_description(extracted: Path) -> Description:
         new.write_text(json.dumps({"key": key, **_to_json(description)}), encoding="utf-8")
         os.replace(new, cache)
     return description
+
+
+def _cached(cache: Path, key: str) -> Description | None:
+    """What the cache holds for a key; None where there is none, of another key, or damaged."""
+    try:
+        kept = json.loads(cache.read_text(encoding="utf-8"))
+        return _from_json(kept) if kept["key"] == key else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # the description itself is at hand and is read instead
 
 
 def _parse(text: bytes, path: Path) -> Description:

@@ -250,8 +250,9 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
 
     def _report(self, code: int, message: str = "", dt_suggest: float = 0.0, dt_stable: float = 0.0) -> None:
         self._store.report(code, plain(message), dt_suggest, dt_stable)
-        if message:
-            self._say(message, Fmi2Status.warning if code == DISCARDED else Fmi2Status.error)
+        # A failure was logged when it happened, with its traceback, which repetitions must not push out.
+        if code == DISCARDED:
+            self._say(message, Fmi2Status.warning)
 
     def _fail(self, where: str, exc: BaseException) -> None:
         """Turn an exception into a status.  A failed computation may be tried again; a bug may not."""
