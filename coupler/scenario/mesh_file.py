@@ -47,6 +47,10 @@ def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
     sets = {name: np.intersect1d(cells["vertex"][rows], used) for name, rows in groups["vertex"].items()}
     sets |= {name: np.intersect1d(np.asarray(ids), used) for name, ids in (raw.point_sets or {}).items()}
 
+    for name in (*surfaces, *sets):
+        if "/" in name:
+            raise MeshError(f"the group name {name!r} has a slash", "Rename it in the mesh.", at=("file", "path"))
+
     def renumbered(ids: NDArray[np.integer]) -> Ints:
         return np.searchsorted(used, ids).astype(np.int32)
 
@@ -74,7 +78,8 @@ def _read(path: Path) -> Any:
     except (Exception, SystemExit) as exc:
         # A true border: the readers raise whatever a broken file makes them trip over, and where none of them
         # fits, meshio prints and leaves the interpreter.
-        reason = " ".join(str(exc).split()) or type(exc).__name__
+        told = said.getvalue() if isinstance(exc, SystemExit) else str(exc)
+        reason = " ".join(told.split())[:200] or type(exc).__name__
         raise MeshError(
             f"{path.name} cannot be read as a mesh ({reason})",
             "Write it as gmsh .msh 2.2 or 4.1.",
@@ -147,7 +152,7 @@ def _surfaces(lines: NDArray[np.int64], groups: dict[str, NDArray[np.int64]], qu
             raise MeshError(
                 f"the line group {name!r} has a line (nodes {a + 1} and {b + 1}) that is not on the "
                 "boundary of the body",
-                "Surfaces must be made of edges of boundary cells.",
+                "Surfaces are made of outer edges; where regions meet in the file, take one by `region`.",
                 at=("file", "path"),
             )
         if on.any():

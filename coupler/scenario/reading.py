@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime
+import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,11 +19,14 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, Key, dotted
 
-# A scenario is some kilobytes; a megabyte is a long table and takes seconds to read. Meshes have own files.
-MAX_BYTES = 1_000_000
-# Values after aliases are written out: a few lines of nested aliases can stand for 10^9 of them.
-MAX_VALUES = 300_000
+# A scenario is some kilobytes; reading takes some 40 us a byte, so this much takes 10 s. Meshes have own files.
+MAX_BYTES = 250_000
+# Aliases within aliases stand for 10^9 values in a few lines, and merging a mapping into many others is slow too.
+MAX_ALIASES = 200
+MAX_VALUES = 100_000
 MAX_DEPTH = 40
+_ALIAS = re.compile(r"(?:^|[\s\[{,])\*[^\s\[\]{},*]", re.MULTILINE)
+_BRACKET = re.compile(r"[\[{\]}]")
 
 
 def read_document(path: Path) -> Document:
@@ -92,7 +97,17 @@ def _read_text(path: Path) -> str:
                             remedy="Save it as UTF-8.") from exc
 
 
+def _refuse_bombs(text: str, file: str) -> None:
+    """Refuse what would take the YAML reader minutes, before it sees it; brackets and stars in text count too."""
+    if len(_ALIAS.findall(text)) > MAX_ALIASES:
+        raise ScenarioError(f"the text has more than {MAX_ALIASES} aliases", file=file, remedy="Write the values out.")
+    steps = (1 if match.group() in "[{" else -1 for match in _BRACKET.finditer(text))
+    if any(depth > MAX_DEPTH for depth in itertools.accumulate(steps)):
+        raise ScenarioError("the text is nested too deeply", file=file, remedy=f"At most {MAX_DEPTH} brackets deep.")
+
+
 def _parse(text: str, file: str) -> Any:
+    _refuse_bombs(text, file)
     yaml = YAML(typ="rt", pure=True)
     try:
         return yaml.load(text)

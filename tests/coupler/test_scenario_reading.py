@@ -67,11 +67,17 @@ def test_a_folder_is_not_a_scenario(tmp_path: Path) -> None:
     pytest.param(b"a: &a {b: *a}\n", id="a mapping in itself"),
     pytest.param(b"a: " + b"[" * 100_000, id="deep flow"),
     pytest.param(b"a: " + b"{a: " * 2_000, id="deep mappings"),
+    pytest.param(b"".join(b" " * i + b"a:\n" for i in range(600)), id="deep lines"),
+    pytest.param(b"a: &a {" + b"".join(b"k%d: 1, " % i for i in range(2000)) + b"}\nb: {<<: ["
+                 + b"*a, " * 5000 + b"]}\n",
+                 id="merged again and again"),
+    pytest.param(b"a0: &a0 [1, 2, 3]\n" + b"".join(b"a%d: &a%d [*a%d, *a%d, *a%d]\n" % (i, i, i - 1, i - 1, i - 1)
+                                                 for i in range(1, 40)), id="few aliases, many values"),
 ])
 def test_texts_made_to_hang_are_refused_soon(data: bytes, tmp_path: Path) -> None:
     start = time.perf_counter()
     refusal(tmp_path / "s.yaml", data)
-    assert time.perf_counter() - start < 20
+    assert time.perf_counter() - start < 10
 
 
 def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
