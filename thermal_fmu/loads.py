@@ -16,7 +16,7 @@ from thermal_fmu.spec import Model
 # round a kink to 2^-40 of the end time, and the value on the wrong side of a jump would last a whole stage.
 SNAP_STEP, SNAP_TIME = 1e-6, 4e-12
 
-Factors = Mapping[str, float]
+LoadFactors = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Loads:
     pairs: tuple[tuple[float, float], ...]
 
 
-def loads_at(model: Model, factors: Factors, t: float, side: int) -> Loads:
+def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
     """Boundary data at t [s], at a jump before it (side = -1) or after it; factors : of the named ones."""
     def now(signal: Signal, name: str = "") -> float:
         return signal.at(t, side) * (factors[name] if name else 1.0)

@@ -17,7 +17,8 @@ from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.held import Scene, factors_of, hold
 from thermal_fmu.loads import calendar_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, METHODS, Method
-from thermal_fmu.newton import LastFactors, NotConvergedError
+from thermal_fmu.newton import NotConvergedError
+from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.spec import parse_model
 from thermal_fmu.step import Course, Stepped, take_step
 from thermal_fmu.volume import BadPropertyError, InvertedCellError
@@ -34,7 +35,8 @@ class ThermalState:
     T : (n,) [K].  X : (n, 2) reference coordinates [m], the first x: they set the mass.  event : the count
     control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained
     since the
-    start [J].  surfaces : what the contact service calls the surfaces ("" without pairs).
+    start [J].  surfaces : what the contact service calls the surfaces ("" without pairs).  anchor : the matrix whose
+    factors the next solve starts from.
     """
 
     T: Floats
@@ -43,6 +45,7 @@ class ThermalState:
     damped: int
     stored: float
     surfaces: str
+    anchor: Anchor | None = None
 
 
 class ThermalHalf:
@@ -56,7 +59,7 @@ class ThermalHalf:
         """Raises ValueError for a model.json that is not right, naming key and value."""
         self._scene = Scene(interface, parse_model(interface, spec))
         self._calendar = calendar_of(self._scene.model)
-        self._factors = LastFactors()
+        self._factors = Factors()
         self._masses: tuple[Floats, tuple[Floats, ...]] | None = None
         self.variables = _variables(self._scene)
 
@@ -73,7 +76,7 @@ class ThermalHalf:
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
         surfaces = register(scene.surfaces, link) if scene.interface.pairs else ""
-        state = ThermalState(T, X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0, surfaces)
+        state = ThermalState(T, X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0, surfaces, None)
         points = self._facing(state, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
@@ -98,15 +101,15 @@ class ThermalHalf:
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
         held = hold(scene, self._masses_of(state.X), x, E_M, self._facing(state, x, inputs, link))
-        factors = factors_of(scene.model, inputs)
-        course = Course(scene, held, factors, self._calendar, held.E_M / h, self._factors)
+        load = factors_of(scene.model, inputs)
+        course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
         event = _whole(inputs, "control.event")
         jumped = event != state.event or self._calendar.jump_within(t, h)
         damped = DAMPED_SUBSTEPS if jumped else state.damped
         T_n = np.array(state.T)
-        done = _substep(course, method, damped > 0, T_n, t, h)
+        done = _substep(course, method, damped > 0, T_n, state.anchor, t, h)
         stored = state.stored + float(done.heat.stored.sum())
-        new = ThermalState(done.T, state.X, event, max(damped - 1, 0), stored, state.surfaces)
+        new = ThermalState(done.T, state.X, event, max(damped - 1, 0), stored, state.surfaces, done.anchor)
         return Done(new, self._outputs(new, done.heat, held.touching, done, T_n))
 
     def _masses_of(self, X: Floats) -> tuple[Floats, ...]:
@@ -133,18 +136,19 @@ class ThermalHalf:
         }
 
 
-def _substep(course: Course, method: Method, damped: bool, T: Floats, t: float, h: float) -> Stepped:
+def _substep(course: Course, method: Method, damped: bool, T: Floats, anchor: Anchor | None, t: float,
+             h: float) -> Stepped:
     """One substep, whole, or cut into parts of a damping method after a jump."""
     if not damped or method.damped is None:
-        return take_step(course, method, T, t, h)
+        return take_step(course, method, T, anchor, t, h)
     name, parts = method.damped
-    done = take_step(course, METHODS[name], T, t, h / parts)
+    done = take_step(course, METHODS[name], T, anchor, t, h / parts)
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
         start = end - h / parts
-        more = take_step(course, METHODS[name], done.T, start, h / parts)
+        more = take_step(course, METHODS[name], done.T, done.anchor, start, h / parts)
         done = Stepped(more.T, done.heat + more.heat, done.iterations + more.iterations,
-                       max(done.residual, more.residual))
+                       max(done.residual, more.residual), more.anchor)
     return done
 
 

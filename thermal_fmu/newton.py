@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from contact.half.sparse import Solve, factorise
+from thermal_fmu.solver import Anchor, Factors, solve
 from thermal_fmu.stage import Balance, StageProblem, balance
 
 Floats = NDArray[np.float64]
@@ -19,6 +18,7 @@ MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
 DESCENT = 1e-4  # least relative decrease asked for, per share of the full step
 # The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
 SHARE = 0.1
+LINEAR_SHARE = 0.3  # of what Newton asks for, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
 
 
@@ -28,43 +28,17 @@ class NotConvergedError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Solved:
-    """T : (n,) [K] of the stage, its balance, the number of linear solves and the relative residual."""
+    """T : (n,) [K] of the stage, its balance, the number of linear solves, the relative residual, the next anchor."""
 
     T: Floats
     balance: Balance
     iterations: int
     residual: float
+    anchor: Anchor | None
 
 
-class Factorise(Protocol):
-    """Makes, or finds again, the factors of a matrix."""
-
-    def __call__(self, A: csr_matrix) -> Solve: ...
-
-
-class LastFactors:
-    """Keeps the factors of the last matrix, to be used again for exactly the same one.
-
-    The same matrix gives the same factors to the bit, so remembering them changes no answer.
-    """
-
-    def __init__(self) -> None:
-        self._matrix: csr_matrix | None = None
-        self._solve: Solve | None = None
-        self.made = 0
-
-    def __call__(self, A: csr_matrix) -> Solve:
-        """The factors of A.  Raises SingularMatrixError."""
-        old = self._matrix
-        if (self._solve is None or old is None or not np.array_equal(old.data, A.data)
-                or not np.array_equal(old.indices, A.indices) or not np.array_equal(old.indptr, A.indptr)):
-            self._solve = factorise(A)
-            self._matrix = A
-            self.made += 1
-        return self._solve
-
-
-def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Factorise) -> Solved:
+def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Factors,
+                anchor: Anchor | None) -> Solved:
     """The stage's temperatures, from the guess T : (n,) [K] (prescribed values already in it).
 
     Converged where the sum of |R| is a tenth of `tolerance` of the sum of all |heats|, or is round-off.
@@ -74,11 +48,13 @@ def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Fac
     floor = ROUND_OFF * _size(now.jacobian, T)
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(SHARE * tolerance * now.scale, floor):
-            return Solved(T, now, iteration, now.share)
+            return Solved(T, now, iteration, now.share, anchor)
         if now.jacobian is None:
             now = balance(problem, T, jacobian=True)
         assert now.jacobian is not None
-        step = factors(now.jacobian)(np.where(problem.scene.fixed, 0.0, -now.R))
+        target = LINEAR_SHARE * max(SHARE * tolerance * now.scale, floor)
+        solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors)
+        step, anchor = solution.x, solution.anchor
         if not np.isfinite(step).all():
             raise NotConvergedError(f"iteration {iteration + 1} gave temperatures that are not finite")
         T, now = _descend(problem, T, step, now, floor)

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from thermal_fmu.heat import Heat
 from thermal_fmu.held import Held, Scene, prescribed_values
-from thermal_fmu.loads import Calendar, Factors, loads_at
+from thermal_fmu.loads import Calendar, LoadFactors, loads_at
 from thermal_fmu.methods import Method
-from thermal_fmu.newton import Factorise, Solved, solve_stage
+from thermal_fmu.newton import Solved, solve_stage
+from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.stage import StageProblem
 
 Floats = NDArray[np.float64]
@@ -19,12 +20,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stepped:
-    """T : (n,) [K] at the end, heat of the step, linear solves, worst relative residual."""
+    """T : (n,) [K] at the end, heat of the step, linear solves, worst relative residual, anchor of the next solve."""
 
     T: Floats
     heat: Heat
     iterations: int
     residual: float
+    anchor: Anchor | None
 
 
 @dataclass(frozen=True)
@@ -33,13 +35,13 @@ class Course:
 
     scene: Scene
     held: Held
-    factors: Factors
+    load: LoadFactors
     calendar: Calendar
     power_M: Floats
-    factorise: Factorise
+    factors: Factors
 
 
-def take_step(course: Course, method: Method, T_n: Floats, t: float, dt: float) -> Stepped:
+def take_step(course: Course, method: Method, T_n: Floats, anchor: Anchor | None, t: float, dt: float) -> Stepped:
     """From T_n : (n,) [K] at t to t + dt [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
@@ -49,18 +51,19 @@ def take_step(course: Course, method: Method, T_n: Floats, t: float, dt: float) 
     for stage in method.stages:
         # The end of a step is before a jump that happens then.
         at = course.calendar.snap(t + stage.c * dt, dt)
-        loads = loads_at(model, course.factors, at, -1 if stage.c == 1.0 else 1)
+        loads = loads_at(model, course.load, at, -1 if stage.c == 1.0 else 1)
         end = course.calendar.snap(t + dt, dt)
-        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, course.factors, end, -1)
+        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, course.load, end, -1)
         earlier = np.zeros(T_n.size)
         for weight, done in zip(stage.earlier, solved, strict=True):
             earlier += weight * dt * done.balance.flow
         problem = StageProblem(course.scene, course.held, loads, stage, dt, T_n, course.power_M, earlier,
                                method.stores)
         guess = prescribed_values(model, held_T.prescribed, solved[-1].T if solved else T_n)
-        solved.append(solve_stage(problem, guess, model.tolerance, course.factorise))
+        solved.append(solve_stage(problem, guess, model.tolerance, course.factors, anchor))
+        anchor = solved[-1].anchor
     return Stepped(solved[-1].T, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
-                   max(s.residual for s in solved))
+                   max(s.residual for s in solved), anchor)
 
 
 def _heat(scene: Scene, method: Method, solved: list[Solved], dt: float) -> Heat:

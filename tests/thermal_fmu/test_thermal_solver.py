@@ -1,0 +1,89 @@
+"""Solves that reuse old factors: as accurate as new ones, and the same bits from hot and cold caches."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from thermal_scenes import Box, FlatContact, imbalance, inputs_of, scene, spec
+
+from contact.half.interface import Pair
+from contact.half.state import from_bytes, to_bytes
+from thermal_fmu import solver
+from thermal_fmu.model import load
+
+
+def blocks(k=30.0):
+    """Two blocks of 480 unknowns together, pressed."""
+    mesh = scene(Box(0, 0.1, 0, 0.1, 15, 14), Box(0, 0.1, 0.1, 0.2, 17, 13),
+                 pairs=(Pair("p", "b.bottom", "a.top", 0.05, 1e9),))
+    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0},
+                  {"kind": "convection", "on": "b.top", "h": 200.0, "T": 800.0}], k=k, c=500.0, rho=8000.0, T0=300.0,
+                 pairs={"p": {"closed": {"law": "constant", "h": 3000.0}}})
+    model["bodies"]["b"] = {"material": "m", "T0": 900.0}
+    return mesh, model
+
+
+def slide(half, mesh, state, first, last):
+    """Steps of a slide with a slowly growing step; states and outputs."""
+    link, done = FlatContact(), []
+    link.surfaces = half._scene.surfaces.message
+    for i in range(first, last):
+        x = mesh.nodes + np.where(mesh.node_body == 1, 4e-4 * i, 0.0)[:, None] * np.array([1.0, 0.0])
+        given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.contact_nodes), -1e6))
+        done.append(half.step(state, given, 5.0 * i, 5.0 * 1.01**i, link))
+        state = done[-1].state
+    return done
+
+
+def begun(half, mesh):
+    return half.start(inputs_of(mesh, half), 0.0, FlatContact())[0]
+
+
+@pytest.mark.parametrize("k", [30.0, {"polynomial": [20.0, 0.02]}], ids=["linear", "k(T)"])
+def test_old_factors_serve_and_change_nothing_that_matters(monkeypatch, k):
+    """30 substeps on a few factors, equal to 1e-8 K to those with new ones every time; each heat balance closes."""
+    mesh, model = blocks(k)
+    reusing = load(mesh, model)
+    with_old = slide(reusing, mesh, begun(reusing, mesh), 0, 30)
+    assert reusing._factors.made < 15
+    monkeypatch.setattr(solver, "SMALLEST", 10**9)
+    fresh = load(mesh, model)
+    with_new = slide(fresh, mesh, begun(fresh, mesh), 0, 30)
+    assert fresh._factors.made >= 30
+    for a, b in zip(with_old, with_new, strict=True):
+        assert np.abs(a.outputs["T"] - b.outputs["T"]).max() < 1e-8
+        assert imbalance([a.outputs]) < 1e-10
+    assert sum(d.outputs["iterations"] for d in with_old) <= sum(d.outputs["iterations"] for d in with_new) + 5
+
+
+def test_hot_and_cold_caches_give_the_same_bits():
+    """From one state: with its factors at hand, with others, in a new half, from bytes."""
+    mesh, model = blocks()
+    half = load(mesh, model)
+    middle = slide(half, mesh, begun(half, mesh), 0, 8)[-1].state
+    hot = slide(half, mesh, middle, 8, 14)
+    slide(half, mesh, begun(half, mesh), 0, 3)
+    restored = from_bytes(to_bytes(middle), {"thermal_fmu"})
+    others = (slide(half, mesh, middle, 8, 14), slide(load(mesh, model), mesh, restored, 8, 14))
+    assert middle.anchor is not None
+    for other in others:
+        for a, b in zip(hot, other, strict=True):
+            assert all(np.asarray(a.outputs[n]).tobytes() == np.asarray(b.outputs[n]).tobytes() for n in a.outputs)
+
+
+def test_gmres_solves_or_says_that_it_takes_too_long():
+    from scipy.sparse import csr_matrix, diags, eye
+
+    n = 50
+    A = csr_matrix(diags([np.full(n - 1, -1.0), np.full(n, 2.5), np.full(n - 1, -1.1)], [-1, 0, 1]))
+    b = np.cos(np.arange(n))
+    near = solver.Factors().of(solver.Anchor(*(lambda B: (B.indptr, B.indices, B.data))(csr_matrix(A + 0.01 * eye(n)))))
+    x = solver._gmres(A, b, 1e-12, near)
+    assert np.linalg.norm(b - A @ x) < 2e-12
+    assert solver._gmres(A, b, 1e-12, lambda v: v) is None
+    assert not solver._gmres(A, 0.0 * b, 1e-12, near).any()
