@@ -11,6 +11,9 @@ from numba import njit
 
 from contact.wire import Floats, Ints
 
+# x, y of the first and second node of a slave edge, then the normals there.
+Frame = tuple[float, float, float, float, float, float, float, float]
+
 FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
 ON_NODE = 1e-9  # a foot within this share of an edge beyond its end is on the end
 SLIVER = 1e-13  # cuts closer than this share of an edge are one cut: round-off, not geometry
@@ -47,29 +50,31 @@ def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
 
 
 @njit(cache=True, error_model="numpy")
-def opposed(n1: Floats, n2: Floats, m: Floats) -> bool:
-    """Does a slave edge with end normals n1, n2 face a master edge with normal m anywhere?"""
-    return min(n1[0] * m[0] + n1[1] * m[1], n2[0] * m[0] + n2[1] * m[1]) < -FACING_COS
+def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
+    """Ends of slave edge e and the normals there."""
+    a, b = edges[e, 0], edges[e, 1]
+    return (x[a, 0], x[a, 1], x[b, 0], x[b, 1],
+            normal[e, 1, 0], normal[e, 1, 1], normal[e, 2, 0], normal[e, 2, 1])
 
 
 @njit(cache=True, error_model="numpy")
-def candidates(boxes: Floats, masters: Ints, normal: Floats, x1: Floats, x2: Floats, n1: Floats, n2: Floats,
-               back: float, ahead: float, found: Ints) -> int:
+def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back: float, ahead: float,
+               found: Ints) -> int:
     """Edges of a box tree over the chain masters that the rays of a slave edge may reach, and that face it.
 
-    The rays from x1..x2 along n1..n2, from -back to ahead [m], fill a quadrilateral; a box is passed by if it
+    The rays of the edge, from -back to ahead [m], fill a quadrilateral; a box is passed by if it
     misses the quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put
     into found.
     """
-    tx, ty = x2[0] - x1[0], x2[1] - x1[1]
+    x1, y1, x2, y2, u1, v1, u2, v2 = frame
+    tx, ty = x2 - x1, y2 - y1
     slack = ON_NODE * np.sqrt(tx * tx + ty * ty)
     low_x = low_y = low_t = np.inf
     high_x = high_y = high_t = -np.inf
     for corner in range(4):
         s = -back * REACH if corner % 2 == 0 else ahead * REACH
-        px = x1[0] + s * n1[0] if corner < 2 else x2[0] + s * n2[0]
-        py = x1[1] + s * n1[1] if corner < 2 else x2[1] + s * n2[1]
-        pt = (px - x1[0]) * tx + (py - x1[1]) * ty
+        px, py = (x1 + s * u1, y1 + s * v1) if corner < 2 else (x2 + s * u2, y2 + s * v2)
+        pt = (px - x1) * tx + (py - y1) * ty
         low_x, high_x = min(low_x, px - slack), max(high_x, px + slack)
         low_y, high_y = min(low_y, py - slack), max(high_y, py + slack)
         low_t, high_t = min(low_t, pt), max(high_t, pt)
@@ -81,16 +86,17 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, x1: Floats, x2: Flo
     while top > 0:
         top -= 1
         i = stack[top]
-        b = boxes[i]
-        if b[0] > high_x or b[1] < low_x or b[2] > high_y or b[3] < low_y:
+        left, right, lower, upper = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3]
+        if left > high_x or right < low_x or lower > high_y or upper < low_y:
             continue
-        middle = (0.5 * (b[0] + b[1]) - x1[0]) * tx + (0.5 * (b[2] + b[3]) - x1[1]) * ty
-        half = 0.5 * ((b[1] - b[0]) * abs(tx) + (b[3] - b[2]) * abs(ty))
+        middle = (0.5 * (left + right) - x1) * tx + (0.5 * (lower + upper) - y1) * ty
+        half = 0.5 * ((right - left) * abs(tx) + (upper - lower) * abs(ty))
         if middle - half > high_t or middle + half < low_t:
             continue
         if i >= P:
             m = masters[i - P]
-            if opposed(n1, n2, normal[m, 0]):
+            mx, my = normal[m, 0, 0], normal[m, 0, 1]
+            if min(u1 * mx + v1 * my, u2 * mx + v2 * my) < -FACING_COS:
                 found[count] = m
                 count += 1
         else:
@@ -101,15 +107,16 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, x1: Floats, x2: Flo
 
 
 @njit(cache=True, error_model="numpy")
-def feet(x1: Floats, x2: Floats, n1: Floats, n2: Floats, X: Floats) -> tuple[float, float]:
-    """The slave coordinates xi whose rays pass through X: roots of (X - x(xi)) x n(xi) = 0; NaN: none.
+def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
+    """The slave coordinates xi whose rays pass through (X, Y), roots of (X - x(xi)) x n(xi) = 0; NaN: none.
 
     The first root is the one that stays finite as the normals become parallel.
     """
-    dx, dy, ex, ey = x2[0] - x1[0], x2[1] - x1[1], n2[0] - n1[0], n2[1] - n1[1]
-    rx, ry = X[0] - x1[0], X[1] - x1[1]
-    c0 = rx * n1[1] - ry * n1[0]
-    c1 = (rx * ey - ry * ex) - (dx * n1[1] - dy * n1[0])
+    x1, y1, x2, y2, u1, v1, u2, v2 = frame
+    dx, dy, ex, ey = x2 - x1, y2 - y1, u2 - u1, v2 - v1
+    rx, ry = X - x1, Y - y1
+    c0 = rx * v1 - ry * u1
+    c1 = (rx * ey - ry * ex) - (dx * v1 - dy * u1)
     c2 = -(dx * ey - dy * ex)
     inner = c1 * c1 - 4.0 * c2 * c0
     if inner < 0.0:
@@ -119,18 +126,19 @@ def feet(x1: Floats, x2: Floats, n1: Floats, n2: Floats, X: Floats) -> tuple[flo
 
 
 @njit(cache=True, error_model="numpy")
-def ray(x1: Floats, x2: Floats, n1: Floats, n2: Floats, xi: float, a: Floats,
-        b: Floats) -> tuple[float, float, float]:
-    """Where the ray of slave coordinate xi meets the line a..b: coordinate on it, gap [m], n . n_m."""
-    px, py = x1[0] + xi * (x2[0] - x1[0]), x1[1] + xi * (x2[1] - x1[1])
-    nx, ny = n1[0] + xi * (n2[0] - n1[0]), n1[1] + xi * (n2[1] - n1[1])
+def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float, float, float]:
+    """Where the ray of slave coordinate xi meets the line of edge m: coordinate on it, gap [m], n . n_m."""
+    x1, y1, x2, y2, u1, v1, u2, v2 = frame
+    ax, ay = x[edges[m, 0], 0], x[edges[m, 0], 1]
+    px, py = x1 + xi * (x2 - x1), y1 + xi * (y2 - y1)
+    nx, ny = u1 + xi * (u2 - u1), v1 + xi * (v2 - v1)
     size = np.sqrt(nx * nx + ny * ny)
     nx, ny = nx / size, ny / size
-    ex, ey = b[0] - a[0], b[1] - a[1]
+    ex, ey = x[edges[m, 1], 0] - ax, x[edges[m, 1], 1] - ay
     cross = ex * ny - ey * nx
     if cross == 0.0:
         return np.nan, np.nan, 0.0
-    rx, ry = px - a[0], py - a[1]
+    rx, ry = px - ax, py - ay
     return (rx * ny - ry * nx) / cross, (rx * ey - ry * ex) / cross, -cross / np.sqrt(ex * ex + ey * ey)
 
 
@@ -148,29 +156,29 @@ def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> N
 
 
 @njit(cache=True, error_model="numpy")
-def cut_edge(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int, cuts: Floats,
+def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Floats,
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
-    """Cuts of slave edge e at the feet of its candidates' nodes; the gaps of those nodes on the way.
+    """Cuts of a slave edge at the feet of its candidates' nodes; the gaps of those nodes on the way.
 
     found : (>= count,) master edges.  Fills cuts, ascending from 0 to 1, and spans : (count, 2), the range of xi
     in which each candidate can be met; near : (n_s,) is updated.  Returns the number of cuts.
     """
-    x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
     cuts[0], n = 0.0, 1
     for k in range(count):
         m = found[k]
         spans[k, 0], spans[k, 1] = np.inf, -np.inf
         for end in range(1, -1, -1):
-            X = x[edges[m, end]]
-            first, second = feet(x1, x2, n1, n2, X)
+            s = edges[m, end]
+            first, second = feet(frame, x[s, 0], x[s, 1])
             wide = np.isnan(first) or 0.0 < second < 1.0
             spans[k, 0] = 0.0 if wide else min(spans[k, 0], first)
             spans[k, 1] = 1.0 if wide else max(spans[k, 1], first)
-            for xi in (first, second):
+            for root in range(2):
+                xi = first if root == 0 else second
                 if -ON_NODE <= xi <= 1.0 + ON_NODE:
-                    _, g, facing = ray(x1, x2, n1, n2, xi, x[edges[m, 0]], x[edges[m, 1]])
+                    _, g, facing = ray(frame, xi, x, edges, m)
                     if facing < -FACING_COS:
-                        note_node(near, edges[m, end], g, back, ahead)
+                        note_node(near, s, g, back, ahead)
                 if 0.0 < xi < 1.0:
                     i = n
                     while cuts[i - 1] > xi:
@@ -188,11 +196,10 @@ def cut_edge(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count:
 
 
 @njit(cache=True, error_model="numpy")
-def meet(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int, cuts: Floats, n_cuts: int,
+def meet(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Floats, n_cuts: int,
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
-    """Into met the nearest master edge that the middle ray of each piece of slave edge e meets; -1: none."""
-    x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
-    slack = ON_NODE * np.sqrt((x2[0] - x1[0]) ** 2 + (x2[1] - x1[1]) ** 2)
+    """Into met the nearest master edge that the middle ray of each piece of a slave edge meets; -1: none."""
+    slack = ON_NODE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
     for i in range(n_cuts - 1):
         met[i], met_gap[i] = -1, np.inf
     for k in range(count):
@@ -206,7 +213,7 @@ def meet(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int
                 end = half
         while i < n_cuts - 1 and cuts[i] < spans[k, 1]:
             middle = 0.5 * (cuts[i] + cuts[i + 1])
-            xi_m, g, facing = ray(x1, x2, n1, n2, middle, x[edges[m, 0]], x[edges[m, 1]])
+            xi_m, g, facing = ray(frame, middle, x, edges, m)
             hit = -SLIVER <= xi_m <= 1.0 + SLIVER and facing < -FACING_COS and -back <= g < ahead
             if hit and (met[i] < 0 or nearer(g, m, met_gap[i], met[i], slack)):
                 met[i], met_gap[i] = m, g
@@ -214,7 +221,7 @@ def meet(x: Floats, edges: Ints, normal: Floats, e: int, found: Ints, count: int
 
 
 @njit(cache=True, error_model="numpy")
-def master_weights(xi: Floats, low: float, high: float, size: float, r_low: float,
+def master_weights(xi: tuple[float, float], low: float, high: float, size: float, r_low: float,
                    r_high: float) -> tuple[float, float]:
     """Weights at two master coordinates xi that integrate linear functions over the piece low..high exactly.
 
@@ -232,31 +239,31 @@ def master_weights(xi: Floats, low: float, high: float, size: float, r_low: floa
 
 
 @njit(cache=True, error_model="numpy")
-def place(x: Floats, edges: Ints, length: Floats, normal: Floats, e: int, m: int, low: float, high: float,
-          axisymmetric: bool, out: Floats) -> None:
-    """The two facing points of piece low..high of slave edge e on master edge m.
+def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
+    """2 pi r at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 metre of depth."""
+    return 2.0 * np.pi * max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0
 
-    Fills out : (2, 5), rows xi_s, xi_m, gap, area, area_m.
-    """
-    x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
-    a, b = x[edges[m, 0]], x[edges[m, 1]]
-    for q in range(2):
-        xi = 0.5 * (low + high) + (2 * q - 1) * GAUSS * (high - low)
-        xi_m, g, _ = ray(x1, x2, n1, n2, xi, a, b)
-        r = 2.0 * np.pi * max(x1[0] + xi * (x2[0] - x1[0]), 0.0) if axisymmetric else 1.0
-        out[q, 0], out[q, 1], out[q, 2] = xi, min(max(xi_m, 0.0), 1.0), g
-        out[q, 3] = 0.5 * (high - low) * length[e] * r
-    ends = np.empty(2)
-    for q in range(2):
-        xi_m, _, _ = ray(x1, x2, n1, n2, low if q == 0 else high, a, b)
-        ends[q] = min(max(xi_m, 0.0), 1.0)
-    r_low = 2.0 * np.pi * max(a[0] + ends[0] * (b[0] - a[0]), 0.0) if axisymmetric else 1.0
-    r_high = 2.0 * np.pi * max(a[0] + ends[1] * (b[0] - a[0]), 0.0) if axisymmetric else 1.0
+
+@njit(cache=True, error_model="numpy")
+def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float, m: int, low: float, high: float,
+          axisymmetric: bool, values: Floats, i: int) -> None:
+    """The two facing points of piece low..high of a slave edge on master edge m, into rows i, i + 1 of values."""
+    r_1, r_2 = x[edges[m, 0], 0], x[edges[m, 1], 0]
+    for k in range(4):  # the two points, then the two ends, whose columns are put in order below
+        xi = 0.5 * (low + high) + (2 * k - 1) * GAUSS * (high - low) if k < 2 else (low if k == 2 else high)
+        xi_m, g, _ = ray(frame, xi, x, edges, m)
+        xi_m = min(max(xi_m, 0.0), 1.0)
+        if k < 2:
+            values[i + k, 0], values[i + k, 1], values[i + k, 2] = xi, xi_m, g
+            values[i + k, 3] = 0.5 * (high - low) * length_s * ring(frame[0], frame[2], xi, axisymmetric)
+        else:
+            values[i + k - 2, 4] = xi_m
+    m_low, m_high = values[i, 4], values[i + 1, 4]
+    r_low, r_high = ring(r_1, r_2, m_low, axisymmetric), ring(r_1, r_2, m_high, axisymmetric)
+    values[i, 4] = values[i + 1, 4] = 0.0
     if r_low + r_high > 0.0:
-        size = abs(ends[1] - ends[0]) * length[m]
-        out[0, 4], out[1, 4] = master_weights(out[:, 1], ends[0], ends[1], size, r_low, r_high)
-    else:
-        out[:, 4] = 0.0
+        values[i, 4], values[i + 1, 4] = master_weights((values[i, 1], values[i + 1, 1]), m_low, m_high,
+                                                        abs(m_high - m_low) * length_m, r_low, r_high)
 
 
 @njit(cache=True, error_model="numpy")
@@ -275,25 +282,25 @@ def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tu
     found, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
     cuts, met_gap = np.empty(4 * masters.size + 2), np.empty(4 * masters.size + 2)
     met = np.empty(4 * masters.size + 2, dtype=np.int32)
-    n_points = 0
+    n_points = np.int64(0)  # typed: a bare 0 would have every kernel it is passed to compiled twice
     for e in range(slaves[0], slaves[1]):
         back = max(length[e], longest)
-        x1, x2, n1, n2 = x[edges[e, 0]], x[edges[e, 1]], normal[e, 1], normal[e, 2]
-        count = candidates(boxes, masters, normal, x1, x2, n1, n2, back, gap_max, found)
-        n_cuts = cut_edge(x, edges, normal, e, found, count, cuts, spans, near, back, gap_max)
+        frame = frame_of(x, edges, normal, e)
+        count = candidates(boxes, masters, normal, frame, back, gap_max, found)
+        n_cuts = cut_edge(x, edges, frame, found, count, cuts, spans, near, back, gap_max)
         for k in range(count):
             for end in range(2):
-                a, b = x[edges[found[k], 0]], x[edges[found[k], 1]]
-                xi_m, g, facing = ray(x1, x2, n1, n2, float(end), a, b)
+                xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
                 if -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS:
                     note_node(near, edges[e, end], g, back, gap_max)
-        meet(x, edges, normal, e, found, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
+        meet(x, edges, frame, found, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:
                 continue
             if n_points + 2 <= values.shape[0]:
-                met_edges[n_points : n_points + 2, 0], met_edges[n_points : n_points + 2, 1] = e, met[i]
-                place(x, edges, length, normal, e, met[i], cuts[i], cuts[i + 1], axisymmetric,
-                      values[n_points : n_points + 2])
+                for q in range(n_points, n_points + 2):
+                    met_edges[q, 0], met_edges[q, 1] = e, met[i]
+                place(x, edges, frame, length[e], length[met[i]], met[i], cuts[i], cuts[i + 1], axisymmetric,
+                      values, n_points)
             n_points += 2
     return n_points
