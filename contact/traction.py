@@ -4,9 +4,10 @@ p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the sl
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
 points, so forces and moments balance to round-off.
 
-The stiffness keeps what is of order eps_N: d(g_N) with the normals held, by which a point moves along its master
-edge too (hence n_m/(n . n_m)).  Left out are the terms of order p_N: turning of the normals, change of the areas and
-of the cuts, and of the master coordinate.  They are smaller by |g_N|/edge length.
+The stiffness keeps what is of order eps_N: d(g_N) with the normals held, by which a point slides along a tilted
+master edge (hence n_m/(n . n_m), not symmetric there; forgetting it is an error of eps_N tan(tilt), which a stiff
+penalty does not forgive).  Left out are the terms of order p_N: turning of the normals, change of the areas, of the
+cuts, and of the master coordinate.  Against what is kept they are |g_N|/edge length.
 """
 
 from __future__ import annotations
