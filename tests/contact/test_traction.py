@@ -188,3 +188,26 @@ def test_a_common_motion_changes_no_force() -> None:
         together[axis::2] = 1.0
         assert abs(B @ together).max() <= ROUND_OFF * abs(B).max()
         assert abs(together @ B).max() <= ROUND_OFF * abs(B).max()
+
+
+def test_random_rough_surfaces_never_upset_the_service() -> None:
+    """Crumpled, interpenetrating, turned at random: finite replies, areas >= 0, balance to round-off."""
+    random = np.random.default_rng(0)
+    touched = 0
+    for _ in range(150):
+        n_s, n_m = random.integers(1, 30, 2)
+        rough, turn = random.choice([1e-3, 0.05, 0.3]), random.random() * 2 * np.pi
+        slave = np.column_stack([np.sort(random.random(n_s + 1)), rough * random.standard_normal(n_s + 1)])
+        master = np.column_stack([np.sort(random.random(n_m + 1))[::-1], rough * random.standard_normal(n_m + 1)])
+        register, x = scene(slave, master)
+        x = x @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        facing, reply = ask(register, x), push(register, x)
+        for value in (*vars(facing).values(), *vars(reply).values()):
+            assert np.isfinite(value).all()
+        assert (facing.area > 0).all()
+        assert (facing.area_m >= 0).all()
+        assert ((facing.xi_m >= 0) & (facing.xi_m <= 1)).all()
+        if reply.n_touching:
+            touched += 1
+            assert max(imbalance(reply, x)) <= ROUND_OFF
+    assert touched > 50
