@@ -61,7 +61,7 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
         children: dict[str, Child] = {}
         sessions: list[Session] = []
         # Children first: to close a session takes ten seconds while a stopped process is at its other end.
-        stack.callback(lambda: [close_session(session) for session in sessions])
+        stack.callback(_give_back, sessions)
         stack.callback(lambda: reap(children.values()))
         try:
             endpoints, instances = _start(children, fmus, run, directory, time.monotonic() + start_deadline,
@@ -114,6 +114,11 @@ def _remote(name: str, session: Session, run: str, instance: str, children: Mapp
     client = Client(session, run, role_of(name), ANSWERS, instance=instance, deadline=deadline,
                     watch=lambda: blame(0.0))
     return RemoteHalf(name, client, blame)
+
+
+def _give_back(sessions: list[Session]) -> None:
+    while sessions:
+        close_session(sessions.pop())
 
 
 def _named(child: str, message: str, log: str) -> HalfError | ServiceDownError:
