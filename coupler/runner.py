@@ -77,7 +77,7 @@ class Run:
         self.scenario = scenario
         self.out = Path(out)
         self.processes = processes
-        self.notes: list[str] = []
+        self.notes: list[str] = list(scenario.notes)
         self.ledger = Ledger()
         self._stack = ExitStack()
         self._interrupted = False
@@ -118,6 +118,7 @@ class Run:
         Raises CouplingError when a window cannot be solved, HalfError when a half died.
         """
         frames = self.scenario.output.frames()
+        kinks = {self.plan.schedule.clock.seconds(k) for k in self.plan.schedule.kinks}
         self._recorder.start(0.0, self._probed())
         self._frame()
         for tried in windows(self.halves, self.state, self.plan):
@@ -127,7 +128,8 @@ class Run:
                     self.ledger = self.ledger.plus(terms)
             facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
             self._recorder.window(tried.solved, facts, self.ledger, self._probed())
-            if tried.accepted and frames.due(tried.number + 1, self.state.now.t):
+            at_kink = self.state.now.t in kinks
+            if tried.accepted and (frames.due(tried.number + 1, self.state.now.t) or at_kink):
                 self._frame()
             yield self._progress(tried)
             if self._interrupted:
@@ -169,7 +171,8 @@ class Run:
         cells = [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
         return {
             "title": s.title, "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scenario": {"text": s.text, "hash": s.hash, "resolved": dict(s.resolved), "file": Path(s.file).name},
+            "scenario": {"text": s.text, "hash": s.hash, "resolved": dict(s.resolved), "file": Path(s.file).name,
+                         "overrides": {key: str(value) for key, value in s.overrides.items()}},
             "temperature_unit": s.temperature_unit, "geometry": s.geometry,
             "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half},
             "coupling": {"scheme": self.plan.scheme.value, "end": s.coupling.end, "windows": len(

@@ -10,7 +10,7 @@ from contact.half.interface import Interface
 from coupler.scenario.convert import Convert, Json
 from coupler.scenario.document import Document, Key
 from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.scene import Scene, surface_key
+from coupler.scenario.scene import NEAREST, Scene, surface_key
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.schema_halves import Supported
 
@@ -42,9 +42,8 @@ class Context:
         name = boundary.where
         if name in self.interface.node_sets:
             return name
-        if name in self.scene.points:
-            raise self.document.error((*key, "at"), f"no node lies at {name}",
-                                      "Use an even number of cells along this side, or another point.")
+        if name + NEAREST in self.interface.node_sets:
+            return name + NEAREST
         raise self.document.error((*key, "at"), f"there is no point {name!r}",
                                   did_you_mean(name, self.interface.node_sets))
 

@@ -51,6 +51,7 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
         file=document.path,
         text=document.text,
         resolved=document.tree,
+        overrides=dict(overrides or {}),
         hash=_hash(document, file),
         title=file.title,
         temperature_unit=file.units.temperature.value,

@@ -12,6 +12,7 @@ from contact.half.interface import Interface, write_interface
 from contact.half.signal import Signal
 from coupler.scenario.output import Output
 from coupler.scenario.probes import Probe
+from coupler.scenario.scene import NEAREST
 from coupler.scenario.timing import Coupling
 
 ROLES = ("thermal", "mechanical")
@@ -21,6 +22,7 @@ ROLES = ("thermal", "mechanical")
 class Scenario:
     """file : where it was read.  text : the file as it stood.  resolved : its values with overrides applied.
 
+    overrides : dotted key -> what stands there instead of the file's own.
     hash : of resolved and of the mesh files, so it changes when anything does that results depend on.
     temperature_unit : "degC" or "K", for display; everything here is in kelvin but resolved.
     interface : mesh, surfaces and pairs.  signals : the named ones, in the units of the file.
@@ -30,6 +32,7 @@ class Scenario:
     file: Path
     text: str
     resolved: Mapping[str, Any]
+    overrides: Mapping[str, Any]
     hash: str
     title: str
     temperature_unit: str
@@ -44,6 +47,19 @@ class Scenario:
     def geometry(self) -> str:
         """"plane" or "axisymmetric"."""
         return self.interface.geometry
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know though it is no error: conditions that moved to the nearest node."""
+        found = []
+        for model in self.models.values():
+            for boundary in model.get("boundary", ()):
+                name = str(boundary["on"])
+                if name.endswith(NEAREST):
+                    x, y = self.interface.nodes[self.interface.node_sets[name][0]]
+                    found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "
+                                 f"at ({x:.6g}, {y:.6g}) m, takes the condition")
+        return tuple(found)
 
     @property
     def thermal_half(self) -> str:

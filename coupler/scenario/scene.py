@@ -21,6 +21,10 @@ from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.schema_scene import Body
 
 
+# The node set that stands for a named point where no node lies.
+NEAREST = ".nearest"
+
+
 @dataclass(frozen=True)
 class Scene:
     """interface : the mesh.  points : name -> (body, (2,) [m]), named places with or without a node."""
@@ -40,6 +44,10 @@ def scene_of(document: Document, file: ScenarioFile, convert: Convert) -> Scene:
         surfaces |= {f"{body}.{s}": (edges + first).astype(np.int32) for s, edges in mesh.surfaces.items()}
         node_sets |= {f"{body}.{s}": (ids + first).astype(np.int32) for s, ids in mesh.node_sets.items()}
         points |= {f"{body}.{s}": (body, at) for s, at in mesh.points.items()}
+        for s, at in mesh.points.items():
+            if s not in mesh.node_sets:
+                distance = np.linalg.norm(mesh.nodes - at, axis=1)
+                node_sets[f"{body}.{s}{NEAREST}"] = np.array([first + int(distance.argmin())], dtype=np.int32)
     nodes = np.concatenate([m.nodes for m in meshes.values()])
     _check_radius(document, file, nodes, start)
     interface = Interface(

@@ -95,6 +95,9 @@ class Body(Part):
     Q_T: SignalSpec = 0.0
 
 
+LAW_WORDS = ("law", "variable")  # the keys of a law that hold a word; all others hold numbers
+
+
 def _law(value: Any) -> Mapping[str, Any] | None:
     """A contact law, checked by the one who evaluates it.  None: no heat crosses."""
     if value is None:
@@ -114,7 +117,7 @@ def _numbers_only(value: Any, at: tuple[str | int, ...]) -> None:
     """Refuse text and NaN in a law before its own check, with the same help as everywhere."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
-            if key != "law":
+            if key not in LAW_WORDS:
                 _numbers_only(inner, (*at, key))
     elif isinstance(value, list):
         for i, inner in enumerate(value):

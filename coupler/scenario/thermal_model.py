@@ -54,6 +54,17 @@ def _conduction(c: Context, name: str) -> Model:
     law, key = c.file.contact[name].conduction, ("contact", name, "conduction")
     if law is None:
         return {"closed": None, "open": None, "closed_factor": 1.0, "open_factor": 1.0}
-    return {"closed": law.closed, "open": law.open,
+    return {"closed": _law(c, law.closed, (*key, "closed")), "open": _law(c, law.open, (*key, "open")),
             "closed_factor": c.convert.signal(law.closed_factor, (*key, "closed_factor"), least=0.0),
             "open_factor": c.convert.signal(law.open_factor, (*key, "open_factor"), least=0.0)}
+
+
+def _law(c: Context, law: Model | None, key: Key) -> Model | None:
+    """A law with the temperatures of its tables in K, those within sums too."""
+    if law is None:
+        return None
+    if law["law"] == "sum":
+        return {**law, "of": [_law(c, part, (*key, "of", i)) for i, part in enumerate(law["of"])]}
+    if law.get("variable") == "T":
+        return {**law, "x": [c.convert.kelvin(T, (*key, "x", i)) for i, T in enumerate(law["x"])]}
+    return law

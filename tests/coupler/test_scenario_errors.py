@@ -62,8 +62,6 @@ WRONG = {
                                       "thermal.boundary.0.on", "lower.bottom"),
     "unknown point": ("{at: upper.top.left", "{at: upper.top.lft", "mechanical.elastic.boundary.2.at",
                       "Did you mean 'upper.top.left'"),
-    "a point without a node": ("{at: upper.top.left", "{at: upper.top.centre", "mechanical.elastic.boundary.2.at",
-                               "even number of cells"),
     "a flux at a point": (LAMP, "{at: upper.top.left, flux: 1}", "thermal.boundary.1.at", "on a surface"),
     "two conditions in one": (LAMP, "{on: upper.top, flux: 1, temperature: 2}", "thermal.boundary.1", "exactly one"),
     "no place": (LAMP, "{flux: 1}", "thermal.boundary.1", "exactly one of on, at"),

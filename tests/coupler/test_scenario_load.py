@@ -42,6 +42,15 @@ def test_kelvin_stays_kelvin_and_other_signals_are_not_shifted(tmp_path: Path) -
     assert c.models["mechanical"]["materials"]["steel"]["T_ref"] == pytest.approx(293.15)
 
 
+def test_tables_of_conductance_in_temperature_become_kelvin(tmp_path: Path) -> None:
+    table = "{law: table, variable: T, x: [0, 100], h: [1, 2]}"
+    text = GOOD.replace("closed: {law: constant, h: 2000}",
+                        f"closed: {{law: sum, of: [{table}, {{law: table, x: [0, 9], h: [1, 2]}}]}}")
+    inner, by_pressure = load_text(tmp_path, text).models["thermal"]["pairs"]["face"]["closed"]["of"]
+    assert inner == {"law": "table", "variable": "T", "x": [273.15, 373.15], "h": [1, 2]}
+    assert by_pressure["x"] == [0, 9]
+
+
 def test_models_have_the_documented_form(tmp_path: Path) -> None:
     elastic = load_text(tmp_path, GOOD).models["mechanical"]
     assert elastic["half"] == "elastic"
@@ -137,3 +146,17 @@ def test_sliding_blocks_are_those_of_the_paper() -> None:
     gap = s.interface.nodes[s.interface.surfaces["upper.bottom"]][..., 1].min() - np.max(
         s.interface.nodes[s.interface.surfaces["lower.top"]][..., 1])
     assert gap == pytest.approx(0.0508)
+
+
+def test_a_condition_at_a_point_without_a_node_goes_to_the_nearest_and_says_so(tmp_path):
+    scenario = load_text(tmp_path, GOOD.replace("{at: upper.top.left", "{at: upper.top.centre"))
+    model = scenario.models["mechanical"]
+    (name,) = {b["on"] for b in model["boundary"] if b["on"].endswith(".nearest")}
+    (node,) = scenario.interface.node_sets[name]
+    top = scenario.interface.nodes[scenario.interface.surfaces["upper.top"]].reshape(-1, 2)
+    centre = 0.5 * (top.min(axis=0) + top.max(axis=0))
+    distance = np.linalg.norm(top - centre, axis=1).min()
+    assert np.linalg.norm(scenario.interface.nodes[node] - centre) == pytest.approx(distance)
+    assert distance > 0
+    assert scenario.notes[0].startswith("no node lies at upper.top.centre")
+    assert load_text(tmp_path, GOOD).notes == ()
