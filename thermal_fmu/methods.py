@@ -48,8 +48,9 @@ METHODS: dict[str, Method] = {
     # Euler.
     "midpoint": Method((Stage(0.5, 1.0, 0.5),), (1.0,), damped=("backward_euler", 4)),
     "backward_euler": Method((Stage(1.0, 1.0, 1.0),), (1.0,)),
+    # L-stable, yet not monotone: without a damped start it overshoots once after a jump (10 of 100 K at dt a/h^2 = 8).
     "sdirk2": Method((Stage(_GAMMA, _GAMMA, 1.0), Stage(1.0, _GAMMA, 1.0, (1.0 - _GAMMA,))),
-                     (1.0 - _GAMMA, _GAMMA)),
+                     (1.0 - _GAMMA, _GAMMA), damped=("backward_euler", 4)),
     "steady": Method((Stage(1.0, 1.0, 1.0),), (1.0,), stores=False),
 }
 
@@ -57,6 +58,7 @@ METHODS: dict[str, Method] = {
 METHOD_NUMBERS = {1: "midpoint", 2: "sdirk2", 3: "backward_euler"}
 
 # After a jump this many substeps of a method that needs it are damped.  Four quarter steps of backward Euler in one
-# substep: no ringing after a shock up to (dt/h^2 a) = 770, second order kept, and half the error of twice two half
-# steps; sdirk2 in their place rings (its stiff modes fall like 1/z a step, not 1/z^4).
+# substep: no rise beside a shock from dt a/h^2 = 1 to 40, second order kept, and half the error of twice two half
+# steps.  sdirk2 in the place of backward Euler rings with the midpoint rule (its stiff modes fall like 1/z a step, not
+# 1/z^4); in front of sdirk2 itself the damped start costs a quarter more error and takes the overshoot away.
 DAMPED_SUBSTEPS = 1

@@ -53,6 +53,17 @@ def test_a2_step_of_the_face_does_not_ring(method):
     assert beside.min() > 0
 
 
+@pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
+@pytest.mark.parametrize("dt", [0.1, 0.02, 0.005])
+def test_a2_large_steps_do_not_ring_either(method, dt):
+    """dt a/h^2 = 40, 8, 2: an L-stable method alone is not enough, sdirk2 undamped rises by 10 K after the jump."""
+    bar = scene(Box(0, 1, 0, 1, 20))
+    ran = run(bar, spec([{"kind": "temperature", "on": "a.right", "value": 300.0}], T0=400.0, method=method), dt,
+              round(0.5 / dt))
+    assert (np.diff(ran.T[:, 19]) < 0).all()
+    assert ran.T[:, 19].min() > 300.0
+
+
 def test_a2_rings_where_the_damped_start_is_missing(monkeypatch):
     """The same bar without damping rings for tens of steps: the test above can fail."""
     monkeypatch.setattr("thermal_fmu.model.DAMPED_SUBSTEPS", 0)
