@@ -95,6 +95,7 @@ class Body(Part):
     Q_T: SignalSpec = 0.0
 
 
+ABOVE_ZERO = 1e4  # more than any temperature of a file is below 0
 LAW_WORDS = ("law", "variable")  # the keys of a law that hold a word; all others hold numbers
 
 
@@ -107,10 +108,19 @@ def _law(value: Any) -> Mapping[str, Any] | None:
                       "For example {law: constant, h: 2000}.")
     _numbers_only(value, ())
     try:
-        parse_law(value)
+        parse_law(_in_kelvin(value))
     except ValueError as exc:
         raise problem(str(exc)) from exc
     return dict(value)
+
+
+def _in_kelvin(law: Mapping[str, Any]) -> dict[str, Any]:
+    """A law as it may look in kelvin: below zero degC is no error; what is below 0 K is found at conversion."""
+    inner = {key: [_in_kelvin(v) if isinstance(v, Mapping) else v for v in value] if key == "of"
+             and isinstance(value, list) else value for key, value in law.items()}
+    if inner.get("variable") == "T" and isinstance(inner.get("x"), list):
+        inner["x"] = [T + ABOVE_ZERO if isinstance(T, int | float) else T for T in inner["x"]]
+    return inner
 
 
 def _numbers_only(value: Any, at: tuple[str | int, ...]) -> None:
