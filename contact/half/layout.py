@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -54,6 +55,19 @@ class Layout:
     @property
     def variables(self) -> tuple[Variable, ...]:
         return self.reals + self.integers + self.texts
+
+    # Worked out once: a step asks for these hundreds of times.
+
+    @cached_property
+    def outputs(self) -> Mapping[str, Variable]:
+        """The outputs by name."""
+        return {v.name: v for v in self.variables if v.causality == "output"}
+
+    @cached_property
+    def real_inputs(self) -> tuple[tuple[str, int, int, tuple[int, ...]], ...]:
+        """Name, first and last + 1 place, and shape of every Real that is set from outside."""
+        return tuple((v.name, self.first[v.name], self.first[v.name] + v.size, v.shape)
+                     for v in self.reals if v.causality != "output")
 
     def block(self, store: Floats, variable: Variable) -> Floats:
         """The part of store : (n_real,) that belongs to a Real variable, in its shape (a view)."""
@@ -111,6 +125,8 @@ def layout_of(own: Iterable[Variable], standard: Iterable[Variable]) -> Layout:
 def checked_output(variable: Variable, value: Value) -> Value:
     """An output as the layout wants it.  Raises ValueError where its shape or kind is another."""
     if variable.kind == "Real":
+        if variable.shape == () and isinstance(value, float):
+            return float(value)
         array = np.asarray(value, dtype=np.float64)
         if array.shape != variable.shape:
             raise ValueError(f"output {variable.name} has shape {array.shape}, not {variable.shape}")

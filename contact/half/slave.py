@@ -114,6 +114,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
         self._time = 0.0
         self._started = False
         self._broken = ""
+        self._interrupted = False
 
     # Initialisation and stepping
 
@@ -144,6 +145,11 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
         """One substep; False (a discard) leaves everything but status.* as it was."""
         if self._broken or self._model is None or not self._started:
             self._report(FAILED, self._broken or "a step was asked of a half that is not initialised")
+            return False
+        if self._interrupted:
+            # Between steps nobody looks at status.*, and what was being set or saved may not have been.
+            self._interrupted = False
+            self._report(INTERRUPTED, "interrupted")
             return False
         refusal = self._store.input_refused()
         if not (math.isfinite(current_time) and 0 < step_size < math.inf):
@@ -258,6 +264,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
         """Turn an exception into a status.  A failed computation may be tried again; a bug may not."""
         what = f"{type(exc).__name__}: {exc}" if str(exc) else type(exc).__name__
         if isinstance(exc, KeyboardInterrupt):
+            self._interrupted = where != "do_step"
             self._report(INTERRUPTED, "interrupted")
             return
         self._say("".join(traceback.format_exception(exc)), Fmi2Status.error)

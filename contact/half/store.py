@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -60,11 +61,8 @@ class Store:
         """What is set from outside, by name; copies, so that no model holds what changes under it."""
         store = self.reals[: self.layout.n_set].copy()
         store.flags.writeable = False
-        values: dict[str, Value] = {}
-        for variable in self.layout.reals:
-            if variable.causality != "output":
-                block = self.layout.block(store, variable)
-                values[variable.name] = block if variable.shape else float(block)
+        values: dict[str, Value] = {name: store[a:b].reshape(shape) if shape else float(store[a])
+                                    for name, a, b, shape in self.layout.real_inputs}
         pairs: list[tuple[Any, Value]] = [*zip(self.layout.integers, self.integers, strict=True),
                                           *zip(self.layout.texts, self.texts, strict=True)]
         values.update({v.name: value for v, value in pairs if v.causality != "output"})
@@ -82,10 +80,11 @@ class Store:
 
         Raises ValueError for an output of another shape or kind, KeyError for one that was not declared: bugs.
         """
-        known = {v.name: v for v in self.layout.variables if v.causality == "output"}
+        known = self.layout.outputs
         checked = {name: checked_output(known[name], value) for name, value in outputs.items()}
         for name, value in checked.items():
-            if not isinstance(value, str) and not np.isfinite(value).all():
+            if not (math.isfinite(value) if isinstance(value, float) else
+                    isinstance(value, (int, str)) or np.isfinite(value).all()):
                 return f"output {name} is not finite"
         for name, value in checked.items():
             at = self.layout.first[name]
@@ -93,8 +92,10 @@ class Store:
                 self.texts[self.text_at(at)] = value
             elif isinstance(value, int):
                 self.integers[self.integer_at(at)] = value
+            elif isinstance(value, float):
+                self.reals[at] = value
             else:
-                self.layout.block(self.reals, known[name])[...] = value
+                self.reals[at : at + value.size] = value.ravel()
         return ""
 
     def report(self, code: int, message: str, dt_suggest: float, dt_stable: float) -> None:

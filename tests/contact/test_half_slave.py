@@ -142,6 +142,18 @@ def test_an_interruption_is_told_and_does_not_stick(face):
     assert face.slave.do_step(0.0, 0.5) is True
 
 
+def test_an_interruption_between_steps_is_told_by_the_next_step(face, monkeypatch):
+    def interrupted(vrs, values):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as m:
+        m.setattr(face.slave._store, "set_reals", interrupted)
+        face.set("drive", *[999.0] * 4)
+    assert face.slave.do_step(0.0, 0.5) is False, "the input never arrived"
+    assert face.get(CODE) == 3
+    assert face.slave.do_step(0.0, 0.5) is True
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_input_that_is_not_finite_is_a_discard_naming_the_block(face, bad):
     face.set("drive", 300.0, 300.0, bad, 300.0)
