@@ -42,15 +42,6 @@ def test_kelvin_stays_kelvin_and_other_signals_are_not_shifted(tmp_path: Path) -
     assert c.models["mechanical"]["materials"]["steel"]["T_ref"] == pytest.approx(293.15)
 
 
-def test_tables_of_conductance_in_temperature_become_kelvin(tmp_path: Path) -> None:
-    table = "{law: table, variable: T, x: [0, 100], h: [1, 2]}"
-    text = GOOD.replace("closed: {law: constant, h: 2000}",
-                        f"closed: {{law: sum, of: [{table}, {{law: table, x: [0, 9], h: [1, 2]}}]}}")
-    inner, by_pressure = load_text(tmp_path, text).models["thermal"]["pairs"]["face"]["closed"]["of"]
-    assert inner == {"law": "table", "variable": "T", "x": [273.15, 373.15], "h": [1, 2]}
-    assert by_pressure["x"] == [0, 9]
-
-
 def test_models_have_the_documented_form(tmp_path: Path) -> None:
     elastic = load_text(tmp_path, GOOD).models["mechanical"]
     assert elastic["half"] == "elastic"
