@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 
 # Prescribed components this close to their target (share of the largest body) are set, not solved for: round-off.
 SNAP = 1e-12
+# An old factor that needs more iterations than this in a step has had its time.
+MOST_ANCHORED = 8
 # Anchors kept: one in use, one that a rollback may return to.
 KEPT_ANCHORS = 2
 
@@ -80,9 +82,9 @@ class ElasticHalf:
         first = self._predicted(u, loading, tangent=not state.anchored)
         anchored = state.anchored or self._adopts(anchor, first)
         found = self._solved(loading, first, anchor if anchored else None)
-        anchored = anchored and not found.fresh
-        after = replace(state, t=t + h, u=found.balance.u, anchored=anchored)
-        if found.fresh:
+        fits = anchored and not found.fresh and found.iterations <= MOST_ANCHORED
+        after = replace(state, t=t + h, u=found.balance.u, anchored=fits)
+        if not fits:
             after = replace(after, anchor_u=found.balance.u, anchor_T=T)
         return Done(after, self._outputs(found, loading, u))
 

@@ -15,7 +15,7 @@ from contact.half.state import kept
 from contact.link import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inputs_of, press
+from mechanical_scenes import EXPECTED, STEEL, block, blocks, done, elastic, hold, inputs_of, press
 
 E, NU = STEEL["E"], STEEL["nu"]
 BELOW, ABOVE = hold("lower.bottom", 1), "upper.top"
@@ -212,3 +212,18 @@ def test_step_restore_step_gives_the_same_bits(link):
     again, outputs = done(half.step(state, inputs_of(half), t0, t1 - t0, link))
     assert again.u.tobytes() == run[10][0].u.tobytes()
     assert outputs["contact.t_N"].tobytes() == run[10][1]["contact.t_N"].tobytes()
+
+
+def test_the_factor_in_use_is_the_one_the_state_names():
+    """Stretched far, the block takes its stiffness anew; crept on, it keeps that one: hot and cold, same bits."""
+    stretch = {"t": [0, 1, 2, 3], "value": [0, 0.3, 0.3001, 0.3002]}
+    boundary = [hold("block.left", 0), hold("block.left", 1), hold("block.right", 0, stretch)]
+
+    def half():
+        return elastic(block(np.linspace(0, 1, 5), np.linspace(0, 1, 4)), boundary)
+
+    run = drive(half(), None, times=np.array([0.0, 1.0, 2.0, 3.0]))
+    assert [s.anchored for s, _ in run] == [False, True, True]
+    for (state, _), (after, _) in pairwise(run):
+        cold, _ = done(half().step(kept(state), inputs_of(half()), state.t, 1.0, None))
+        assert cold.u.tobytes() == after.u.tobytes()

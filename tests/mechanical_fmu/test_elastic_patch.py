@@ -215,10 +215,10 @@ def test_load_factors_scale():
                                        press("block.top", 1e6, name="p"),
                                        hold("block.right", 0, 1e-5, name="stretch")])
     _, once = half.start(inputs_of(half, p=1.0, stretch=0.0), 0.0, LINK)
-    _, twice = half.start(inputs_of(half, p=2.0, stretch=1.0), 0.0, LINK)
+    _, twice = half.start(inputs_of(half, p=2.0, stretch=2.0), 0.0, LINK)
     assert once["reaction.block"][1] == pytest.approx(1e6, rel=1e-4)
     assert twice["reaction.block"][1] == pytest.approx(2e6, rel=1e-4)
-    assert twice["x"][-1, 0] == 1.0 + 1e-5
+    assert twice["x"][-1, 0] == 1.0 + 2e-5
 
 
 def test_nothing_loaded_leaves_the_reference_exactly():
