@@ -20,7 +20,6 @@ from coupler.scenario.rectangle import rectangle_mesh
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.schema_scene import Body
 
-
 # The node set that stands for a named point where no node lies.
 NEAREST = ".nearest"
 
