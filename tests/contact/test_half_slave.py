@@ -188,6 +188,21 @@ def test_outputs_may_not_be_set_and_wrong_references_fail_in_words(face):
     assert face.slave.get_string([0]) == [""]
 
 
+def test_the_first_failure_is_the_one_that_is_told(face):
+    face.set(METHOD, 1)
+    face.slave.do_step(0.0, 0.5)
+    face.slave.get_real([10**6])
+    assert "RuntimeError: a bug" in face.get(MESSAGE)
+
+
+def test_what_a_model_is_given_does_not_change_under_it(face):
+    given = face.slave._store.inputs()
+    face.set("drive", *[999.0] * 4)
+    assert given["drive"].tolist() == [300.0] * 4
+    with pytest.raises(ValueError, match="read-only"):
+        given["drive"][0] = 0.0
+
+
 def test_any_order_of_value_references_is_answered(face):
     face.set("drive", 1.0, 2.0, 3.0, 4.0)
     vrs = face.vrs("drive")

@@ -271,6 +271,26 @@ def test_exits_are_clean_whatever_is_still_alive(fmu):
         run(f"h, k = begun(sys.argv[1]), begun(sys.argv[1])\nh.save()\nh.advance(0.0, 0.5, {{}}, ['T'])\n{ending}", fmu)
 
 
+def test_a_foreign_slave_that_lets_an_exception_out_is_never_called_again(fmu, tmp_path):
+    target = unpack(fmu, tmp_path / "fmu")
+    script = next(p for p in (target / "resources").glob("toy_half_*.py"))
+    script.write_text(script.read_text() + "\n    def do_step(self, t, h):\n        raise ValueError('out')\n")
+    out = run("""
+h = half(sys.argv[1], extracted=sys.argv[2])
+h.initialise(0.0, 1.0, {}, {}, [])
+for call in (lambda: h.advance(0.0, 0.5, {}, []), lambda: h.read(["T"]), h.save):
+    try:
+        call()
+    except HalfError as exc:
+        print(exc.message)
+h.close()
+del h
+gc.collect()
+""", fmu, target).splitlines()
+    assert "fmi2DoStep answered fatal" in out[0]
+    assert all("after the half had ended" in line for line in out[1:])
+
+
 @pytest.mark.parametrize("name", ["a#b", "a%20b", "grün", "a[b"])
 def test_paths_that_would_crash_the_wrapper_are_refused(fmu, tmp_path, name):
     with pytest.raises(HalfError, match="SLIDELINE_CACHE"):
