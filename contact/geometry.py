@@ -6,6 +6,8 @@ each other share this file: a compiled cache is renewed when its own file change
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -282,7 +284,7 @@ def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tu
     found, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
     cuts, met_gap = np.empty(4 * masters.size + 2), np.empty(4 * masters.size + 2)
     met = np.empty(4 * masters.size + 2, dtype=np.int32)
-    n_points = np.int64(0)  # typed: a bare 0 would have every kernel it is passed to compiled twice
+    n_points: Any = np.int64(0)  # typed: a bare 0 would have every kernel it is passed to compiled twice
     for e in range(slaves[0], slaves[1]):
         back = max(length[e], longest)
         frame = frame_of(x, edges, normal, e)

@@ -157,28 +157,30 @@ def _substep_times(clock: Clock, k0: int, k1: int, n: int) -> list[float]:
 
 def _thermal(halves: Halves, state: CoupledState, times: list[float], scheme: Scheme) -> _Pass:
     """The thermal half over the window, the carried mechanical heat spread evenly in time over its substeps."""
-    H, sent, work, terms, outputs = times[-1] - times[0], state.sent, Work(), [], {}
+    H, sent, work, terms = times[-1] - times[0], state.sent, Work(), []
+    outputs: Mapping[str, Array] = {}
     for t0, t1 in pairwise(times):
         x, t_N = geometry_at(scheme, state.now, state.before, 0.5 * (t0 + t1))
         inputs = {"x": x, "contact.t_N": t_N, "E_M": state.account.carry * ((t1 - t0) / H),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs)
         outputs, sent, cost = _advance(call, sent, Verdict.THERMAL_DISCARD)
-        work = work.plus(replace(cost, thermal_solves=1))
+        work = work.plus(cost)
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX)})
     return _Pass(outputs, sent, work, tuple(terms))
 
 
 def _mechanical(halves: Halves, state: CoupledState, T_end: Array, times: list[float]) -> _Pass:
     """The mechanical half over the window, T interpolated to the end of each of its substeps."""
-    H, sent, work, outputs = times[-1] - times[0], state.sent, Work(), {}
+    H, sent, work = times[-1] - times[0], state.sent, Work()
+    outputs: Mapping[str, Array] = {}
     E_M = np.zeros_like(state.account.carry)
     for t0, t1 in pairwise(times):
         inputs = {"T": temperature_at(state.now.T, T_end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)
         outputs, sent, cost = _advance(call, sent, Verdict.MECHANICAL_DISCARD)
-        work = work.plus(replace(cost, mechanical_solves=1))
+        work = work.plus(cost)
         if "E_M" in outputs:
             E_M = E_M + outputs["E_M"]
     return _Pass(outputs, sent, work, E_M=E_M)
@@ -196,9 +198,12 @@ def _advance(call: _Call, sent: Mapping[str, Mapping[str, Array]],
     if answer.status is not Status.OK:
         raise _DiscardError(verdict, f"{half.name}: {answer.message}")
     iterations = int(answer.outputs.get("iterations", np.zeros(())))
-    cost = Work(fmi_seconds=seconds - answer.seconds,
-                values=sum(int(v.size) for v in (*news.values(), *answer.outputs.values())),
-                **{f"{call.side}_seconds": answer.seconds, f"{call.side}_iterations": iterations})
+    border = Work(fmi_seconds=seconds - answer.seconds,
+                  values=sum(int(v.size) for v in (*news.values(), *answer.outputs.values())))
+    if call.side == "thermal":
+        cost = replace(border, thermal_solves=1, thermal_iterations=iterations, thermal_seconds=answer.seconds)
+    else:
+        cost = replace(border, mechanical_solves=1, mechanical_iterations=iterations, mechanical_seconds=answer.seconds)
     return answer.outputs, {**sent, call.side: {**known, **news}}, cost
 
 

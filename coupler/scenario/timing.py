@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from coupler.level import Scheme
@@ -22,7 +23,7 @@ SAME = 1e-12
 
 @dataclass(frozen=True)
 class Coupling:
-    """end [s]; runs begin at 0.  windows : ranges in order, the last ends at end.
+    """end [s]; runs begin at 0.  windows : ranges in order, the last reaches the end.
 
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
     the chosen halves use.  substeps : role -> number in a window.
@@ -38,16 +39,14 @@ class Coupling:
     @property
     def stops(self) -> tuple[float, ...]:
         """Times [s] in (0, end] at which a window must end."""
-        return tuple(sorted({*self.kinks, *(w.until for w in self.windows)}))
+        return tuple(sorted({*self.kinks, *(min(w.until, self.end) for w in self.windows)}))
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
     """Check the windows and gather the kinks.  Raises ScenarioError."""
     for i, t in enumerate(spec.kinks):
-        if not 0 <= t <= spec.end:
-            raise document.error(
-                ("coupling", "kinks", i), f"a kink must lie between 0 and the end, {spec.end:g} s"
-            )
+        if t < 0:
+            raise document.error(("coupling", "kinks", i), "a kink cannot lie before the run begins, at 0 s")
     windows = _ranges(document, spec.windows, spec.end)
     times: Iterable[float] = (*spec.kinks, *kinks_in(models))
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
@@ -56,16 +55,13 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
 
 
 def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:
+    for i, (before, until) in enumerate(pairwise((0.0, *(spec.until for spec in specs)))):
+        if until <= before:
+            raise document.error(("coupling", "windows", i, "until"),
+                                 f"time goes backwards: the range before ends at {before:g} s")
     start, count, ranges = 0.0, 0.0, []
     for i, spec in enumerate(specs):
         key: Key = ("coupling", "windows", i)
-        if spec.until <= start:
-            raise document.error(
-                (*key, "until"), f"time goes backwards: the range before ends at {start:g} s"
-            )
-        if spec.until > end * (1 + SAME):
-            raise document.error((*key, "until"), f"the windows go on after the end of the run, {end:g} s",
-                                 "Let the last range end at coupling.end, and drop those after it.")
         sizes = dict(zip(("size",) if spec.size is not None else ("first", "last"), spec.sizes, strict=False))
         for name, size in sizes.items():
             if size > (spec.until - start) * (1 + SAME):
@@ -77,8 +73,10 @@ def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[W
             raise document.error(
                 key, f"this makes {count:.3g} windows, more than {MAX_WINDOWS}", "Use larger windows."
             )
-        ranges.append(WindowRange(min(spec.until, end), *spec.sizes))
+        ranges.append(WindowRange(end if math.isclose(spec.until, end, rel_tol=SAME) else spec.until, *spec.sizes))
         start = spec.until
+        if start >= end * (1 - SAME):
+            break  # an earlier end cuts the windows off: no need to rewrite them for a shorter run
     if start < end * (1 - SAME):
         last: Key = ("coupling", "windows", len(specs) - 1, "until") if specs else ("coupling", "windows")
         raise document.error(
@@ -86,7 +84,6 @@ def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[W
             f"the windows cover the run to {start:g} s only, not to its end, {end:g} s",
             "Add a range that reaches coupling.end.",
         )
-    ranges[-1] = WindowRange(end, ranges[-1].first, ranges[-1].last)
     return tuple(ranges)
 
 

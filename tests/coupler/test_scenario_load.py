@@ -151,3 +151,11 @@ def test_a_condition_at_a_point_without_a_node_goes_to_the_nearest_and_says_so(t
     assert distance > 0
     assert scenario.notes[0].startswith("no node lies at upper.top.centre")
     assert load_text(tmp_path, GOOD).notes == ()
+
+
+def test_an_earlier_end_cuts_the_windows_off(tmp_path):
+    whole, cut = load_text(tmp_path, GOOD).coupling, load_text(tmp_path, GOOD, {"coupling.end": 15.0}).coupling
+    assert cut.end == 15.0
+    assert cut.windows == whole.windows[:len(cut.windows)]
+    assert cut.stops[-1] == 15.0
+    assert all(k < 15.0 for k in cut.kinks)

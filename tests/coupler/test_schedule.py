@@ -26,7 +26,8 @@ def test_sizes_are_geometric_and_add_up():
 
 
 def test_windows_end_at_every_kink_and_range():
-    s = schedule(100.0, [WindowRange(40.0, 3.0, 3.0), WindowRange(100.0, 1.0, 20.0)], [0.0, 7.7, 40.0, 66.6, 100.0, 200.0])
+    kinks = [0.0, 7.7, 40.0, 66.6, 100.0, 200.0]
+    s = schedule(100.0, [WindowRange(40.0, 3.0, 3.0), WindowRange(100.0, 1.0, 20.0)], kinks)
     ends = [s.clock.seconds(k) for k in s.bounds]
     assert ends[0] == 0.0
     assert ends[-1] == 100.0
