@@ -26,5 +26,5 @@ def test_the_break_applies(mutation):
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("mutation", mutations.MUTATIONS, ids=lambda m: m.name)
-def test_the_break_is_noticed(mutation):
-    assert mutations.is_noticed(mutation)
+def test_the_break_is_noticed(mutation, tmp_path_factory):
+    assert mutations.is_noticed(mutation, tmp_path_factory.getbasetemp())
