@@ -58,8 +58,7 @@ def become_child(on_orphan: Callable[[], None]) -> Parent:
 def keep_freed_memory() -> None:
     """Tell glibc not to hand big buffers back to the kernel after every use.
 
-    Each copy of a message would page-fault anew: 2.5 to 10 times slower above 128 kB.  Elsewhere: nothing to
-    do.
+    Each copy of a message would page-fault anew: 2.5 to 10 times slower above 128 kB.  Elsewhere: nothing to do.
     """
     if sys.platform != "linux":
         return

@@ -173,8 +173,7 @@ class ZenohLink:
         try:
             reply: Reply = self._client.call(request)
         except ServiceDownError:
-            # A request to contact changes nothing there, so the next life of the service may be asked it
-            # again.
+            # A request to contact changes nothing there, so the next life of the service may be asked it again.
             self._client.move(self._grace)
             reply = self._client.call(request)
         return reply

@@ -64,9 +64,8 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
                found: Ints) -> int:
     """Edges of a box tree over the chain masters that the rays of a slave edge may reach, and that face it.
 
-    The rays of the edge, from -back to ahead [m], fill a quadrilateral; a box is passed by if it
-    misses the quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put
-    into found.
+    The rays of the edge, from -back to ahead [m], fill a quadrilateral; a box is passed by if it misses the
+    quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put into found.
     """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     tx, ty = x2 - x1, y2 - y1

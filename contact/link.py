@@ -4,8 +4,7 @@
     |-- LinkSpecError      the link's text is wrong, or names an address that is not allowed
     |-- ServiceDownError   nobody is there, or who was there died
     |-- LinkTimeoutError   somebody is there and did not answer within the deadline
-    `-- LinkProtocolError  what came back is not an answer (damaged, refused by the transport, a bug at the
-    far end)
+    `-- LinkProtocolError  what came back is not an answer (damaged, refused by the transport, a bug at the far end)
 
 That the service refuses a request is no error of the link: it is the reply `Refused`.
 """
@@ -88,8 +87,7 @@ _ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
 
 
 def open_link(spec: str) -> Link:
-    """The link a text describes: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own
-    process).
+    """The link a text describes: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own process).
 
     zenoh is imported only when asked for: an embedded run has no threads and no sockets of it.
     Raises LinkSpecError for any other text, ServiceDownError where no service listens.

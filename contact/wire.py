@@ -1,4 +1,4 @@
-"""The messages of the contact service, and their bytes.  numpy, msgpack and the standard library only.
+"""The messages of the contact service.  Their bytes are the business of contact.messages and contact.codec.
 
 All coordinates are those of the n_s surface nodes of a scene (Interface.contact_nodes), 0-based index s.
 All replies depend on the request and on surfaces registered by content hash, on nothing else.
@@ -108,7 +108,7 @@ class Tractions:
 
 @dataclass(frozen=True)
 class Refused:
-    """The service could not answer.  code : short word ("unknown_surfaces", "bad_request", "bug", "busy")."""
+    """The service could not answer.  code : unknown_surfaces | bad_request | bug."""
 
     code: str
     message: str

@@ -67,8 +67,7 @@ def start(name: str, command: Sequence[str], directory: Path) -> Child:
     log = directory / f"{name}.log"
     with log.open("wb") as f:
         try:
-            # A group of its own: Ctrl-C in a terminal reaches the coupler alone, even while a child still
-            # starts.
+            # A group of its own: Ctrl-C in a terminal reaches the coupler alone, even while a child still starts.
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=f,
                                        env=_environment(), process_group=0)
         except OSError as exc:

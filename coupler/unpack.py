@@ -11,8 +11,7 @@ from pathlib import Path
 
 from coupler.errors import HalfError
 
-# The native wrapper of Python FMUs is given a file URI and decodes nothing but blanks: any other quoted character
-# crashes the process.
+# The native wrapper of Python FMUs is given a file URI and decodes nothing but blanks: anything else quoted crashes it.
 _SAFE = re.compile(r"[A-Za-z0-9_.~/\\: -]*")
 LIMIT = 4 << 30  # bytes unpacked; no half is near it, a damaged or hostile archive may be
 

@@ -209,5 +209,3 @@ def _advance(call: _Call, sent: Mapping[str, Mapping[str, Array]],
 
 def _same(a: Array | None, b: Array) -> bool:
     return a is not None and (a is b or np.array_equal(a, b))
-
-

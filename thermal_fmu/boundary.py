@@ -25,8 +25,8 @@ TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact
 class Boundary:
     """f : (n,) heat flow into the nodes [W].  terms : by mechanism [W], in the order of TERMS.
 
-    magnitude : sum of the sizes of all nodal contributions [W].  blocks : the derivative of -f as matrix data
-    places and values, and across pairs as (nodes (n, 4), values (n, 4, 4)) [W/K].
+    magnitude : sum of the sizes of all nodal contributions [W].  The derivative of -f [W/K] is in places, as (places
+    in the matrix data, values), and, where it joins two bodies, in across, as (nodes (n, 4), values (n, 4, 4)).
     """
 
     f: Floats
@@ -37,8 +37,7 @@ class Boundary:
 
 
 def boundary_flow(films: Sequence[Film], held: Held, loads: Loads, power_M: Floats, T: Floats) -> Boundary:
-    """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the
-    substep."""
+    """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the substep."""
     flux = np.zeros(T.size)
     for q, area in zip(loads.fluxes, held.flux_areas, strict=True):
         flux += q * area

@@ -32,8 +32,7 @@ def shape_functions(xi: Floats) -> Floats:
 
 
 def gauss_points(edges: Ints, x: Floats, axisymmetric: bool) -> EdgePoints:
-    """Two points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m]; 2 pi r if
-    axisymmetric."""
+    """Two points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m]; 2 pi r if axisymmetric."""
     a, b = x[edges[:, 0]], x[edges[:, 1]]
     length = np.repeat(np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]), EDGE_XI.size)
     edge = np.repeat(np.arange(len(edges)), EDGE_XI.size)

@@ -12,9 +12,8 @@ from skfem.quadrature import get_quadrature
 
 Floats = NDArray[np.float64]
 
-# 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate the storage matrix of a
-# straight-sided
-# plane cell exactly, and all weights are positive (a negative one could make storage at a point negative).
+# 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate the storage matrix of a straight-sided plane
+# cell exactly, and all weights are positive (a negative one could make storage at a point negative).
 _KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "triangle": (ElementTriP1, 2)}
 
 # 2-point Gauss on [0, 1]: exact for N_i N_j r along an edge.

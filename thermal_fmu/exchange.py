@@ -39,8 +39,7 @@ class Group:
 
 
 def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, ...]:
-    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left
-    out."""
+    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
     groups = []
     for pair, own in enumerate(laws):
         if own is None:
@@ -57,8 +56,7 @@ def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, .
 def exchange_flow(group: Group, factor: float, T: Floats) -> tuple[Floats, Floats]:
     """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape
-    functions
+    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape functions
     and enters the master's by theirs.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)

@@ -49,8 +49,7 @@ class Surfaces:
 class Points:
     """Facing points with the pressure between them.
 
-    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape
-    functions.
+    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions.
     gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area, area_m : (n_p,) [m2].
     pair, slave_edge, master_edge : (n_p,) as registered.
     """

@@ -18,8 +18,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class FilmPoints:
-    """Where a film acts.  nodes : (n, 2).  N : (n, 2).  area : (n,) kappa-weighted [m2].  slots : (n, 2,
-    2)."""
+    """Where a film acts.  nodes : (n, 2).  N : (n, 2).  area : (n,) kappa-weighted [m2].  slots : (n, 2, 2)."""
 
     nodes: Ints
     N: Floats
@@ -31,8 +30,7 @@ def film_points(film: Film, slots: NDArray[np.int64], x: Floats, axisymmetric: b
                 points: Points | None) -> FilmPoints:
     """The points of a film on coordinates x : (n_nodes, 2) [m].  slots : (n_edges, 2, 2) of the film's edges.
 
-    The whole edge convects with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on
-    either side.
+    The whole edge convects with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.
     """
     parts = [gauss_points(film.edges, x, axisymmetric)]
     first = surfaces.first.get(film.surface)
@@ -53,8 +51,7 @@ def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) ->
 
 
 def film_flow(film: Film, points: FilmPoints, h: float, Te: float, T: Floats) -> tuple[Floats, Floats]:
-    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative
-    [W/K].
+    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
 
     h : hbar [W/m2K], Te : ambient [K].  Eq. (5): h |T - Te|^a (T - Te), odd in T - Te.
     """

@@ -17,8 +17,7 @@ Floats = NDArray[np.float64]
 class Heat:
     """Energies INTO the bodies [J], weighted with the stages the method used.
 
-    stored : (n_bodies,) increase of enthalpy, from quadrature points.  temperature : through prescribed
-    temperatures,
+    stored : (n_bodies,) increase of enthalpy, from quadrature points.  temperature : through prescribed temperatures,
     from the residual at their nodes.  terms : in the order of boundary.TERMS.
     """
 

@@ -53,16 +53,14 @@ class Scene:
 
     @cached_property
     def held_rows(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-        """Of the matrix data: which entries lie in a row or column of a fixed node, and their diagonal
-        places."""
+        """Of the matrix data: which entries lie in a row or column of a fixed node, and their diagonal places."""
         pattern = self.volume.pattern
         row = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
         touched = self.fixed[row] | self.fixed[pattern.indices]
         return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
 
     def masses(self, X: Floats) -> tuple[Floats, ...]:
-        """rho0 dV0 [kg] of every block at its quadrature points, from reference coordinates X : (n, 2)
-        [m]."""
+        """rho0 dV0 [kg] of every block at its quadrature points, from reference coordinates X : (n, 2) [m]."""
         return tuple(self.model.bodies[block.body].material.rho * shape.dV
                      for block, shape in zip(self.volume.blocks, shapes_of(self.volume, X), strict=True))
 
@@ -72,8 +70,7 @@ class Held:
     """Held through a substep.
 
     sources : (n_bodies, n) volume of each body spread over its nodes [m3].  E_M : (n,) [J] of the substep.
-    flux_areas : one (n,) [m2] a prescribed flux.  films, groups : where films act and where bodies exchange
-    heat.
+    flux_areas : one (n,) [m2] a prescribed flux.  films, groups : where films act and where bodies exchange heat.
     touching : number of facing points under pressure.
     """
 
@@ -88,8 +85,7 @@ class Held:
 
 
 def hold(scene: Scene, masses: tuple[Floats, ...], x: Floats, E_M: Floats, points: Points | None) -> Held:
-    """Everything that follows from coordinates x : (n, 2) [m], energies E_M : (n_cells,) [J] and facing
-    points.
+    """Everything that follows from coordinates x : (n, 2) [m], energies E_M : (n_cells,) [J] and facing points.
 
     Raises InvertedCellError.
     """

@@ -1,8 +1,6 @@
-"""The loops over cells, compiled.  They work for any table (nn nodes, nq points); sums run in the order of
-cells.
+"""The loops over cells, compiled.  They work for any table (nn nodes, nq points); sums run in the order of cells.
 
-Shapes: cells (ne, nn) node numbers; N (nq, nn); G (ne, nq, nn, 2) gradients; *_q (ne, nq) values at
-quadrature points;
+Shapes: cells (ne, nn) node numbers; N (nq, nn); G (ne, nq, nn, 2) gradients; *_q (ne, nq) values at quadrature points;
 slots (ne, nn, nn) places in the matrix data.  An empty `data` skips the matrix.
 """
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from contact.half.signal import Signal
 from thermal_fmu.spec import Model
 
-# A time this close to a kink, as a share of the substep and of the time itself, is on it: clocks of integer
-# ticks
+# A time this close to a kink, as a share of the substep and of the time itself, is on it: clocks of integer ticks
 # round a kink to 2^-40 of the end time, and the value on the wrong side of a jump would last a whole stage.
 SNAP_STEP, SNAP_TIME = 1e-6, 4e-12
 
@@ -21,9 +20,10 @@ LoadFactors = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Loads:
-    """Values at one time, in the order of the model: Q_T [W/m3], fluxes [W/m2], films (h [W/m2K], Te [K]),
+    """Values at one time, each in the order of the model.
 
-    prescribed temperatures [K], (closed, open) factors of the pairs.
+    Q_T [W/m3] of bodies.  fluxes [W/m2].  films : (h [W/m2K], Te [K]).  prescribed : temperatures [K].
+    pairs : (closed, open) factors.
     """
 
     Q_T: tuple[float, ...]
@@ -62,8 +62,7 @@ class Calendar:
         return near if abs(near - t) <= _tolerance(t, h) else t
 
     def jump_within(self, t: float, h: float) -> bool:
-        """Whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next
-        one's."""
+        """Whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's."""
         early = _tolerance(t, h)
         return bool(((self.jumps >= t - early) & (self.jumps < t + h - early)).any())
 

@@ -40,8 +40,7 @@ class Curve:
         return np.where(inside, self.first(np.clip(T, self.source.low, self.source.high)), 0.0)
 
     def increase(self, T0: Floats, T: Floats) -> Floats:
-        """Integral from T0 to T : same shape [K].  For a constant the difference is taken before the
-        product."""
+        """Integral from T0 to T : same shape [K].  For a constant the difference is taken before the product."""
         if self.primitive is None or self.source.curve is None:
             assert self.source.constant is not None
             return self.source.constant * (T - T0)
@@ -59,8 +58,7 @@ class Curve:
 
 
 def positive_curve(spec: float | Mapping[str, Any]) -> Curve:
-    """A Curve from the PROPERTY form of model.json.  Raises ValueError where a number or table is not
-    positive.
+    """A Curve from the PROPERTY form of model.json.  Raises ValueError where a number or table is not positive.
 
     A polynomial cannot be checked here: the step that meets a value <= 0 is discarded.
     """

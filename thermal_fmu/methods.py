@@ -1,9 +1,7 @@
 """The time stepping methods, as data.
 
-A stage solves (E(T_s) - E_n)/(a dt) - sum_j (a_j/a) F_j = f(T_n + theta (T_s - T_n), t_n + c dt) for T_s,
-where E is
-the nodal enthalpy [J], f the heat flow into the nodes [W] and F_j the flows of earlier stages.  Storage
-enters as a
+A stage solves (E(T_s) - E_n)/(a dt) - sum_j (a_j/a) F_j = f(T_n + theta (T_s - T_n), t_n + c dt) for T_s, where E is
+the nodal enthalpy [J], f the heat flow into the nodes [W] and F_j the flows of earlier stages.  Storage enters as a
 difference of enthalpies, so no method loses heat, whatever c(T).  The last stage is the end of the substep.
 """
 
@@ -31,8 +29,7 @@ class Method:
     """stages in order; weights : share of dt of each stage's flow in the substep's heat.
 
     stores : False for the steady method, which knows no storage.
-    damped : name of the method of a damped restart and into how many parts it cuts a substep; None: none
-    needed.
+    damped : name of the method of a damped restart and into how many parts it cuts a substep; None: none needed.
     """
 
     stages: tuple[Stage, ...]
@@ -44,8 +41,7 @@ class Method:
 _GAMMA = 1.0 - 1.0 / sqrt(2.0)
 
 METHODS: dict[str, Method] = {
-    # The true midpoint rule, Eq. (22).  It does not damp the stiff part of a jump, so it starts with backward
-    # Euler.
+    # The true midpoint rule, Eq. (22).  It does not damp the stiff part of a jump, so it starts with backward Euler.
     "midpoint": Method((Stage(0.5, 1.0, 0.5),), (1.0,), damped=("backward_euler", 4)),
     "backward_euler": Method((Stage(1.0, 1.0, 1.0),), (1.0,)),
     # L-stable, yet not monotone: without a damped start it overshoots once after a jump (10 of 100 K at dt a/h^2 = 8).

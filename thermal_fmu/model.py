@@ -33,8 +33,7 @@ class ThermalState:
     """All that evolves.
 
     T : (n,) [K].  X : (n, 2) reference coordinates [m], the first x: they set the mass.  event : the count
-    control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained
-    since the
+    control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained since the
     start [J].  surfaces : what the contact service calls the surfaces ("" without pairs).  anchor : the matrix whose
     factors the next solve starts from.
     """
@@ -51,8 +50,7 @@ class ThermalState:
 class ThermalHalf:
     """Heat conduction in the bodies of an interface file, with the boundary data of a model.json.
 
-    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix
-    asked for.
+    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix asked for.
     """
 
     def __init__(self, interface: Interface, spec: Mapping[str, Any]) -> None:
@@ -64,8 +62,7 @@ class ThermalHalf:
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
-        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the
-        reference.
+        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
 
         Raises InvertedCellError, ContactRefusedError.
         """

@@ -22,8 +22,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Body:
-    """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current
-    volume]."""
+    """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current volume]."""
 
     name: str
     material: Material
@@ -68,8 +67,7 @@ class Film:
 
 @dataclass(frozen=True)
 class PairLaws:
-    """Eqs. (8-10) for one contact pair: laws of touching and of open points (None: none), and their
-    factors."""
+    """Eqs. (8-10) for one contact pair: laws of touching and of open points (None: none), and their factors."""
 
     closed: Law | None
     open: Law | None

@@ -42,8 +42,7 @@ class Balance:
 
     R : (n,) what is missing at each node [J]; at fixed nodes it is the heat that came through them.
     flow : (n,) [W] into the nodes, all but storage, held nodes' reactions included.
-    terms : boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum
-    of the
+    terms : boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum of the
     sizes of all heats at all nodes [J].
     """
 
@@ -62,8 +61,7 @@ class Balance:
 
 
 def balance(problem: StageProblem, T: Floats, jacobian: bool) -> Balance:
-    """Residual (and Jacobian, rows and columns of fixed nodes replaced by the identity) at T_s = T : (n,)
-    [K].
+    """Residual (and Jacobian, rows and columns of fixed nodes replaced by the identity) at T_s = T : (n,) [K].
 
     Raises BadPropertyError.
     """
@@ -76,8 +74,7 @@ def balance(problem: StageProblem, T: Floats, jacobian: bool) -> Balance:
     stored = np.zeros(len(model.bodies))
     if problem.stores:
         stored = store(volume, held.masses, model.bodies, problem.T_n, T, S, data)
-    # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint
-    # rule.
+    # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
     slope = stage.theta * weight
     conduct(volume, held.shapes, model.bodies, T_f, f, slope, data)
     boundary = boundary_flow(model.films, held, problem.loads, problem.power_M, T_f)

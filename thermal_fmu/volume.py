@@ -111,10 +111,9 @@ def spread(volume: Volume, shapes: Sequence[Shape], per_volume: Sequence[Floats]
 
 def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], T: Floats, f: Floats,
             scale: float, data: Floats) -> None:
-    """f -= the heat that leaves each node by conduction at T : (n,) [K];  data += scale * derivative, Eq.
-    (1).
+    """f -= the heat that leaves each node by conduction at T : (n,) [K];  data += scale * its derivative.
 
-    Raises BadPropertyError.
+    Eq. (1).  Raises BadPropertyError.
     """
     for block, shape in zip(volume.blocks, shapes, strict=True):
         k = bodies[block.body].material.k
@@ -130,8 +129,7 @@ def store(volume: Volume, masses: Sequence[Floats], bodies: Sequence[Body], T0: 
           S: Floats, data: Floats) -> Floats:
     """S += nodal increase of enthalpy from T0 to T : (n,) [J];  data += its derivative [J/K].
 
-    masses : rho0 dV0 of each block, (ne, nq) [kg].  Returns (n_bodies,) increase of each body's enthalpy [J],
-    summed
+    masses : rho0 dV0 of each block, (ne, nq) [kg].  Returns (n_bodies,) increase of each body's enthalpy [J], summed
     over quadrature points, not over nodes.  Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))

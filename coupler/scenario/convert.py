@@ -94,5 +94,3 @@ def kinks_in(model: Json) -> Iterator[float]:
     elif isinstance(model, list):
         for inner in model:
             yield from kinks_in(inner)
-
-
