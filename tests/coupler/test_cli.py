@@ -1,0 +1,85 @@
+"""The command line as a user meets it: exit codes, what is printed, what Ctrl-C leaves."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from coupler import Results
+
+ROOT = Path(__file__).resolve().parents[2]
+BARS = str(ROOT / "scenarios/heated_bars.yaml")
+BLOCKS = str(ROOT / "scenarios/sliding_blocks.yaml")
+SMALL = ("--set", "bodies.lower.mesh.rectangle.cells=[6, 6]", "--set", "bodies.upper.mesh.rectangle.cells=[6, 6]")
+
+
+def slideline(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "coupler.cli", *arguments], cwd=folder, capture_output=True, text=True,
+                          check=False)
+
+
+def test_check_says_what_would_run(tmp_path):
+    done = slideline(tmp_path, "check", BLOCKS)
+    assert done.returncode == 0, done.stderr
+    for fact in ("1250 nodes", "slave upper.bottom", "elastic", "extrapolated", "14772.7", "lower.top.left"):
+        assert fact in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+def test_run_report_and_their_files(tmp_path):
+    done = slideline(tmp_path, "run", BARS, "-o", "bars.h5")
+    assert done.returncode == 0, done.stderr
+    assert "completed" in done.stdout
+    assert "window" in done.stderr
+    assert {p.name for p in tmp_path.iterdir()} == {"bars.h5", "bars.thermal.vtkhdf", "bars.mechanical.vtkhdf"}
+    done = slideline(tmp_path, "report", "bars.h5")
+    assert done.returncode == 0, done.stderr
+    assert "<html" in (tmp_path / "bars.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("arguments", "code", "text"), [
+    (("run", "nowhere.yaml"), 2, "nowhere.yaml"),
+    (("run", BARS, "--set", "coupling.shceme=staggered"), 2, "scheme"),
+    (("run", BARS, "--swap", "mechanic=rigid"), 2, "--swap mechanical=rigid"),
+    (("run", BARS, "--swap", "mechanical=rubber"), 2, "rubber"),
+    (("run", BARS, "-o", "no/such/folder/run.h5"), 3, "does not exist"),
+    (("report", "nowhere.h5"), 3, "nowhere.h5"),
+])
+def test_wrong_input_is_one_error_and_a_code(tmp_path, arguments, code, text):
+    done = slideline(tmp_path, *arguments)
+    assert done.returncode == code, done.stderr
+    assert text in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("how", [(), ("--processes",)])
+def test_ctrl_c_leaves_a_readable_file_and_no_process(tmp_path, how):
+    out = tmp_path / "run.h5"
+    child = subprocess.Popen([sys.executable, "-m", "coupler.cli", "run", BLOCKS, "-o", str(out), *SMALL, *how],
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    family = psutil.Process(child.pid)
+    assert child.stderr
+    while "| window" not in (line := child.stderr.readline()):
+        assert line, "the run ended before its first window"
+    children = family.children(recursive=True)
+    assert len(children) == (3 if how else 0)
+    os.killpg(child.pid, signal.SIGINT)  # what a terminal does: the whole group
+    output, errors = child.communicate(timeout=60)
+    assert child.returncode == 130, errors
+    assert "interrupted" in output
+    deadline = time.monotonic() + 5
+    while any(c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in children):
+        assert time.monotonic() < deadline, "a process outlived the run"
+        time.sleep(0.05)
+    results = Results(out)
+    assert results.outcome == "interrupted"
+    assert 0 < results.t[-1] < 25000
+    assert len(results.probe("lower.top.left")[1]) == len(results.t)
