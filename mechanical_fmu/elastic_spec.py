@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.checks import keys, known, made, nodes_on, number, signal
 from contact.half.interface import Interface
 from contact.half.property import Property, property_from
 from contact.half.signal import Signal
-from mechanical_fmu.checks import keys, known, made, number, signal
 from mechanical_fmu.material import Material
 
 Ints = NDArray[np.int32]
@@ -104,18 +104,16 @@ def _stiffness(spec: Any) -> Property:
 
 
 def _boundary(interface: Interface, spec: Any, where: str) -> Displacement | Pressure:
-    kind = known(spec.get("kind") if isinstance(spec, Mapping) else None, f"{where}.kind",
-                 ("displacement", "pressure"))
+    kind = known(keys(spec, where, {"kind"}, spec)["kind"], f"{where}.kind", ("displacement", "pressure"))
     if kind == "pressure":
         keys(spec, where, {"kind", "on", "value"}, {"name"})
         on = known(spec["on"], f"{where}.on", interface.surfaces)
         value = signal(spec["value"], f"{where}.value")
         return Pressure(on, interface.surfaces[on], value, str(spec.get("name") or ""))
     keys(spec, where, {"kind", "on", "component", "value"}, {"name"})
-    on = known(spec["on"], f"{where}.on", [*interface.surfaces, *interface.node_sets])
+    nodes = nodes_on(interface, spec["on"], f"{where}.on")
     component = spec["component"]
     if isinstance(component, bool) or component not in (0, 1):
         raise ValueError(f"model.json: {where}.component must be 0 (x) or 1 (y), not {component!r}")
-    sets = interface.node_sets if on in interface.node_sets else interface.surfaces
-    nodes = np.unique(sets[on]).astype(np.int32)
-    return Displacement(on, nodes, int(component), signal(spec["value"], f"{where}.value"), str(spec.get("name") or ""))
+    return Displacement(spec["on"], nodes, int(component), signal(spec["value"], f"{where}.value"),
+                        str(spec.get("name") or ""))

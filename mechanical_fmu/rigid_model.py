@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.checks import keys, signal
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.signal import Signal
-from mechanical_fmu.checks import keys, signal
 from mechanical_fmu.contact_forces import Contact, ContactRefusedError, contact_variables
 
 Floats = NDArray[np.float64]
