@@ -90,6 +90,7 @@ def chart(costs: list[Cost], path: Path) -> None:
 
     matplotlib.use("svg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.4), sharey=True, layout="constrained")
     for axis, what in zip(axes, ("half_solves", "seconds"), strict=True):
@@ -97,6 +98,7 @@ def chart(costs: list[Cost], path: Path) -> None:
             own = [c for c in costs if c.scheme == scheme]
             axis.loglog([getattr(c, what) for c in own], [c.settled for c in own], marker=marker, label=scheme)
         axis.set_xlabel(what.replace("_", "-") + " in the slide")
+        axis.xaxis.set_minor_formatter(NullFormatter())  # its labels would lie on each other
         axis.grid(True, which="both", alpha=0.3)
     axes[0].set_ylabel("largest error, settled [K]")
     axes[0].legend(frameon=False)
