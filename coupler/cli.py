@@ -1,7 +1,7 @@
 """The command line.
 
 Exit codes: 0 done; 1 the run failed (a window that cannot be solved, a half that died, a broken link);
-2 the input is wrong (scenario, options); 3 a results file cannot be read; 130 interrupted.
+2 the input is wrong (scenario, options); 3 a results file cannot be read or written; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from coupler.report import write_report
 from coupler.results import Results
 from coupler.runner import plan_of, run
 from coupler.scenario import Scenario, load_scenario, parse_override
+from coupler.target import check_target
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
 
@@ -56,7 +57,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     i, clock = s.interface, plan.schedule.clock
     sizes = [clock.seconds(b) - clock.seconds(a)
              for a, b in pairwise(plan.schedule.bounds)]
-    kinks = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks)) or "none"
+    kinks = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
     typer.echo(f"{s.title}: good.\n"
                f"  {s.geometry}, {len(i.bodies)} bodies ({', '.join(i.bodies)}), {len(i.nodes)} nodes, "
@@ -64,7 +65,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"  contact pairs: {pairs}\n"
                f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
                f"  {len(sizes)} windows of {min(sizes):.3g} to {max(sizes):.3g} s to t = {s.coupling.end:g} s; "
-               f"kinks at {kinks} s\n"
+               f"{f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}")
 
 
@@ -76,6 +77,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                 report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False) -> None:
     """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
     s = _scenario(scenario, sets, swaps)
+    check_target(out, report=report)
     typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {len(plan_of(s).schedule.bounds) - 1} windows "
                f"to t = {s.coupling.end:g} s. Building and loading the halves ...", err=True)
     with ProgressLine(s.temperature_unit) as line:

@@ -15,6 +15,7 @@ from coupler.journal import Journal
 from coupler.ledger import Ledger
 from coupler.level import Level
 from coupler.results import WINDOW_FIELDS, finish, journal_of
+from coupler.target import check_target
 from coupler.window import Solved, Verdict
 
 Array = NDArray[np.float64]
@@ -24,9 +25,11 @@ class Recorder:
     """Writes the header, each window, frames of fields and the end; finish() makes run.h5 of it.
 
     header : what is known before the first window (scenario, versions, probes, fields); see Run._header.
+    Raises ResultsError if `out` may not or cannot be written.
     """
 
     def __init__(self, out: Path, header: Mapping[str, Any], interface: Interface) -> None:
+        check_target(out)
         self.out = out
         self._interface = interface
         self._journal = Journal(journal_of(out))

@@ -24,6 +24,8 @@ TEMPLATE = "page.html.j2"
 
 def write_page(results: Results, path: Path) -> Path:
     """Render the report of a run and put it at `path` whole.  Raises ResultsError if it cannot be written."""
+    if path.resolve() == results.path.resolve() or not _replaceable(path):
+        raise ResultsError(f"{path}: is not a page that a report could replace; give another name with --out")
     text = render(results)
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
@@ -33,6 +35,14 @@ def write_page(results: Results, path: Path) -> Path:
     except OSError as exc:
         raise ResultsError(f"{path}: the report cannot be written ({exc})") from exc
     return path
+
+
+def _replaceable(path: Path) -> bool:
+    """True for a name that is free, an empty file and an HTML page."""
+    if not path.is_file():
+        return not path.exists()
+    with path.open("rb") as file:
+        return file.read(15).lower() in (b"", b"<!doctype html>")
 
 
 def render(results: Results) -> str:
