@@ -13,7 +13,8 @@ from contact.half.checks import keys, signal
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.signal import Signal
-from mechanical_fmu.contact_forces import Contact, ContactRefusedError, contact_variables
+from contact.half.surfaces import ContactRefusedError, ContactSurfaces
+from mechanical_fmu.contact_forces import contact_variables
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class RigidHalf:
     """HalfModel of bodies that follow signals.  It knows no temperature, and its contact no forces."""
 
     def __init__(self, interface: Interface, spec: RigidSpec) -> None:
-        self.interface, self.spec, self.contact = interface, spec, Contact(interface)
+        self.interface, self.spec, self.contact = interface, spec, ContactSurfaces(interface)
         n_s = interface.contact_nodes.size
         x = Variable("x", (len(interface.nodes), 2), unit="m", start=interface.nodes, description="current coordinates")
         self.variables = (x, *(contact_variables(n_s) if n_s else ()))

@@ -3,46 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.interface import Interface
-from contact.half.model import Link
-from contact.half.register import register_message
-from contact.wire import Facing, Project, Refused, Register, Registered
+from contact.half.surfaces import ContactSurfaces
+from contact.wire import Facing
 from thermal_fmu.edges import shape_functions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-
-class ContactRefusedError(ArithmeticError):
-    """The contact service will not answer for these coordinates."""
-
-
-@dataclass(frozen=True)
-class Surfaces:
-    """The surfaces of the pairs as the service numbers them.
-
-    edges : (n_edges, 2) nodes of the mesh.  first : surface name -> number of its first edge.
-    """
-
-    interface: Interface
-
-    @cached_property
-    def message(self) -> Register:
-        return register_message(self.interface)
-
-    @cached_property
-    def edges(self) -> Ints:
-        return self.interface.contact_nodes[self.message.edges].reshape(-1, 2)
-
-    @cached_property
-    def first(self) -> dict[str, int]:
-        names = dict.fromkeys(name for pair in self.interface.pairs for name in (pair.slave, pair.master))
-        return {name: int(np.searchsorted(self.message.edge_surface, i)) for i, name in enumerate(names)}
 
 
 @dataclass(frozen=True)
@@ -66,29 +36,7 @@ class Points:
     master_edge: Ints
 
 
-def register(surfaces: Surfaces, link: Link) -> str:
-    """Tell the service of the surfaces; returns the name it knows them by.  Raises ContactRefusedError."""
-    reply = link.ask(surfaces.message)
-    if not isinstance(reply, Registered):
-        raise ContactRefusedError(f"contact does not take the surfaces: {_reason(reply)}")
-    return reply.surfaces
-
-
-def ask_facing(surfaces: Surfaces, link: Link, known_as: str, x: Floats) -> Facing:
-    """What faces what at coordinates x : (n_nodes, 2) [m].  Raises ContactRefusedError.
-
-    A service started anew, or a half restored elsewhere, is told of the surfaces again.
-    """
-    request = Project(known_as, np.ascontiguousarray(x[surfaces.interface.contact_nodes]))
-    reply = link.ask(request)
-    if isinstance(reply, Refused) and reply.code == "unknown_surfaces":
-        reply = link.ask(Project(register(surfaces, link), request.x))
-    if not isinstance(reply, Facing):
-        raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
-    return reply
-
-
-def points_of(surfaces: Surfaces, facing: Facing, t_N: Floats) -> Points:
+def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
     """Facing points with pressures from nodal tractions t_N : (n_s,) [Pa], <= 0, linear along the slave edge.
 
     A positive gap under pressure is read as no gap (physics: touching means p_N > 0).
@@ -100,9 +48,3 @@ def points_of(surfaces: Surfaces, facing: Facing, t_N: Floats) -> Points:
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
     return Points(nodes, N_s, N_m, gap, p, facing.area, facing.area_m, facing.pair, facing.slave_edge,
                   facing.master_edge)
-
-
-def _reason(reply: object) -> str:
-    if isinstance(reply, Refused):
-        return f"{reply.code}: {reply.message}"
-    return f"it sent {type(reply).__name__}"

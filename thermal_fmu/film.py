@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.surfaces import ContactSurfaces
 from contact.laws import gap_factor
 from thermal_fmu.edges import EdgePoints, gauss_points
-from thermal_fmu.facing import Points, Surfaces
+from thermal_fmu.facing import Points
 from thermal_fmu.spec import Film
 
 Floats = NDArray[np.float64]
@@ -26,8 +27,8 @@ class FilmPoints:
     slots: NDArray[np.int64]
 
 
-def film_points(film: Film, slots: NDArray[np.int64], x: Floats, axisymmetric: bool, surfaces: Surfaces,
-                points: Points | None) -> FilmPoints:
+def film_points(film: Film, slots: NDArray[np.int64], x: Floats, axisymmetric: bool,
+                surfaces: ContactSurfaces, points: Points | None) -> FilmPoints:
     """The points of a film on coordinates x : (n_nodes, 2) [m].  slots : (n_edges, 2, 2) of the film's edges.
 
     The whole edge convects with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from contact.half.surfaces import ContactSurfaces
 from thermal_fmu.edges import edge_slots, gauss_points
 from thermal_fmu.exchange import Group, groups_of
-from thermal_fmu.facing import Points, Surfaces
+from thermal_fmu.facing import Points
 from thermal_fmu.film import FilmPoints, film_points
 from thermal_fmu.spec import Model
 from thermal_fmu.volume import Shape, Volume, shapes_of, spread, volume_of
@@ -36,8 +37,8 @@ class Scene:
         return volume_of(self.interface)
 
     @cached_property
-    def surfaces(self) -> Surfaces:
-        return Surfaces(self.interface)
+    def surfaces(self) -> ContactSurfaces:
+        return ContactSurfaces(self.interface)
 
     @cached_property
     def film_slots(self) -> tuple[NDArray[np.int64], ...]:

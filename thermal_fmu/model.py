@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.sparse import SingularMatrixError
-from thermal_fmu.facing import ContactRefusedError, Points, ask_facing, points_of, register
+from contact.half.surfaces import ContactRefusedError
+from thermal_fmu.facing import Points, points_of
 from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.held import Scene, factors_of, hold
 from thermal_fmu.loads import calendar_of
@@ -34,8 +35,7 @@ class ThermalState:
 
     T : (n,) [K].  X : (n, 2) reference coordinates [m], the first x: they set the mass.  event : the count
     control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained since the
-    start [J].  surfaces : what the contact service calls the surfaces ("" without pairs).  anchor : the matrix whose
-    factors the next solve starts from.
+    start [J].  anchor : the matrix whose factors the next solve starts from.
     """
 
     T: Floats
@@ -43,7 +43,6 @@ class ThermalState:
     event: int
     damped: int
     stored: float
-    surfaces: str
     anchor: Anchor | None = None
 
 
@@ -72,9 +71,8 @@ class ThermalHalf:
         T = np.full(scene.volume.n, scene.model.bodies[0].T0)
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
-        surfaces = register(scene.surfaces, link) if scene.interface.pairs else ""
-        state = ThermalState(T, X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0, surfaces, None)
-        points = self._facing(state, X, inputs, link)
+        state = ThermalState(T, X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
 
@@ -97,7 +95,7 @@ class ThermalHalf:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
-        held = hold(scene, self._masses_of(state.X), x, E_M, self._facing(state, x, inputs, link))
+        held = hold(scene, self._masses_of(state.X), x, E_M, self._facing(x, inputs, link))
         load = factors_of(scene.model, inputs)
         course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
         event = _whole(inputs, "control.event")
@@ -106,7 +104,7 @@ class ThermalHalf:
         T_n = np.array(state.T)
         done = _substep(course, method, damped > 0, T_n, state.anchor, t, h)
         stored = state.stored + float(done.heat.stored.sum())
-        new = ThermalState(done.T, state.X, event, max(damped - 1, 0), stored, state.surfaces, done.anchor)
+        new = ThermalState(done.T, state.X, event, max(damped - 1, 0), stored, done.anchor)
         return Done(new, self._outputs(new, done.heat, held.touching, done, T_n))
 
     def _masses_of(self, X: Floats) -> tuple[Floats, ...]:
@@ -114,11 +112,11 @@ class ThermalHalf:
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
         return self._masses[1]
 
-    def _facing(self, state: ThermalState, x: Floats, inputs: Values, link: Link) -> Points | None:
+    def _facing(self, x: Floats, inputs: Values, link: Link) -> Points | None:
         scene = self._scene
         if not scene.interface.pairs:
             return None
-        facing = ask_facing(scene.surfaces, link, state.surfaces, x)
+        facing = scene.surfaces.facing(link, x)
         return points_of(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
     def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: Stepped | None,

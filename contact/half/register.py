@@ -8,13 +8,17 @@ from contact.half.interface import Interface
 from contact.wire import Register
 
 
+def surface_names(interface: Interface) -> list[str]:
+    """The contact surfaces in the order of their numbers: as the pairs first name them, slave before master."""
+    return list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
+
+
 def register_message(interface: Interface) -> Register:
     """The surfaces of an interface file as the message that registers them.
 
-    Surfaces are numbered in the order in which the pairs first name them (slave before master); the edges of
-    one surface are consecutive and keep their order; nodes are indices s into Interface.contact_nodes.
+    The edges of one surface are consecutive and keep their order; nodes are indices s into Interface.contact_nodes.
     """
-    names = list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
+    names = surface_names(interface)
     number = {name: i for i, name in enumerate(names)}
     nodes = interface.contact_nodes
     edges = [np.searchsorted(nodes, interface.surfaces[name]).reshape(-1, 2) for name in names]

@@ -31,7 +31,6 @@ def blocks(k=30.0):
 def slide(half, mesh, state, first, last):
     """Steps of a slide with a slowly growing step; states and outputs."""
     link, done = FlatContact(), []
-    link.surfaces = half._scene.surfaces.message
     for i in range(first, last):
         x = mesh.nodes + np.where(mesh.node_body == 1, 4e-4 * i, 0.0)[:, None] * np.array([1.0, 0.0])
         given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.contact_nodes), -1e6))

@@ -120,7 +120,7 @@ def test_a14_manufactured(method, triangles):
     model = spec(boundary, method=method)
     model["bodies"]["a"]["Q_T"] = 1.2 - 2.0 - 6.0
     half = load(mesh, model)
-    state = ThermalState(u0, mesh.nodes, 0, 1, 0.0, "")
+    state = ThermalState(u0, mesh.nodes, 0, 1, 0.0)
     for i in range(5):
         state = half.step(state, inputs_of(mesh, half), 0.1 * i, 0.1, FlatContact()).state
     assert np.abs(state.T - u0 - 1.2 * t_end).max() < EXPECTED["A14"]["tolerance"]

@@ -105,7 +105,7 @@ def _mode_error(bar, model, rate, dt, k):
 
     half = load(bar, model)
     mode = np.sin(np.pi * bar.nodes[:, 0])
-    state = ThermalState(mode, bar.nodes, 0, 0, 0.0, "")
+    state = ThermalState(mode, bar.nodes, 0, 0, 0.0)
     for i in range(k):
         state = half.step(state, inputs_of(bar, half), i * dt, dt, FlatContact()).state
     return float(np.abs(state.T - np.exp(-rate * 0.1) * mode).max())

@@ -12,7 +12,7 @@ import numpy as np
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Done
-from contact.wire import Facing, Project, Register, Registered
+from contact.wire import Facing, Project, Refused, Register, Registered
 from thermal_fmu.model import ThermalHalf, ThermalState, load
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
@@ -70,11 +70,15 @@ def spec(boundary: list[dict[str, Any]], k: Any = 1.0, c: Any = 1.0, rho: float 
 class FlatContact:
     """Contact of flat edges along x, written apart from the contact service: every overlap of two edges, 2 points."""
 
+    surfaces: Register | None = None
+
     def ask(self, request: Any) -> Any:
         if isinstance(request, Register):
             self.surfaces = request
             return Registered("flat")
         assert isinstance(request, Project)
+        if self.surfaces is None:
+            return Refused("unknown_surfaces", "nothing is registered")
         x, m = request.x, self.surfaces
         found = []
         for pair in range(len(m.pair_slave)):

@@ -1,0 +1,92 @@
+"""The contact surfaces of a half, and how it asks the contact service about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from contact.half.interface import Interface
+from contact.half.model import Link
+from contact.half.register import register_message, surface_names
+from contact.wire import (
+    Facing,
+    Floats,
+    Ints,
+    Project,
+    Refused,
+    Register,
+    Registered,
+    Reply,
+    Request,
+    Traction,
+    Tractions,
+)
+
+
+class ContactRefusedError(ArithmeticError):
+    """The contact service will not answer for these coordinates."""
+
+
+class ContactSurfaces:
+    """The surfaces of the pairs of an interface file, as the contact service numbers them.
+
+    The name by which the service knows them is kept here and in no state: it is a hash of their content, the same from
+    every service, so it changes no bit of an answer.
+    """
+
+    def __init__(self, interface: Interface) -> None:
+        self.interface = interface
+        self._known_as = ""
+
+    @cached_property
+    def message(self) -> Register:
+        """What the service is told of them."""
+        return register_message(self.interface)
+
+    @cached_property
+    def edges(self) -> Ints:
+        """(n_edges, 2) nodes of the mesh, of every edge as registered."""
+        return self.interface.contact_nodes[self.message.edges].reshape(-1, 2)
+
+    @cached_property
+    def first(self) -> dict[str, int]:
+        """Surface name -> number of its first edge."""
+        return {name: int(np.searchsorted(self.message.edge_surface, i))
+                for i, name in enumerate(surface_names(self.interface))}
+
+    def facing(self, link: Link, x: Floats) -> Facing:
+        """What faces what at coordinates x : (n_nodes, 2) [m].  Raises ContactRefusedError, LinkError."""
+        at = self._at_surfaces(x)
+        reply = self._ask(link, lambda name: Project(name, at))
+        if not isinstance(reply, Facing):
+            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
+        return reply
+
+    def tractions(self, link: Link, x: Floats, multipliers: Floats) -> Tractions:
+        """Contact forces at x : (n_nodes, 2) [m], multipliers : (n_s,) [Pa].  Raises ContactRefusedError, LinkError."""
+        at = self._at_surfaces(x)
+        reply = self._ask(link, lambda name: Traction(name, at, multipliers))
+        if not isinstance(reply, Tractions):
+            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
+        return reply
+
+    def _at_surfaces(self, x: Floats) -> Floats:
+        return np.ascontiguousarray(x[self.interface.contact_nodes])
+
+    def _ask(self, link: Link, request: Callable[[str], Request]) -> Reply:
+        """The reply; a service that does not know the surfaces (yet, or any more) is told them first."""
+        if self._known_as:
+            reply = link.ask(request(self._known_as))
+            if not (isinstance(reply, Refused) and reply.code == "unknown_surfaces"):
+                return reply
+        told = link.ask(self.message)
+        if not isinstance(told, Registered):
+            raise ContactRefusedError(f"contact does not take the surfaces: {_reason(told)}")
+        self._known_as = told.surfaces
+        return link.ask(request(told.surfaces))
+
+
+def _reason(reply: Reply) -> str:
+    return f"{reply.code}: {reply.message}" if isinstance(reply, Refused) else f"it sent {type(reply).__name__}"
