@@ -122,7 +122,7 @@ def test_the_jacobian_is_the_derivative(stage):
     model["bodies"]["b"] = {"material": "m", "T0": 420.0}
     half, link = load(mesh, model), FlatContact()
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
-    state, _ = half.start(given, 0.0, link)
+    half.start(given, 0.0, link)
     sc = half._scene
     held = hold(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._facing(mesh.nodes, given, link))
     T = 380.0 + 60.0 * np.sin(np.arange(len(mesh.nodes)))
