@@ -37,7 +37,7 @@ class Store:
         last = place.stop - 1 if isinstance(place, slice) else int(place.max())
         if last >= self.layout.n_set:
             raise ValueError(f"{self.layout.name_of(last)} is not an input or parameter")
-        self.reals[place] = values
+        self.reals[place] = np.fromiter(values, np.float64, len(values))
 
     def integer_at(self, vr: int, settable: bool = False) -> int:
         """Place in integers of a value reference.  Raises ValueError for another kind, or where not settable."""
