@@ -6,16 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import ElementQuad1, ElementTriP1
-from skfem.quadrature import get_quadrature
 
+from contact.half.elements import Table, table_of
 from contact.half.interface import Interface
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-# Exact for the products of two bilinear (linear) gradients on a straight-sided cell: 2 x 2 and 3 points.
-QUAD_ORDER, TRIANGLE_ORDER = 3, 2
 
 
 @dataclass(frozen=True)
@@ -46,27 +42,19 @@ class Cells:
         return dofs.reshape(len(self.nodes), -1)
 
 
-def table(element: ElementQuad1 | ElementTriP1, order: int) -> tuple[Floats, Floats, Floats]:
-    """N : (nq, nn), dN : (nq, nn, 2) by the cell's own coordinates, w : (nq,)."""
-    points, w = get_quadrature(element, order)
-    pairs = [element.lbasis(points, i) for i in range(element.doflocs.shape[0])]
-    N = np.stack([value * np.ones(len(w)) for value, _ in pairs], axis=1)
-    dN = np.stack([gradient.T for _, gradient in pairs], axis=1)
-    return N, dN, w
-
-
 def cells_of(interface: Interface) -> tuple[Cells, ...]:
     """The quads, then the triangles, of a mesh; a kind without cells is left out.
 
     Raises ValueError naming the cell (1-based) and its body where the mesh itself is inverted or left of the axis.
     """
-    kinds = ((interface.quads, interface.quad_body, ElementQuad1(), QUAD_ORDER, 0),
-             (interface.triangles, interface.triangle_body, ElementTriP1(), TRIANGLE_ORDER, len(interface.quads)))
-    return tuple(_cells(interface, nodes, body, first, *table(element, order))
-                 for nodes, body, element, order, first in kinds if len(nodes))
+    kinds = (("quad", interface.quads, interface.quad_body, 0),
+             ("triangle", interface.triangles, interface.triangle_body, len(interface.quads)))
+    return tuple(_cells(interface, nodes, body, first, table_of(kind))
+                 for kind, nodes, body, first in kinds if len(nodes))
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, first: int, N: Floats, dN: Floats, w: Floats) -> Cells:
+def _cells(interface: Interface, nodes: Ints, body: Ints, first: int, table: Table) -> Cells:
+    N, dN = table.N, table.dN
     X = interface.nodes[nodes]
     jacobian = np.einsum("eai,qaj->eqij", X, dN)
     det = np.linalg.det(jacobian)
@@ -75,7 +63,7 @@ def _cells(interface: Interface, nodes: Ints, body: Ints, first: int, N: Floats,
     if interface.axisymmetric:
         _refuse(interface, body, first, R <= 0.0, "lies on the wrong side of the axis (x = r must be positive)")
     B = np.einsum("qaj,eqji->eqai", dN, np.linalg.inv(jacobian))
-    weight = det * w * (2.0 * np.pi * R if interface.axisymmetric else 1.0)
+    weight = det * table.w * (2.0 * np.pi * R if interface.axisymmetric else 1.0)
     N_over_R = N / R[:, :, None] if interface.axisymmetric else np.zeros((*R.shape, N.shape[1]))
     volume = weight.sum(axis=1)
     mean = np.einsum("eq,qa->ea", weight, N) / volume[:, None]

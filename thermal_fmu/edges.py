@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.sparse import Pattern
-from thermal_fmu.elements import EDGE_WEIGHT, EDGE_XI
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+# 2-point Gauss on [0, 1]: exact for N_i N_j r along an edge.
+EDGE_XI: Floats = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+EDGE_WEIGHT = 0.5
 
 
 @dataclass(frozen=True)

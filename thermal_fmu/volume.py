@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.elements import Table, table_of
 from contact.half.interface import Interface
 from contact.half.sparse import Pattern, pattern_of
-from thermal_fmu.elements import Table, table_of
 from thermal_fmu.kernels import add_conduction, add_storage, at_points, shape_gradients
 from thermal_fmu.spec import Body
 

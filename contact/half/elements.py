@@ -1,4 +1,4 @@
-"""Shape functions and quadrature of the cell kinds, as tables the kernels can use."""
+"""Shape functions and quadrature of the kinds of cells, as tables that compiled loops can use."""
 
 from __future__ import annotations
 
@@ -12,14 +12,10 @@ from skfem.quadrature import get_quadrature
 
 Floats = NDArray[np.float64]
 
-# 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate the storage matrix of a straight-sided plane
-# cell exactly, and all weights are positive (a negative one could make storage at a point negative).
+# 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate products of two shape functions, or of two of
+# their gradients, exactly on a straight-sided plane cell, and all weights are positive (a negative one could make the
+# storage at a point negative).
 _KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "triangle": (ElementTriP1, 2)}
-
-# 2-point Gauss on [0, 1]: exact for N_i N_j r along an edge.
-EDGE_XI: Floats = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-EDGE_WEIGHT = 0.5
-
 
 @dataclass(frozen=True)
 class Table:
