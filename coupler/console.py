@@ -7,6 +7,7 @@ from types import TracebackType
 
 from rich.console import Console
 from rich.live import Live
+from rich.spinner import Spinner
 from rich.text import Text
 
 from coupler.results import Results
@@ -14,6 +15,9 @@ from coupler.runner import Progress
 from coupler.window import Verdict
 
 ZERO_CELSIUS = 273.15
+# The first windows load compiled code and solve from cold: an estimate from them is ten times too long.
+GUESS_AFTER = 0.05
+SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, up to a minute"
 
 
 class ProgressLine:
@@ -28,6 +32,7 @@ class ProgressLine:
 
     def __enter__(self) -> ProgressLine:
         if self._console.is_terminal:
+            self._live.update(Spinner("dots", SETTING_UP))
             self._live.start()
         return self
 
@@ -38,17 +43,19 @@ class ProgressLine:
             return
         if self._console.is_terminal:
             self._live.update(Text(self.line(p)))
-        elif p.t / p.t_end >= self._next_share:
-            self._next_share = p.t / p.t_end + 0.1
+        elif p.number / p.total >= self._next_share:
+            # By windows, not by time: most of the work lies where windows are small.
+            self._next_share = p.number / p.total + 0.1
             print(self.line(p), file=self._console.file, flush=True)
 
     def line(self, p: Progress) -> str:
-        """t, windows, contact count, max T, max p, heat imbalance, time left."""
+        """t, windows, contact count, max T, max p, heat imbalance, time left once it can be told."""
         T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
+        left = f" | {clock_text(p.left)} left" if p.number >= GUESS_AFTER * p.total else ""
         rejected = f" ({self._rejected} rejected)" if self._rejected else ""
         return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {p.number}/{p.total}{rejected} | {p.touching} points touch | "
-                f"max T {T:.1f} {self._unit} | max p {p.max_p / 1e6:.3g} MPa | "
-                f"imbalance {p.imbalance:.0e} | {clock_text(p.left)} left")
+                f"max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
+                f"heat imbalance {p.imbalance:.0e}{left}")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:

@@ -21,7 +21,7 @@ from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
 from contact.half.model import load_directory
 from coupler.errors import HalfError
-from coupler.unpack import is_safe, unpack
+from coupler.unpack import SAFE_WORDS, is_safe, unpack
 
 GROUP = "slideline.halves"
 DEADLINE = 300.0  # s a builder may take
@@ -64,7 +64,7 @@ def cache_directory() -> Path:
     """
     chosen = os.environ.get("SLIDELINE_CACHE")
     if chosen:
-        return Path(chosen)
+        return _chosen_cache(Path(chosen).absolute())
     home = Path.home() / ".cache" / "slideline"
     if is_safe(home):
         try:
@@ -80,6 +80,16 @@ def cache_directory() -> Path:
     if own.is_symlink() or (hasattr(os, "getuid") and own.stat().st_uid != os.getuid()):
         raise HalfError(f"{own} belongs to another user; set SLIDELINE_CACHE to a directory of your own")
     return own
+
+
+def _chosen_cache(path: Path) -> Path:
+    if not is_safe(path):
+        raise HalfError(f"SLIDELINE_CACHE is {path}: FMUs cannot be loaded from there; {SAFE_WORDS}")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise HalfError(f"SLIDELINE_CACHE is {path}: no such folder can be made ({exc.strerror})") from exc
+    return path
 
 
 def _key(kind: str, module: str, directory: Path) -> str:

@@ -47,10 +47,13 @@ class Journal:
 
     def write(self, kind: str, meta: Mapping[str, Any],
               arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
-        """Append one record."""
+        """Append one record.  Raises ResultsError where that cannot be done, the disk being full, say."""
         record = encode_record(kind, dict(meta), {k: np.asarray(v) for k, v in (arrays or {}).items()})
-        self._file.write(_HEAD.pack(len(record), zlib.crc32(record)) + record)
-        self._file.flush()
+        try:
+            self._file.write(_HEAD.pack(len(record), zlib.crc32(record)) + record)
+            self._file.flush()
+        except OSError as exc:
+            raise ResultsError(f"{self.path}: cannot be written ({exc.strerror}); what it holds stays good") from exc
 
     def close(self) -> None:
         self._file.close()

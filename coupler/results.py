@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -29,6 +31,8 @@ WINDOW_FIELDS: tuple[tuple[str, str], ...] = (
     ("touching", "i4"), ("max_T", "f8"), ("max_p", "f8"), ("imbalance", "f8"),
 )
 """Columns of the windows table, one row a window tried, rejected too; times [s], max_T [K], max_p [Pa]."""
+
+HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
 
 UNITS = {"K": (1.0, 0.0), "degC": (1.0, -273.15), "m": (1.0, 0.0), "mm": (1e3, 0.0), "um": (1e6, 0.0),
          "Pa": (1.0, 0.0), "kPa": (1e-3, 0.0), "MPa": (1e-6, 0.0)}
@@ -66,7 +70,7 @@ class Results:
             with h5py.File(self.path, "r") as f:
                 self._read(f)
         except (OSError, KeyError, ValueError) as exc:
-            raise ResultsError(f"{self.path}: not a readable results file ({exc})") from exc
+            raise ResultsError(f"{self.path}: not a readable results file ({_reason(exc)})") from exc
 
     def _read(self, f: h5py.File) -> None:
         if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
@@ -141,18 +145,35 @@ def _recover(journal: Path, path: Path) -> None:
     """Make run.h5 from the journal of a killed run."""
     if being_written(journal):
         raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")
-    try:
-        finish(journal, path)
-    except (OSError, RuntimeError) as exc:  # a full disk is either, by where HDF5 meets it
-        raise ResultsError(f"{path}: cannot be made from {journal.name} ({exc})") from exc
+    finish(journal, path)
 
 
 def finish(journal: Path, path: Path) -> None:
     """Make run.h5 and the field files from a journal, each in one atomic step, and remove the journal.
 
     All are written aside before the first is put in its place: an error, a full disk say, changes nothing.
-    Raises ResultsError if the journal does not hold the beginning of a run.
+    Raises ResultsError if the journal does not hold the beginning of a run, or the files cannot be written.
     """
+    try:
+        size, free = journal.stat().st_size, shutil.disk_usage(path.parent).free
+        # Asked first, because HDF5 meets a full disk with a page of noise for every open file.
+        if free < size + HDF5_ROOM:
+            raise OSError(f"{free / 1e6:.1f} MB are free on its disk, {(size + HDF5_ROOM) / 1e6:.1f} MB are needed")
+        _make(journal, path)
+    except (OSError, RuntimeError) as exc:  # a full disk is either, by where HDF5 meets it
+        older = ", after the older file is moved away," if path.exists() else ""
+        raise ResultsError(f"{path}: cannot be made from {journal.name} ({_reason(exc)}). All windows are in the "
+                           f"journal: once this is mended{older} `slideline report {path}` makes the file") from exc
+    journal.unlink(missing_ok=True)
+
+
+def _reason(exc: Exception) -> str:
+    """What HDF5 means, without its file descriptors and addresses."""
+    found = re.search(r"error message = '([^']*)'", str(exc))
+    return found[1] if found else str(exc)
+
+
+def _make(journal: Path, path: Path) -> None:
     records = read_journal(journal)
     header = next(((m, a) for kind, m, a in records if kind == "run"), None)
     if header is None:
@@ -167,7 +188,6 @@ def finish(journal: Path, path: Path) -> None:
             _write(f, meta, records)
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
-    journal.unlink(missing_ok=True)
 
 
 def _write(f: h5py.File, meta: dict[str, Any],

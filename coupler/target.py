@@ -27,7 +27,7 @@ def check_target(out: Path, *, report: bool = False) -> None:
         raise ResultsError(f"{out}: is no file that results could replace; give a name such as {out / 'run.h5'}"
                            if out.is_dir() else f"{out}: is no ordinary file; results cannot go there")
     if out.exists() and out.stat().st_size and not _is_ours(out):
-        raise ResultsError(f"{out}: exists and is not a results file; it is left as it is. Give another name with --out")
+        raise ResultsError(f"{out}: exists and is not a results file; it is left as it is. Give another name")
     journal = journal_of(out)
     if journal.is_file() and being_written(journal):
         raise ResultsError(f"{out}: another run is writing to it; give this one another results file")

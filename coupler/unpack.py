@@ -13,6 +13,7 @@ from coupler.errors import HalfError
 
 # The native wrapper of Python FMUs is given a file URI and decodes nothing but blanks: anything else quoted crashes it.
 _SAFE = re.compile(r"[A-Za-z0-9_.~/\\: -]*")
+SAFE_WORDS = "the path may hold letters a-z, digits, blanks and _ . ~ - only"
 LIMIT = 4 << 30  # bytes unpacked; no half is near it, a damaged or hostile archive may be
 
 
@@ -27,8 +28,8 @@ def unpack(fmu: Path, target: Path) -> Path:
     Raises HalfError for a file that is no FMU, or a target no FMU can be loaded from.
     """
     if not is_safe(target):
-        raise HalfError(f"an FMU cannot be loaded from {target}: the path may hold letters a-z, digits, blanks and "
-                        f"_ . ~ - only; choose another cache directory (SLIDELINE_CACHE)")
+        raise HalfError(f"an FMU cannot be loaded from {target.absolute()}: {SAFE_WORDS}; choose another folder for "
+                        "FMUs (SLIDELINE_CACHE) or for temporary files (TMPDIR)")
     if target.is_dir():
         return target
     target.parent.mkdir(parents=True, exist_ok=True)

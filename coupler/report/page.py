@@ -67,7 +67,8 @@ def _notes(results: Results) -> list[str]:
     notes = [str(n) for n in results.header["notes"]]
     if results.later is not None:
         notes.append(f"A later run to the same file has not ended: {results.later.name} is beside it. "
-                     "This page shows the run before.")
+                     f"This page shows the run before. If the later one was killed, move {results.path.name} away "
+                     "and make the report again: the results file is then made from what that run had written.")
     return notes
 
 

@@ -98,3 +98,12 @@ def test_the_cache_is_where_it_is_told_and_never_where_fmus_crash(tmp_path, monk
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     assert cache_directory() == tmp_path / f"slideline-{os.getuid()}"
     assert cache_directory().stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize("name", ["grün", "file"])
+def test_a_cache_that_cannot_serve_is_named(tmp_path, monkeypatch, name):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("SLIDELINE_CACHE", str(tmp_path / name))
+    with pytest.raises(HalfError, match=f"SLIDELINE_CACHE is {tmp_path / name}"):
+        cache_directory()
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]

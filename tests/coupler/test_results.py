@@ -191,7 +191,7 @@ def test_finish_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
     target = results_module.os if where == "replace" else results_module
     monkeypatch.setattr(target, where, full)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(ResultsError, match="no space"):
         finish(journal_of(out), out)
     monkeypatch.undo()
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir() if p != journal_of(out)} == before

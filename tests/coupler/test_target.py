@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import pytest
@@ -17,7 +19,7 @@ from coupler.results import Results, journal_of
 from coupler.target import check_target
 
 sys.path.insert(0, str(Path(__file__).parent))
-from synthetic_run import Case, blocks, write_run
+from synthetic_run import Case, blocks, record, write_run
 
 
 @pytest.fixture
@@ -64,3 +66,22 @@ def test_a_page_replaces_pages_only(tmp_path: Path, run_h5: Path, name: str) -> 
     assert (tmp_path / name).read_bytes() == before
     page = write_report(Results(run_h5), tmp_path / "run.html")
     assert write_report(Results(run_h5), page) == page
+
+
+def test_a_full_disk_is_one_error_and_nothing_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "run.h5"
+    recorder = record(out, Case(windows=3, frames=1))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1_000))
+    with pytest.raises(ResultsError, match=r"0.0 MB are free .* `slideline report"):
+        recorder.end("completed", "", {})
+    assert [p.name for p in tmp_path.iterdir()] == [journal_of(out).name]
+    monkeypatch.undo()
+    assert Results(out).outcome == "completed"
+
+
+def test_a_journal_that_cannot_grow_says_so() -> None:
+    with Journal.__new__(Journal) as journal:
+        journal.path = Path("/dev/full")
+        journal._file = open("/dev/full", "wb", buffering=0)  # noqa: SIM115  (closed with the journal)
+        with pytest.raises(ResultsError, match="No space left"):
+            journal.write("window", {})

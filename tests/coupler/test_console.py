@@ -1,0 +1,43 @@
+"""What a run shows: no nonsense numbers, no guess before it can be made, lines spread over the work."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+from rich.console import Console
+
+from coupler.console import SETTING_UP, ProgressLine
+from coupler.runner import Progress
+
+FIRST = Progress(t=1.0, t_end=1000.0, number=1, total=200, verdict="accepted", message="", touching=0, max_T=373.15,
+                 max_p=-0.0, imbalance=1e-14, elapsed=30.0, left=6000.0)
+
+
+def shown(width: int = 100, terminal: bool = False) -> tuple[ProgressLine, io.StringIO]:
+    file = io.StringIO()
+    return ProgressLine("degC", Console(file=file, width=width, force_terminal=terminal, highlight=False)), file
+
+
+def test_a_line_has_no_minus_zero_and_no_guess_from_the_first_window() -> None:
+    line, _ = shown()
+    text = line.line(FIRST)
+    assert "max p 0 MPa" in text
+    assert "max T 100.0 degC" in text
+    assert "left" not in text
+    assert line.line(replace(FIRST, number=20, left=65.0)).endswith("1:05 min left")
+
+
+def test_lines_come_by_windows_and_the_last_is_told() -> None:
+    line, file = shown()
+    with line:
+        for n in range(1, 201):  # all but the last windows lie in the first second
+            line(replace(FIRST, number=n, t=1000.0 if n == 200 else n / 200))
+    assert 10 <= len(file.getvalue().splitlines()) <= 12
+
+
+def test_a_terminal_hears_of_the_set_up() -> None:
+    line, file = shown(width=200, terminal=True)
+    with line:
+        pass
+    assert SETTING_UP in file.getvalue()
