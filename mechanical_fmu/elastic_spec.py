@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contact.half.checks import keys, known, made, nodes_on, number, signal
 from contact.half.interface import Interface
-from contact.half.property import Property, property_from
+from contact.half.property import positive_property, property_from
 from contact.half.signal import Signal
 from mechanical_fmu.material import Material
 
@@ -87,20 +87,8 @@ def _material(name: str, spec: Any) -> Material:
     keys(spec, where, {"E", "nu"}, {"alpha", "T_ref"})
     nu = number(spec["nu"], f"{where}.nu", -1.0, 0.5)
     T_ref = number(spec.get("T_ref", 0.0), f"{where}.T_ref")
-    return Material(name, made(_stiffness, spec["E"], f"{where}.E"), nu,
-                    made(property_from, spec.get("alpha", 0.0), f"{where}.alpha"), T_ref)
-
-
-def _stiffness(spec: Any) -> Property:
-    """A property that is positive wherever its table says what it is.  Raises ValueError."""
-    E = property_from(spec)
-    table = isinstance(spec, Mapping) and "value" in spec
-    values = np.asarray(spec["value"], dtype=float) if table else E(np.zeros(1))
-    polynomial = isinstance(spec, Mapping) and "polynomial" in spec
-    # A polynomial's sign depends on the temperatures met; it is checked there (MaterialRangeError).
-    if not polynomial and not (np.isfinite(values) & (values > 0.0)).all():
-        raise ValueError(f"Young's modulus must be positive [Pa], not {values.min():g}")
-    return E
+    E = made(lambda E: positive_property(E, "Young's modulus"), spec["E"], f"{where}.E")
+    return Material(name, E, nu, made(property_from, spec.get("alpha", 0.0), f"{where}.alpha"), T_ref)
 
 
 def _boundary(interface: Interface, spec: Any, where: str) -> Displacement | Pressure:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from contact.half.checks import keys, known, made, nodes_on, number, signal
 from contact.half.interface import Interface
+from contact.half.property import positive_property
 from contact.half.signal import Signal
 from contact.laws import Law, parse_law
-from thermal_fmu.material import Material, positive_curve
+from thermal_fmu.material import Material
 from thermal_fmu.methods import METHODS
 
 Ints = NDArray[np.int32]
@@ -123,7 +124,8 @@ def parse_model(interface: Interface, spec: Mapping[str, Any]) -> Model:
 
 def _material(spec: Any, where: str) -> Material:
     keys(spec, where, {"rho", "k", "c"})
-    k, c = (made(positive_curve, spec[name], f"{where}.{name}") for name in ("k", "c"))
+    k = made(lambda k: positive_property(k, "conductivity"), spec["k"], f"{where}.k")
+    c = made(lambda c: positive_property(c, "heat capacity"), spec["c"], f"{where}.c")
     return Material(number(spec["rho"], f"{where}.rho", 0.0), k, c)
 
 

@@ -118,7 +118,7 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], T: 
     for block, shape in zip(volume.blocks, shapes, strict=True):
         k = bodies[block.body].material.k
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(T, block.cells, block.table.N)
-        k_q = k.value(T_q)
+        k_q = k(T_q)
         if not k.is_constant:
             _demand_positive("conductivity", k_q, bodies[block.body].name)
         add_conduction(T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
@@ -137,7 +137,7 @@ def store(volume: Volume, masses: Sequence[Floats], bodies: Sequence[Body], T0: 
         c = bodies[block.body].material.c
         T_q = at_points(T, block.cells, block.table.N)
         dE_q = mass * c.increase(at_points(T0, block.cells, block.table.N), T_q)
-        c_q = c.value(T_q)
+        c_q = c(T_q)
         if not c.is_constant:
             _demand_positive("heat capacity", c_q, bodies[block.body].name)
         add_storage(block.cells, block.table.N, dE_q, mass * c_q, S, block.slots, data)

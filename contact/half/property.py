@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,23 +33,43 @@ class Property:
         return np.asarray(self.curve(np.clip(T, self.low, self.high)))
 
     def slope(self, T: Array) -> Array:
-        """Derivative by temperature at T : any shape [K]."""
+        """Derivative by temperature at T : any shape [K]; 0 beyond a table."""
         if self.curve is None:
             return np.zeros(np.shape(T))
         inside = (self.low <= T) & (self.high >= T)
-        return np.where(inside, self.curve.derivative()(np.clip(T, self.low, self.high)), 0.0)
+        return np.where(inside, self._derivative(np.clip(T, self.low, self.high)), 0.0)
 
-    def integral(self, T: Array) -> Array:
-        """Exact integral over temperature from 0 K (or the table's low end, extended) to T : any shape [K].
+    def increase(self, T0: Array, T: Array) -> Array:
+        """Exact integral over temperature from T0 to T : same shape [K].
 
-        The same antiderivative is used at every temperature, so differences of it conserve heat exactly.
+        One antiderivative serves every temperature, so the increases of a path add up to that of its ends.  For a
+        constant the difference is taken before the product: no round-off of large temperatures.
         """
         if self.curve is None:
             assert self.constant is not None
-            return self.constant * np.asarray(T)
+            return self.constant * (T - T0)
+        return self._integral(T) - self._integral(T0)
+
+    def _integral(self, T: Array) -> Array:
+        assert self.curve is not None
         inner = np.clip(T, self.low, self.high)
-        outside = np.asarray(T) - inner
-        return np.asarray(self.curve.antiderivative()(inner)) + outside * self.curve(inner)
+        total: Array = self._antiderivative(inner)
+        outside = T - inner
+        if outside.any():
+            total = total + outside * self.curve(inner)
+        return total
+
+    # Made once, not at every call: they are asked for in every iteration.
+
+    @cached_property
+    def _derivative(self) -> PPoly:
+        assert self.curve is not None
+        return self.curve.derivative()
+
+    @cached_property
+    def _antiderivative(self) -> PPoly:
+        assert self.curve is not None
+        return self.curve.antiderivative()
 
     @property
     def is_constant(self) -> bool:
@@ -80,3 +101,17 @@ def property_from(spec: float | Mapping[str, Any]) -> Property:
         return Property(None, PPoly(np.array([[slope], [value[0]]]), T), float(T[0]), float(T[-1]))
     curve = PchipInterpolator(T, value)
     return Property(None, PPoly(curve.c, curve.x), float(T[0]), float(T[-1]))
+
+
+def positive_property(spec: float | Mapping[str, Any], what: str) -> Property:
+    """A Property that is positive wherever its number or table says what it is.  Raises ValueError: `what` must be.
+
+    A polynomial cannot be checked here: the step that meets a value <= 0 is discarded.
+    """
+    made = property_from(spec)
+    if isinstance(spec, Mapping) and "polynomial" in spec:
+        return made
+    values = np.asarray(spec["value"] if isinstance(spec, Mapping) else spec, dtype=float)
+    if not (np.isfinite(values) & (values > 0.0)).all():
+        raise ValueError(f"{what} must be positive, not {values.min():g}")
+    return made

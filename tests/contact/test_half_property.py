@@ -1,0 +1,38 @@
+"""Properties of temperature: value, slope and increase agree with each other, inside a table and beyond it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from contact.half.property import positive_property, property_from
+
+TABLE = {"T": [300.0, 400.0, 700.0], "value": [10.0, 40.0, 25.0]}
+SPECS = [7.0, TABLE, {"T": [300.0, 500.0], "value": [1.0, 2.0]}, {"polynomial": [2.0, 0.01, 1e-5], "T_ref": 300.0}]
+
+
+@pytest.mark.parametrize("spec", SPECS, ids=["constant", "table", "line", "polynomial"])
+def test_slope_and_increase_belong_to_the_value(spec):
+    p = property_from(spec)
+
+    def value(T):
+        return float(p(np.array([T]))[0])
+
+    for T0, T in [(310.0, 390.0), (250.0, 900.0), (650.0, 320.0)]:
+        exact, _ = quad(value, T0, T, points=[300.0, 400.0, 500.0, 700.0], limit=200)
+        assert p.increase(np.array([T0]), np.array([T]))[0] == pytest.approx(exact, rel=1e-9)
+    for T in (200.0, 350.0, 620.0, 800.0):
+        numeric = (value(T + 1e-3) - value(T - 1e-3)) / 2e-3
+        assert p.slope(np.array([T]))[0] == pytest.approx(numeric, rel=1e-6, abs=1e-9)
+
+
+def test_increases_of_a_path_add_up():
+    p, T = property_from(TABLE), np.linspace(200.0, 900.0, 50)
+    assert p.increase(T[:-1], T[1:]).sum() == pytest.approx(float(p.increase(T[:1], T[-1:])[0]), rel=1e-13)
+
+
+@pytest.mark.parametrize("spec", [0.0, -1.0, float("nan"), {"T": [1, 2], "value": [1.0, 0.0]}])
+def test_what_must_be_positive(spec):
+    with pytest.raises(ValueError, match="conductivity must be positive"):
+        positive_property(spec, "conductivity")
