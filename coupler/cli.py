@@ -79,7 +79,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     s = _scenario(scenario, sets, swaps)
     check_target(out, report=report)
     typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {len(plan_of(s).schedule.bounds) - 1} windows "
-               f"to t = {s.coupling.end:g} s. Building and loading the halves ...", err=True)
+               f"to t = {s.coupling.end:g} s", err=True)
     with ProgressLine(s.temperature_unit) as line:
         results = run(s, out, processes=processes, on_window=line)
     typer.echo(summary(results))

@@ -34,6 +34,8 @@ class ProgressLine:
         if self._console.is_terminal:
             self._live.update(Spinner("dots", SETTING_UP))
             self._live.start()
+        else:
+            print(SETTING_UP, file=self._console.file, flush=True)
         return self
 
     def __call__(self, p: Progress) -> None:
