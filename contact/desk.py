@@ -41,16 +41,16 @@ def parse_envelope(text: str) -> Envelope | None:
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """ok : payload is a reply's bytes; else it is the UTF-8 text `code: message`."""
+class Answered:
+    """What a call is answered.  ok : payload is a reply's bytes; else it is the UTF-8 text `code: message`."""
 
     ok: bool
     payload: bytes
 
 
-def failure(code: str, message: str) -> Verdict:
-    """A verdict that says why there is none."""
-    return Verdict(False, f"{code}: {message}".encode())
+def failure(code: str, message: str) -> Answered:
+    """What is said to a call that gets no reply, and why."""
+    return Answered(False, f"{code}: {message}".encode())
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Call:
 class _Client(Generic[Waiter]):
     newest: int = 0
     waiting: dict[int, list[Waiter]] = field(default_factory=dict)
-    answers: OrderedDict[int, Verdict] = field(default_factory=OrderedDict)
+    answers: OrderedDict[int, Answered] = field(default_factory=OrderedDict)
 
 
 class Desk(Generic[Waiter]):
@@ -77,8 +77,8 @@ class Desk(Generic[Waiter]):
         self._clients: OrderedDict[str, _Client[Waiter]] = OrderedDict()
         self._lock = Lock()
 
-    def arrive(self, label: str, payload: bytes, waiter: Waiter) -> Verdict | None:
-        """A verdict to give at once, or None: the waiter gets its answer from `finish`."""
+    def arrive(self, label: str, payload: bytes, waiter: Waiter) -> Answered | None:
+        """What to answer at once, or None: the waiter gets its answer from `finish`."""
         envelope = parse_envelope(label)
         if envelope is None:
             return failure("bad_request", f"{label!r} is not instance/client/number")
@@ -100,11 +100,11 @@ class Desk(Generic[Waiter]):
         self.queue.put(Call(envelope, payload))
         return None
 
-    def finish(self, call: Call, answer: Verdict) -> list[Waiter]:
+    def finish(self, call: Call, answered: Answered) -> list[Waiter]:
         """Keep the answer of a call carried out; returns all who wait for it."""
         with self._lock:
             client = self._client(call.envelope.client)
-            client.answers[call.envelope.number] = answer
+            client.answers[call.envelope.number] = answered
             while len(client.answers) > KEEP_ANSWERS:
                 client.answers.popitem(last=False)
             return client.waiting.pop(call.envelope.number, [])

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from contact.codec import WireError
-from contact.desk import Call, Desk, Verdict, failure
+from contact.desk import Answered, Call, Desk, failure
 from contact.link import LinkError
 from contact.messages import Kinds, decode, encode
 from contact.zenoh_link import Question, Session
@@ -58,9 +58,9 @@ class Server:
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
         while (call := self._desk.queue.get()) is not None:
-            verdict = self._carry_out(call, handle)
-            for question in self._desk.finish(call, verdict):
-                self._answer(question, verdict)
+            answered = self._carry_out(call, handle)
+            for question in self._desk.finish(call, answered):
+                self._answer(question, answered)
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""
@@ -73,14 +73,14 @@ class Server:
         for declared in reversed(self._declared):
             declared.undeclare()
 
-    def _carry_out(self, call: Call, handle: Callable[[Any], Any]) -> Verdict:
+    def _carry_out(self, call: Call, handle: Callable[[Any], Any]) -> Answered:
         try:
             request = decode(call.payload, self._requests)
         except WireError as exc:
             return failure("bad_request", str(exc))
         self._busy = (type(request).__name__, time.monotonic())
         try:
-            return Verdict(True, encode(handle(request)))
+            return Answered(True, encode(handle(request)))
         except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
             traceback.print_exc(file=sys.stderr)
             return failure("bug", f"{type(exc).__name__}: {exc}")
@@ -89,13 +89,13 @@ class Server:
             self._served += 1
 
     def _arrive(self, question: Question) -> None:
-        verdict = self._desk.arrive(question.label, question.payload, question)
-        if verdict is not None:
-            self._answer(question, verdict)
+        answered = self._desk.arrive(question.label, question.payload, question)
+        if answered is not None:
+            self._answer(question, answered)
 
-    def _answer(self, question: Question, verdict: Verdict) -> None:
+    def _answer(self, question: Question, answered: Answered) -> None:
         try:
-            question.answer(self._keys.ask, verdict.ok, verdict.payload)
+            question.answer(self._keys.ask, answered.ok, answered.payload)
         except LinkError as exc:  # the asker went away: nobody is left to be told
             print(exc, file=sys.stderr)
 

@@ -24,13 +24,13 @@ from fmpy import calloc, free
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
+from contact.half.store import FAILED, INTERRUPTED
 from coupler.description import Description, Field, read_description
 from coupler.errors import HalfError
 from coupler.half import Advance, Array, Block, Status
 from coupler.unpack import unpack, unpacked_beside
 
 DISCARD, FATAL = 2, 4
-FAILED, INTERRUPTED = 2, 3  # status.code of our halves (contact.half.slave)
 LOG_LENGTH = 200
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 

@@ -11,7 +11,6 @@ import difflib
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from importlib.metadata import EntryPoint, entry_points
@@ -20,6 +19,7 @@ from pathlib import Path
 from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
 from contact.half.model import load_directory
+from coupler.children import python
 from coupler.errors import HalfError
 from coupler.unpack import SAFE_WORDS, is_safe, unpack
 
@@ -121,8 +121,7 @@ def _build(kind: str, module: str, directory: Path, place: Path) -> None:
 
 
 def _run_builder(kind: str, module: str, directory: Path, out: Path) -> None:
-    # -P: the working directory must not put its own modules in front of the installed ones.
-    command = [sys.executable, "-P", "-m", module, str(directory.absolute()), str(out)]
+    command = [*python(), "-m", module, str(directory.absolute()), str(out)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=DEADLINE,
                               stdin=subprocess.DEVNULL, check=False)

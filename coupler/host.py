@@ -22,7 +22,7 @@ from coupler.verbs import (
     VERBS,
     Close,
     Describe,
-    Description,
+    Described,
     Done,
     Failed,
     Initialise,
@@ -79,7 +79,7 @@ def answer(half: Half, verb: Verb) -> Any:
 def _answer(half: Half, verb: Verb) -> Any:
     match verb:
         case Describe():
-            return Description(half.name, tuple(half.blocks.values()), dict(half.strings), half.can_save)
+            return Described(half.name, tuple(half.blocks.values()), dict(half.strings), half.can_save)
         case Initialise(t_start, t_end, parameters, inputs, outputs):
             return Values(half.initialise(t_start, t_end, parameters, inputs, outputs))
         case Step(t, h, inputs, outputs):

@@ -15,7 +15,7 @@ from coupler.half import Advance, Array, Status
 from coupler.verbs import (
     Close,
     Describe,
-    Description,
+    Described,
     Done,
     Failed,
     Initialise,
@@ -47,7 +47,7 @@ class RemoteHalf:
         self.name = name
         self._client = client
         self._blame = blame
-        description = self._call(Describe(), Description)
+        description = self._call(Describe(), Described)
         self.blocks = {block.name: block for block in description.blocks}
         self.strings = description.strings
         self.can_save = description.can_save

@@ -14,11 +14,11 @@ from coupler.half import Advance, Array, Block
 
 @dataclass(frozen=True)
 class Describe:
-    """Which half are you?  Answered by Description."""
+    """Which half are you?  Answered by Described."""
 
 
 @dataclass(frozen=True)
-class Description:
+class Described:
     """A half's name, blocks, strings and whether it can save: the attributes of coupler.half.Half."""
 
     name: str
@@ -120,4 +120,4 @@ class Failed:
 
 Verb = Describe | Initialise | Step | Read | Save | Restore | Release | LogTail | Close
 VERBS = kinds_of((Describe, Initialise, Step, Read, Save, Restore, Release, LogTail, Close))
-ANSWERS = kinds_of((Description, Values, Advance, Token, Text, Done, Failed))
+ANSWERS = kinds_of((Described, Values, Advance, Token, Text, Done, Failed))

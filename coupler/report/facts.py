@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from coupler.report.units import counted, duration, number, shown
 from coupler.results import Results
+from coupler.window import Verdict
 
-ACCEPTED = "accepted"
+ACCEPTED = Verdict.ACCEPTED.value
 LISTED_AT_MOST = 100
 
 # What became of a run, as its banner says it; a completed run has none.
@@ -90,8 +91,7 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
         ("ran", f"{h['started']}, {'each half in its own process' if h['processes'] else 'in one process'}, "
          f"on {h['machine']}"),
     ]
-    overrides = h.get("overrides") or h["scenario"].get("overrides")
-    if overrides:
+    if overrides := h["scenario"].get("overrides"):
         facts.insert(1, ("overrides", ", ".join(f"{k} = {v}" for k, v in dict(overrides).items())))
     heat = results.totals.get("mechanical_heat", {})
     if heat.get("made") or heat.get("carried"):

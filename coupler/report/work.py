@@ -8,12 +8,11 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from coupler.report.curves import kinks_of
+from coupler.report.facts import ACCEPTED
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
 from coupler.report.units import number
 from coupler.results import Results
-
-ACCEPTED = "accepted"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.desk import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Desk, Verdict
+from contact.desk import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, Desk
 from contact.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError, open_link
 from contact.wire import Project, Refused, Registered
 
@@ -58,7 +58,7 @@ def test_embedded_use_does_not_load_zenoh():
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
-OK = Verdict(True, b"yes")
+OK = Answered(True, b"yes")
 
 
 def test_a_repeated_call_is_carried_out_once():
