@@ -16,6 +16,11 @@ from pathlib import Path
 from typing import Any
 
 
+# Packages this module has found right, by name.  The wrapper runs an entry script twice and swallows what the second run
+# raises: sources edited in between would show as a class without a name.
+_right: dict[str, str] = {}
+
+
 def sources_hash(package: Path) -> str:
     """Hash of the names and texts of all .py files of a package directory."""
     digest = hashlib.sha256()
@@ -35,20 +40,22 @@ def use_packages(packages: Mapping[str, str]) -> None:
     """
     own = Path(__file__).parent / "packages"
     for name, expected in packages.items():
+        if _right.get(name) == expected:
+            continue
         if name in sys.modules:
             loaded = Path(next(iter(sys.modules[name].__path__)))
             if sources_hash(loaded) != expected:
                 raise RuntimeError(
                     f"this process has already loaded another '{name}' (from {loaded}) than the one this FMU was "
                     f"built with: build the FMU again, or run each half in a process of its own")
-            continue
-        if not _installed_is(name, expected):
+        elif not _installed_is(name, expected):
             sys.path.insert(0, str(own))
             try:
                 importlib.invalidate_caches()
                 importlib.import_module(name)
             finally:
                 sys.path.remove(str(own))
+        _right[name] = expected
 
 
 def _installed_is(name: str, expected: str) -> bool:
