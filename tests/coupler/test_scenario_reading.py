@@ -80,6 +80,14 @@ def test_texts_made_to_hang_are_refused_soon(data: bytes, tmp_path: Path) -> Non
     assert time.perf_counter() - start < 10
 
 
+def test_many_aliases_are_refused_by_their_number(tmp_path: Path) -> None:
+    few, many = (b"a: &a 1\nb: [" + b"*a, " * n + b"]\n" for n in (100, 300))
+    path = tmp_path / "s.yaml"
+    path.write_bytes(few)
+    assert len(read_document(path).tree["b"]) == 100
+    assert "more than 200 aliases" in refusal(path, many).message
+
+
 def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     with path.open("wb") as f:
