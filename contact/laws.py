@@ -65,22 +65,6 @@ def open_conductance(law: Law, g: ArrayLike, T_mean: ArrayLike) -> tuple[Array, 
     return law.of(np.zeros(g_.shape), np.maximum(g_, 0.0), T)
 
 
-def interface_conductance(closed: Law | None, opened: Law | None, p: ArrayLike, g: ArrayLike,
-                          T_mean: ArrayLike) -> tuple[Array, Array]:
-    """(h, dh/dT) by the touching rule: closed law where p > 0, else the open one; no law conducts nothing.
-
-    p : (n,) [Pa].  g : (n,) [m].  T_mean : (n,) [K].
-    """
-    p_, g_, T = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (p, g, T_mean)))
-    touching = p_ > 0.0
-    h, dh_dT = np.zeros(p_.shape), np.zeros(p_.shape)
-    if closed is not None:
-        h[touching], dh_dT[touching] = closed_conductance(closed, p_[touching], T[touching])
-    if opened is not None:
-        h[~touching], dh_dT[~touching] = open_conductance(opened, g_[~touching], T[~touching])
-    return h, dh_dT
-
-
 def branch_jump(closed: Law, opened: Law, T: float) -> float:
     """h(p -> 0+) - h(g -> 0+) [W/m2K] at temperature T [K]: zero where the two branches join."""
     h_closed, _ = closed_conductance(closed, 0.0, T)

@@ -60,13 +60,17 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     kinks = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
     typer.echo(f"{s.title}: good.\n"
-               f"  {s.geometry}, {len(i.bodies)} bodies ({', '.join(i.bodies)}), {len(i.nodes)} nodes, "
+               f"  {s.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
                f"{len(i.quads)} quads, {len(i.triangles)} triangles\n"
                f"  contact pairs: {pairs}\n"
                f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
-               f"  {len(sizes)} windows of {min(sizes):.3g} to {max(sizes):.3g} s to t = {s.coupling.end:g} s; "
-               f"{f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
+               f"  {_sizes(sizes)} to t = {s.coupling.end:g} s; {f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}")
+
+
+def _sizes(sizes: Sequence[float]) -> str:
+    least, most = f"{min(sizes):.3g}", f"{max(sizes):.3g}"
+    return f"{len(sizes)} window{'s' if len(sizes) > 1 else ''} of {least if least == most else f'{least} to {most}'} s"
 
 
 @app.command("run")

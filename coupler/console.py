@@ -29,6 +29,7 @@ class ProgressLine:
         self._live = Live(console=self._console, refresh_per_second=8, transient=True)
         self._next_share = 0.0
         self._rejected = 0
+        self._reason = ""
 
     def __enter__(self) -> ProgressLine:
         if self._console.is_terminal:
@@ -41,7 +42,11 @@ class ProgressLine:
     def __call__(self, p: Progress) -> None:
         if p.verdict != Verdict.ACCEPTED.value:
             self._rejected += 1
-            self._console.print(f"window {p.number} at t = {p.t:.6g} s: {p.verdict} ({p.message}); trying half of it")
+            # The reason once: halving a window ten times repeats it ten times.
+            reason = "the same" if p.message == self._reason else p.message
+            self._reason = p.message
+            self._console.print(f"window {p.number} at t = {p.t:.6g} s: {p.verdict} ({reason}); trying half of it",
+                                soft_wrap=True, markup=False)
             return
         if self._console.is_terminal:
             self._live.update(Text(self.line(p)))

@@ -62,7 +62,7 @@ def windows(halves: Halves, state: CoupledState, plan: Plan) -> Iterator[Tried]:
             if len(ends) > MAX_CUTS or middle == start:
                 raise CouplingError(
                     f"{tried.solved.message}; the window was halved {len(ends) - 1} times to {tried.H:.3g} s",
-                    t=clock.seconds(start), window=number,
+                    t=clock.seconds(start), window=number + 1,
                     remedy="Everything up to here is in the results file. Give smaller windows (coupling.windows) "
                            "or more substeps around this time, or look at the data that change here")
             ends.append(middle)
@@ -80,7 +80,7 @@ def _try(halves: Halves, state: CoupledState, plan: Plan, number: int, k0: int, 
             for half, token in zip(both, tokens, strict=True):
                 if token is None:
                     raise CouplingError(f"{solved.message}; half {half.name!r} keeps no states, so the window "
-                                        "cannot be tried again", t=clock.seconds(k0), window=number,
+                                        "cannot be tried again", t=clock.seconds(k0), window=number + 1,
                                         remedy="Give smaller windows (coupling.windows) around this time")
                 half.restore(token)
     finally:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from coupler.errors import ScenarioError
+from coupler.launch import make_folder
 from coupler.report import write_report
 from coupler.results import Results
 from coupler.runner import Progress, run
@@ -34,11 +34,15 @@ def run_demo(folder: Path, on_start: Callable[[Scenario], AbstractContextManager
              ) -> tuple[Path, Results, Path]:
     """Copy the sliding blocks to a folder, run them coarse with the rigid half, write the report.
 
-    Returns the scenario, the results, the page.
+    Returns the scenario, the results, the page.  Raises ScenarioError where the folder will not do.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    copy = folder / SCENARIO
-    shutil.copyfile(shipped_scenarios() / SCENARIO, copy)
+    make_folder(folder)
+    copy, text = folder / SCENARIO, (shipped_scenarios() / SCENARIO).read_bytes()
+    if copy.exists() and copy.read_bytes() != text:
+        raise ScenarioError("a scenario of this name that was changed is there already; it is left as it is",
+                            file=str(copy), remedy="Give the demo another folder: slideline demo FOLDER")
+    if not copy.exists():
+        copy.write_bytes(text)
     scenario = load_scenario(copy, overrides=OVERRIDES)
     with on_start(scenario) as progress:
         results = run(scenario, folder / "run.h5", on_window=progress)

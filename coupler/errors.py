@@ -63,7 +63,7 @@ class HalfError(SlidelineError):
 class CouplingError(SlidelineError):
     """A window could not be solved and the run gives up.
 
-    t : time at the start of the window [s].  window : its number.  iteration : the last one tried.
+    t : time at the start of the window [s].  window : its number, from 1.  iteration : the last one tried.
     residuals : the last residuals, scaled by their tolerances.  remedy : what resumes or mends the run.
     """
 

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from coupler.errors import ScenarioError
 from coupler.fmi import load_half
 from coupler.half import Half
 from coupler.halves import build_half
@@ -47,9 +48,21 @@ def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
         yield Launched(halves["thermal"], halves["mechanical"], scenario.coupling.link)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder the user asked for.  Raises ScenarioError if that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise ScenarioError(f"this folder cannot be made ({exc.strerror})", file=str(folder),
+                            remedy="Give another one") from exc
+
+
 def build_halves(scenario: Scenario, folder: Path) -> list[Path]:
-    """Build both FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Build both FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu.
+
+    Raises ScenarioError if the folder cannot be made, HalfError if a half cannot be built.
+    """
+    make_folder(folder)
     built = []
     with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
         for role in ("thermal", "mechanical"):

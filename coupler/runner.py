@@ -142,11 +142,15 @@ class Run:
         return measure(self.scenario.probes, self.scenario.interface, self.state.now)
 
     def _check(self, thermal: Half, mechanical: Half) -> None:
-        mesh = self.scenario.interface.mesh_hash
+        interface = self.scenario.interface
+        expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
+                    "geometry": interface.geometry}
         for half in (thermal, mechanical):
-            own = half.strings.get("mesh.hash", mesh)
-            if own != mesh:
-                raise HalfError(f"was built for another mesh (hash {own}, the scenario's is {mesh})", half=half.name)
+            for name, value in expected.items():
+                own = half.strings.get(name, value)
+                if own != value:
+                    raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})",
+                                    half=half.name)
             if not half.can_save:
                 self.notes.append(f"{half.name} keeps no states: a window that fails cannot be tried again")
         for name, cost in COST_OF_MISSING.items():
@@ -168,7 +172,6 @@ class Run:
 
     def _header(self) -> dict[str, Any]:
         s = self.scenario
-        cells = [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
         return {
             "title": s.title, "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "scenario": {"text": s.text, "hash": s.hash, "resolved": dict(s.resolved), "file": Path(s.file).name,
@@ -181,13 +184,17 @@ class Run:
             "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
             "probes": {n: {"quantity": p.quantity, "unit": p.unit} for n, p in s.probes.items()},
             "fields": {"thermal": {"point": ["T"], "cell": []},
-                       "mechanical": {"point": ["u", "p", "gap"], "cell": cells}},
+                       "mechanical": {"point": ["u", "p", "gap"], "cell": self._cell_fields()}},
             "processes": self.processes, "notes": self.notes, "machine": platform.platform(),
             "versions": {"python": platform.python_version(), **{p: version(p) for p in PACKAGES}},
         }
 
+    def _cell_fields(self) -> list[str]:
+        """Fields of cells for pictures that the mechanical half has."""
+        return [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
+
     def _frame(self) -> None:
-        cells = [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
+        cells = self._cell_fields()
         self._recorder.frame(self.state.now, self.halves.mechanical.read(cells) if cells else {})
 
     def _totals(self) -> dict[str, Any]:

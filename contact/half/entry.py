@@ -15,9 +15,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-
-# Packages this module has found right, by name.  The wrapper runs an entry script twice and swallows what the second run
-# raises: sources edited in between would show as a class without a name.
+# Packages this module has found right, by name.  The wrapper runs an entry script twice and swallows what the second
+# run raises: sources edited in between would show as a class without a name.
 _right: dict[str, str] = {}
 
 

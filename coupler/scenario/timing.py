@@ -36,11 +36,6 @@ class Coupling:
     substeps: Mapping[str, int]
     link: str
 
-    @property
-    def stops(self) -> tuple[float, ...]:
-        """Times [s] in (0, end] at which a window must end."""
-        return tuple(sorted({*self.kinks, *(min(w.until, self.end) for w in self.windows)}))
-
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
     """Check the windows and gather the kinks.  Raises ScenarioError."""

@@ -16,7 +16,6 @@ from contact.laws import (
     branch_jump,
     closed_conductance,
     gap_factor,
-    interface_conductance,
     open_conductance,
     parse_law,
 )
@@ -90,15 +89,6 @@ def test_sum_adds_and_serves_both_branches() -> None:
     assert open_conductance(law, 1e-5, 300.0)[0] == pytest.approx(5000)
     assert closed_conductance(law, 1e6, 300.0)[0] == pytest.approx(30000 + 2304.286, rel=1e-6)
     assert branch_jump(law, law, 300.0) == 0.0
-
-
-def test_touching_means_pressure() -> None:
-    """p > 0 takes the closed law, whatever the gap; else the open one, and a negative gap reads as 0."""
-    closed, gas = parse_law({"law": "constant", "h": 5}), parse_law(GAS)
-    p, g = np.array([1.0, 1.0, 0.0, 0.0]), np.array([1e-5, -1e-5, 1e-5, -1e-5])
-    np.testing.assert_allclose(interface_conductance(closed, gas, p, g, 300.0)[0], [5, 5, 5000, 30000])
-    np.testing.assert_allclose(interface_conductance(closed, None, p, g, 300.0)[0], [5, 5, 0, 0])
-    np.testing.assert_allclose(interface_conductance(None, gas, p, g, 300.0)[0], [0, 0, 5000, 30000])
 
 
 def test_gap_factor() -> None:

@@ -41,3 +41,14 @@ def test_a_terminal_hears_of_the_set_up() -> None:
     with line:
         pass
     assert SETTING_UP in file.getvalue()
+
+
+def test_a_reason_is_told_once() -> None:
+    line, file = shown()
+    with line:
+        for message in ("nothing holds body [b]", "nothing holds body [b]", "no equilibrium"):
+            line(replace(FIRST, verdict="mechanical discard", message=message))
+    first, second, third = file.getvalue().splitlines()[1:]
+    assert "nothing holds body [b]" in first
+    assert "the same" in second
+    assert "no equilibrium" in third

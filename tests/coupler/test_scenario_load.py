@@ -79,7 +79,6 @@ def test_kinks_come_from_the_file_and_from_signals_in_use_only(tmp_path: Path) -
     c = load_text(tmp_path, GOOD).coupling
     # push: 10, 30; oven: 20; stated: 25. `idle` has a kink at 7 but drives nothing.
     assert c.kinks == (10.0, 20.0, 25.0, 30.0)
-    assert c.stops == (10.0, 20.0, 25.0, 30.0, 40.0)
     assert c.windows == (WindowRange(10.0, 1.0, 1.0), WindowRange(40.0, 1.0, 5.0))
     assert (c.scheme, c.end, c.link) == (Scheme.EXTRAPOLATED, 40.0, "direct")
     assert c.substeps == {"thermal": 1, "mechanical": 1}
@@ -95,9 +94,9 @@ def test_frames_are_due_by_count_and_at_times_each_once(tmp_path: Path) -> None:
 
 def test_a_half_finds_in_its_directory_what_the_scenario_says(tmp_path: Path) -> None:
     s = load_text(tmp_path, GOOD)
-    directories = s.half_directories(tmp_path / "out")
-    assert set(directories) == {"thermal", "mechanical"}
-    for role, directory in directories.items():
+    for role in ("thermal", "mechanical"):
+        directory = tmp_path / "out" / role
+        assert s.write_half(role, directory) == s.models[role]["half"]
         interface = read_interface(directory / "interface.h5")
         assert interface.mesh_hash == s.interface.mesh_hash
         assert interface.surfaces_hash == s.interface.surfaces_hash
@@ -157,5 +156,10 @@ def test_an_earlier_end_cuts_the_windows_off(tmp_path):
     whole, cut = load_text(tmp_path, GOOD).coupling, load_text(tmp_path, GOOD, {"coupling.end": 15.0}).coupling
     assert cut.end == 15.0
     assert cut.windows == whole.windows[:len(cut.windows)]
-    assert cut.stops[-1] == 15.0
     assert all(k < 15.0 for k in cut.kinks)
+
+
+def test_laws_that_do_not_join_at_touch_are_told(tmp_path):
+    assert load_scenario(ROOT / "scenarios/sliding_blocks.yaml").notes == ()
+    torn = load_scenario(ROOT / "scenarios/sliding_blocks.yaml", {"contact.interface.conduction.open.k_g": 0.04})
+    assert "interface: the conductance jumps from 1600 to 2000 W/m2K" in torn.notes[0]

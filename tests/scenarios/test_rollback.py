@@ -40,7 +40,7 @@ def test_step_restore_step_in_contact(tmp_path, mechanical):
         assert run.state.now.t_N.min() < -1e6
         now = run.state.now
         for half, cold, inputs, outputs in (
-                (run.halves.thermal, fresh.thermal, {"x": now.x + [1e-5, 0.0]}, run.halves.thermal_outputs),
+                (run.halves.thermal, fresh.thermal, {"x": now.x + np.array([1e-5, 0.0])}, run.halves.thermal_outputs),
                 (run.halves.mechanical, fresh.mechanical, {"T": now.T + 1.0}, run.halves.mechanical_outputs)):
             inputs = {name: value for name, value in inputs.items() if name in half.blocks}
             token = half.save()
