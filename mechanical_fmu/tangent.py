@@ -141,7 +141,7 @@ def refuse_loose(system: System, balance: Balance) -> None:
             # Turning about a held point moves the middle too: any turning at all is turning.
             motion = MOTIONS[2 if mode[2] > 0.1 * mode.max() else int(np.argmax(mode[:2]))]
             raise SingularMatrixError(f"nothing holds body {system.interface.bodies[body]} against {motion}: "
-                                      "prescribe a displacement or let it touch something")
+                                      "prescribe a displacement or let it press on something")
 
 
 def _right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,

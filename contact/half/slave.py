@@ -76,6 +76,11 @@ def guarded(fallback: Callable[..., Any]) -> Callable[[Callable[..., Any]], Call
     return decorate
 
 
+def _is_refusal(exc: BaseException) -> bool:
+    """A computation that a half says cannot be done (its own ArithmeticError), not Python's: those are bugs."""
+    return isinstance(exc, ArithmeticError) and type(exc).__module__ != "builtins"
+
+
 def _nothing(slave: HalfSlave, *args: Any) -> None:
     return None
 
@@ -266,6 +271,11 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
         if isinstance(exc, KeyboardInterrupt):
             self._interrupted = where != "do_step"
             self._report(INTERRUPTED, "interrupted")
+            return
+        if where == "exit_initialization_mode" and _is_refusal(exc):
+            self._broken = str(exc)
+            self._say(self._broken, Fmi2Status.error)
+            self._report(FAILED, self._broken)
             return
         self._say("".join(traceback.format_exception(exc)), Fmi2Status.error)
         if where == "do_step" and isinstance(exc, (ArithmeticError, np.linalg.LinAlgError)):

@@ -242,6 +242,13 @@ def test_initialisation_that_fails_and_steps_before_it_are_told(tmp_path):
     assert failed.get(CODE) == 2
     assert "cannot start" in failed.get(MESSAGE)
     assert len(failed.get("T")) == 4
+    assert any("Traceback" in m.msg for m in failed.slave.log_queue)
+    refused = Face(tmp_path)
+    refused.set(METHOD, 8)
+    refused.begin()
+    assert refused.get(CODE) == 2
+    assert refused.get(MESSAGE) == "nothing holds it"
+    assert not any("Traceback" in m.msg for m in refused.slave.log_queue)
     ended = Face(tmp_path).begin()
     ended.slave.terminate()
     assert ended.slave.do_step(0.0, 0.5) is False

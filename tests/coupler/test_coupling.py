@@ -83,7 +83,7 @@ def test_discard_of_either_half_puts_both_back_and_halves_the_window():
 
 
 def test_a_window_that_never_works_is_one_error_with_time_and_remedy():
-    with pytest.raises(CouplingError, match=r"window 0 at t = 0 s.*halved 10 times.*coupling\.windows"):
+    with pytest.raises(CouplingError, match=r"window 1 at t = 0 s.*halved 10 times.*coupling\.windows"):
         couple(20, Scheme.STAGGERED, thermal=lumped(840.0, h_max=1e-9))
 
 

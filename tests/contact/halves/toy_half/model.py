@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Values, Variable
+from contact.half.sparse import SingularMatrixError
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,8 @@ class ToyHalf:
     def start(self, inputs: Values, t: float, link: Link) -> tuple[Toy, dict[str, Any]]:
         if inputs["control.method"] == 9:
             raise RuntimeError("cannot start: 100%s of it")
+        if inputs["control.method"] == 8:
+            raise SingularMatrixError("nothing holds it")
         state = Toy(np.full(self.n, 273.15), np.zeros((self.n, 2), order="F"), 0, "begun")
         return state, self._outputs(state)
 
