@@ -25,6 +25,8 @@ class EnergyAccount:
         """The account after the carry was handed to the thermal half."""
         return replace(self, carry=np.zeros_like(self.carry), delivered=self.delivered + float(self.carry.sum()))
 
-    def make(self, E_M: Array) -> EnergyAccount:
-        """The account after the mechanical half made E_M : (n_cells,) [J]."""
+    def make(self, E_M: Array | float) -> EnergyAccount:
+        """The account after the mechanical half made E_M : (n_cells,) [J], or 0 where it makes none."""
+        if isinstance(E_M, float):
+            return self
         return replace(self, carry=self.carry + E_M, made=self.made + float(E_M.sum()))

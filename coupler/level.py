@@ -43,9 +43,7 @@ def geometry_at(scheme: Scheme, now: Level, before: Level | None, t: float) -> t
     if scheme is Scheme.STAGGERED or before is None:
         return now.x, now.t_N
     w = (t - now.t) / (now.t - before.t)
-    x = now.x if np.array_equal(now.x, before.x) else now.x + w * (now.x - before.x)
-    t_N = now.t_N if np.array_equal(now.t_N, before.t_N) else np.minimum(now.t_N + w * (now.t_N - before.t_N), 0.0)
-    return x, t_N
+    return now.x + w * (now.x - before.x), np.minimum(now.t_N + w * (now.t_N - before.t_N), 0.0)
 
 
 def temperature_at(T_start: Array, T_end: Array, fraction: float) -> Array:

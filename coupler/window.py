@@ -133,7 +133,8 @@ def solve_window(halves: Halves, state: CoupledState, clock: Clock, k0: int, k1:
     n_s = len(state.now.t_N)
     now = Level(clock.seconds(k1), thermal.outputs["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
                 out.get("contact.gap", state.now.gap), out.get("contact.covered", state.now.covered))
-    account = state.account.deliver().make(mechanical.E_M) if mechanical.E_M.size else state.account.deliver()
+    takes_heat = "E_M" in halves.thermal.blocks
+    account = (state.account.deliver() if takes_heat else state.account).make(mechanical.E_M)
     new = CoupledState(now, state.now, state.events, account, mechanical.sent)
     monitors = {"touching": float(out.get("contact.touching", np.zeros(()))),
                 "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0))}
@@ -148,7 +149,7 @@ class _Pass:
     sent: Mapping[str, Mapping[str, Array]]
     work: Work
     terms: tuple[Mapping[str, float], ...] = ()
-    E_M: Array = field(default_factory=lambda: np.empty(0))
+    E_M: Array | float = 0.0
 
 
 def _substep_times(clock: Clock, k0: int, k1: int, n: int) -> list[float]:
@@ -174,7 +175,7 @@ def _mechanical(halves: Halves, state: CoupledState, T_end: Array, times: list[f
     """The mechanical half over the window, T interpolated to the end of each of its substeps."""
     H, sent, work = times[-1] - times[0], state.sent, Work()
     outputs: Mapping[str, Array] = {}
-    E_M = np.zeros_like(state.account.carry)
+    E_M: Array | float = 0.0
     for t0, t1 in pairwise(times):
         inputs = {"T": temperature_at(state.now.T, T_end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
                   "control.event": np.array(float(state.events))}
@@ -198,12 +199,14 @@ def _advance(call: _Call, sent: Mapping[str, Mapping[str, Array]],
     if answer.status is not Status.OK:
         raise _DiscardError(verdict, f"{half.name}: {answer.message}")
     iterations = int(answer.outputs.get("iterations", np.zeros(())))
-    border = Work(fmi_seconds=seconds - answer.seconds,
-                  values=sum(int(v.size) for v in (*news.values(), *answer.outputs.values())))
+    values = sum([v.size for v in news.values()]) + sum([v.size for v in answer.outputs.values()])
+    fmi = seconds - answer.seconds
     if call.side == "thermal":
-        cost = replace(border, thermal_solves=1, thermal_iterations=iterations, thermal_seconds=answer.seconds)
+        cost = Work(thermal_solves=1, thermal_iterations=iterations, thermal_seconds=answer.seconds,
+                    fmi_seconds=fmi, values=values)
     else:
-        cost = replace(border, mechanical_solves=1, mechanical_iterations=iterations, mechanical_seconds=answer.seconds)
+        cost = Work(mechanical_solves=1, mechanical_iterations=iterations, mechanical_seconds=answer.seconds,
+                    fmi_seconds=fmi, values=values)
     return answer.outputs, {**sent, call.side: {**known, **news}}, cost
 
 

@@ -121,3 +121,11 @@ def test_the_window_after_a_kink_starts_without_a_slope():
     ends = [w.t + w.H for w in tried]
     assert 7.3 in ends
     assert state.events == 1
+
+
+def test_heat_that_nobody_takes_stays_in_the_account():
+    deaf = lumped(840.0)
+    deaf.blocks = {n: b for n, b in deaf.blocks.items() if n != "E_M"}
+    state, _, _ = couple(20, Scheme.STAGGERED, thermal=deaf, mechanical=shrinking(840.0, heat=1e4))
+    assert state.account.delivered == 0.0
+    assert state.account.carry.sum() == pytest.approx(1e4 * END)
