@@ -18,6 +18,9 @@ Frame = tuple[float, float, float, float, float, float, float, float]
 
 FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
 ON_NODE = 1e-9  # a foot within this share of an edge beyond its end is on the end
+# A node's own gap is for records and events only; a node that a slightly tilted normal leads past the end of the other
+# surface, as at an axis or a plane of symmetry, still has one.
+NODE_SEES = 1e-3
 SLIVER = 1e-13  # cuts closer than this share of an edge are one cut: round-off, not geometry
 STRAIGHT = 1e-6  # master pieces shorter than this share of their edge are weighted as if the map were linear
 REACH = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
@@ -176,7 +179,7 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts
             spans[k, 1] = 1.0 if wide else max(spans[k, 1], first)
             for root in range(2):
                 xi = first if root == 0 else second
-                if -ON_NODE <= xi <= 1.0 + ON_NODE:
+                if -NODE_SEES <= xi <= 1.0 + NODE_SEES:
                     _, g, facing = ray(frame, xi, x, edges, m)
                     if facing < -FACING_COS:
                         note_node(near, s, g, back, ahead)
@@ -292,7 +295,7 @@ def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tu
         for k in range(count):
             for end in range(2):
                 xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
-                if -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS:
+                if -NODE_SEES <= xi_m <= 1.0 + NODE_SEES and facing < -FACING_COS:
                     note_node(near, edges[e, end], g, back, gap_max)
         meet(x, edges, frame, found, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
         for i in range(n_cuts - 1):

@@ -272,3 +272,18 @@ def test_many_edges_cost_little_more_each() -> None:
     facing = ask(register, x)
     assert facing.area.sum() == pytest.approx(1 - 0.123, abs=1e-11)
     assert facing.area.size <= 2 * (3000 + 4000)
+
+
+@pytest.mark.parametrize("g", [1e-3, -1e-6])
+def test_a_node_on_the_axis_has_its_gap_though_its_normal_tilts(g: float) -> None:
+    """A bulging disc on a plate: at the axis the ray of an end node passes the other surface's end by a hair."""
+    r = np.linspace(0.0, 1.0, 9)
+    disc = np.column_stack([r, g + 1e-3 * r**2])
+    plate = np.column_stack([r[::-1], np.zeros(9)])
+    for register, x in (scene(disc, plate, axisymmetric=True), scene(plate, disc, axisymmetric=True)):
+        gap = ask(register, x).node_gap
+        on_axis = x[:, 0] == 0.0
+        assert on_axis.sum() == 2
+        np.testing.assert_allclose(gap[on_axis], g, rtol=1e-3)
+    register, x = scene(disc + [0.01, 0.0], plate, axisymmetric=True)
+    assert ask(register, x).node_gap[8] == GAP_MAX  # 0.08 of an edge beyond the end faces nothing
