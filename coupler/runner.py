@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from coupler.account import EnergyAccount
 from coupler.control import Plan, Tried, windows
-from coupler.errors import HalfError, ResultsError
+from coupler.errors import CouplingError, HalfError, ResultsError
 from coupler.half import Half
 from coupler.launch import Launched, launch
 from coupler.ledger import Ledger
@@ -82,6 +82,7 @@ class Run:
         self._stack = ExitStack()
         self._interrupted = False
         self._finished = False
+        self._framed = -1.0  # s, the time of the last frame
 
     def __enter__(self) -> Run:
         if not self.out.parent.is_dir():
@@ -108,6 +109,8 @@ class Run:
         elif error is None and not self._finished:
             outcome, message = "stopped", f"left at t = {self.state.now.t:.9g} s by its caller"
         try:
+            if error is None or isinstance(error, CouplingError):
+                self._frame()  # where the run stopped; both halves are at the end of the last accepted window
             self._recorder.end(outcome, message, self._totals())
         finally:
             self._stack.close()
@@ -128,14 +131,11 @@ class Run:
                     self.ledger = self.ledger.plus(terms)
             facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
             self._recorder.window(tried.solved, facts, self.ledger, self._probed())
-            at_kink = self.state.now.t in kinks
-            if tried.accepted and (frames.due(tried.number + 1, self.state.now.t) or at_kink):
+            if tried.accepted and (frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks):
                 self._frame()
             yield self._progress(tried)
             if self._interrupted:
                 return
-        if not frames.due_was_last:
-            self._frame()
         self._finished = True
 
     def _probed(self) -> Array:
@@ -194,6 +194,10 @@ class Run:
         return [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
 
     def _frame(self) -> None:
+        """Record the fields as they are now, once."""
+        if self.state.now.t == self._framed:
+            return
+        self._framed = self.state.now.t
         cells = self._cell_fields()
         self._recorder.frame(self.state.now, self.halves.mechanical.read(cells) if cells else {})
 

@@ -18,14 +18,12 @@ class Frames:
 
     every: int | None
     waiting: list[float]
-    due_was_last: bool = False
 
     def due(self, number: int, t: float) -> bool:
         """number : accepted windows so far.  t [s]: the time reached."""
         passed = [w for w in self.waiting if w <= t * (1 + SAME)]
         self.waiting = self.waiting[len(passed):]
-        self.due_was_last = bool(passed) or (self.every is not None and number % self.every == 0)
-        return self.due_was_last
+        return bool(passed) or (self.every is not None and number % self.every == 0)
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,6 @@ def test_frames_are_due_by_count_and_at_times_each_once(tmp_path: Path) -> None:
     frames = load_text(tmp_path, GOOD).output.frames()
     assert [frames.due(n, float(t)) for n, t in ((1, 1), (5, 5), (6, 12), (7, 13), (8, 14), (10, 20))] == [
         False, True, False, True, False, True]
-    assert frames.due_was_last
     assert not load_text(tmp_path, GOOD, {"output": {}}).output.frames().due(100, 40.0)
 
 
