@@ -285,5 +285,5 @@ def test_a_node_on_the_axis_has_its_gap_though_its_normal_tilts(g: float) -> Non
         on_axis = x[:, 0] == 0.0
         assert on_axis.sum() == 2
         np.testing.assert_allclose(gap[on_axis], g, rtol=1e-3)
-    register, x = scene(disc + [0.01, 0.0], plate, axisymmetric=True)
+    register, x = scene(disc + np.array([0.01, 0.0]), plate, axisymmetric=True)
     assert ask(register, x).node_gap[8] == GAP_MAX  # 0.08 of an edge beyond the end faces nothing
