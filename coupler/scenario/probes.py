@@ -13,7 +13,7 @@ from coupler.scenario.context import Context
 from coupler.scenario.document import Key
 from coupler.scenario.locate import locate
 from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.scene import surface_key
+from coupler.scenario.scene import NEAREST, surface_key
 from coupler.scenario.schema import Place
 from coupler.scenario.schema import Probe as ProbeSpec
 
@@ -84,7 +84,7 @@ def _named(c: Context, name: str, key: Key) -> tuple[Ints, Floats]:
             f"{name} is not a single point",
             f"Write {{max: {name}}}, min or mean; a point is {{at: [x, y], body: name}}.",
         )
-    known = set(c.scene.points) | {n for n, ids in sets.items() if len(ids) == 1}
+    known = set(c.scene.points) | {n for n, ids in sets.items() if len(ids) == 1 and not n.endswith(NEAREST)}
     raise c.document.error(key, f"there is no point {name!r}", did_you_mean(name, known))
 
 
