@@ -101,9 +101,12 @@ class Client:
         return {key.rsplit("/", 1)[1] for key in found}
 
     def _opened(self, answers: list[Answer], envelope: Envelope, what: str) -> Any:
-        answer = answers[0]
-        if len(answers) > 1:
-            raise LinkProtocolError(f"{what}: {len(answers)} answers to one call")
+        # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own words
+        # count, and the same words twice are one answer.
+        said = list(dict.fromkeys((a.ok, a.label, a.payload) for a in answers if a.ok or a.spoken))
+        if len(said) > 1:
+            raise LinkProtocolError(f"{what}: {len(said)} answers to one call")
+        answer = next((a for a in answers if a.ok or a.spoken), answers[0])
         if not answer.ok:
             text = answer.payload.decode(errors="replace")
             if answer.spoken:
