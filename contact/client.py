@@ -101,8 +101,8 @@ class Client:
         return {key.rsplit("/", 1)[1] for key in found}
 
     def _opened(self, answers: list[Answer], envelope: Envelope, what: str) -> Any:
-        # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own words
-        # count, and the same words twice are one answer.
+        # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own
+        # words count, and the same words twice are one answer.
         said = list(dict.fromkeys((a.ok, a.label, a.payload) for a in answers if a.ok or a.spoken))
         if len(said) > 1:
             raise LinkProtocolError(f"{what}: {len(said)} answers to one call")

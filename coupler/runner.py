@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import platform
 import signal
+import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -34,6 +36,9 @@ from coupler.window import CoupledState, wanted_outputs
 
 Array = NDArray[np.float64]
 PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh", "h5py", "numba")
+
+# The time left is told from the pace of this many windows: some windows cost ten times others.
+PACE = 50
 
 # What a missing block of a half costs, said at load.
 COST_OF_MISSING = {
@@ -82,6 +87,7 @@ class Run:
         self._stack = ExitStack()
         self._interrupted = False
         self._finished = False
+        self._pace: deque[tuple[int, float]] = deque([(0, 0.0)], maxlen=PACE)
         self._framed = -1.0  # s, the time of the last frame
 
     def __enter__(self) -> Run:
@@ -210,10 +216,13 @@ class Run:
     def _progress(self, tried: Tried) -> Progress:
         elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1
         done = max(tried.number + 1, 1)
+        self._pace.append((done, elapsed))
+        first, since = self._pace[0]
+        left = (elapsed - since) / max(done - first, 1) * max(total - done, 0)
         m = tried.solved.monitors
         return Progress(self.state.now.t, self.scenario.coupling.end, done, total, tried.solved.verdict.value,
                         tried.solved.message, int(m.get("touching", 0)), m.get("max_T", np.nan), m.get("max_p", 0.0),
-                        self.ledger.imbalance, elapsed, elapsed * max(total - done, 0) / done)
+                        self.ledger.imbalance, elapsed, left)
 
 
 def plan_of(scenario: Scenario) -> Plan:
@@ -254,6 +263,7 @@ class _interrupts:  # noqa: N801  (a context manager used once, named like one)
         if self._owner._interrupted:
             raise KeyboardInterrupt
         self._owner._interrupted = True
+        print("stopping after this window; Ctrl-C again stops at once", file=sys.stderr, flush=True)
 
     def __exit__(self, *exc: object) -> None:
         if self._old is not None:
