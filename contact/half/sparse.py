@@ -1,10 +1,12 @@
-"""Sparse assembly on a fixed pattern, and its direct solve (PARDISO where installed, else SuperLU)."""
+"""Sparse assembly on a fixed pattern, and its direct solve by SuperLU, or by PARDISO where chosen."""
 
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +60,12 @@ def factorise(A: csr_matrix) -> Solve:
     """Factor a square matrix of symmetric pattern; the result solves A x = b.
 
     SLIDELINE_SOLVER = superlu | pardiso chooses; the default is superlu, so that numbers do not depend on
-    what is installed.  Raises SingularMatrixError.
+    what is installed.  Raises SingularMatrixError; ImportError or ValueError where the choice cannot be kept.
     """
-    if os.environ.get("SLIDELINE_SOLVER", "superlu") == "pardiso":
-        return _pardiso(A)
-    return _superlu(A)
+    choice = os.environ.get("SLIDELINE_SOLVER", "superlu")
+    if choice not in ("superlu", "pardiso"):
+        raise ValueError(f"SLIDELINE_SOLVER is {choice!r}; known: superlu, pardiso")
+    return _Pardiso(A) if choice == "pardiso" else _superlu(A)
 
 
 def _superlu(A: csr_matrix) -> Solve:
@@ -75,9 +78,21 @@ def _superlu(A: csr_matrix) -> Solve:
     return lu.solve
 
 
-def _pardiso(A: csr_matrix) -> Solve:
-    from pypardiso import PyPardisoSolver
+class _Pardiso:
+    """A matrix factored by PARDISO; its solver goes back to be used again when nobody holds the factors any more."""
 
-    solver = PyPardisoSolver(mtype=11)
-    solver.factorize(A)
-    return lambda b: solver.solve(A, b)
+    idle: ClassVar[list[Any]] = []  # making a solver looks for the MKL library on disk, a quarter of a second
+
+    def __init__(self, A: csr_matrix) -> None:
+        try:
+            from pypardiso import PyPardisoSolver
+        except ImportError as exc:
+            raise ImportError("SLIDELINE_SOLVER=pardiso needs pypardiso: pip install 'slideline[fast]'") from exc
+        self._A = A
+        self._solver = _Pardiso.idle.pop() if _Pardiso.idle else PyPardisoSolver(mtype=11)
+        self._solver.factorize(A)
+        weakref.finalize(self, _Pardiso.idle.append, self._solver)
+
+    def __call__(self, b: Floats) -> Floats:
+        x: Floats = self._solver.solve(self._A, b)
+        return x
