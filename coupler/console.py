@@ -84,16 +84,13 @@ def summary(results: Results) -> str:
     """A few lines on what a run did and where it left its files."""
     w = results.windows
     accepted = int((w.verdict == Verdict.ACCEPTED.value).sum())
-    total = results.totals.get("seconds", 0.0)
-    shares = [("thermal half", w.thermal_seconds.sum()), ("mechanical half", w.mechanical_seconds.sum()),
-              ("FMI and transport", w.fmi_seconds.sum()), ("recording", w.recording_seconds.sum())]
-    shares.append(("coupler", max(w.seconds.sum() - sum(s for _, s in shares[:3]), 0.0)))
+    parts = results.seconds_by_part
+    set_up = parts.pop("set-up")
     lines = [
         f"{results.outcome}: {results.t[-1]:.6g} s in {accepted} windows"
         + (f" ({len(w) - accepted} rejected)" if len(w) > accepted else "")
-        + f", {int(w.solves.sum())} half-solves, {total:.1f} s after {results.totals.get('setup_seconds', 0.0):.1f} s "
-        "of set-up",
-        "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in shares),
+        + f", {int(w.solves.sum())} half-solves, {sum(parts.values()):.1f} s after {set_up:.1f} s of set-up",
+        "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in parts.items()),
         f"  heat imbalance {results.heat_imbalance:.1e}",
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]

@@ -136,6 +136,18 @@ class Results:
         return imbalance({PREFIX + n: e for n, e in self.ledger.items()})
 
     @property
+    def seconds_by_part(self) -> dict[str, float]:
+        """Where the wall-clock seconds went; the coupler's are what is left when all others are taken out."""
+        w = self.windows
+        parts = {name: float(w[column].sum()) for name, column in (
+            ("thermal half", "thermal_seconds"), ("mechanical half", "mechanical_seconds"),
+            ("FMI and transport", "fmi_seconds"), ("recording", "recording_seconds"))}
+        # A killed run left no totals: its windows are then all that is known.
+        total = float(self.totals.get("seconds", w.seconds.sum() + parts["recording"]))
+        return parts | {"coupler": max(total - sum(parts.values()), 0.0),
+                        "set-up": float(self.totals.get("setup_seconds", 0.0))}
+
+    @property
     def field_files(self) -> dict[str, Path]:
         """The .vtkhdf file of each half."""
         return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}

@@ -60,15 +60,8 @@ def windows_picture(results: Results) -> Picture | None:
 
 
 def shares(results: Results) -> list[Share]:
-    """Where the seconds went; the coupler's are what is left of the total when all others are taken out."""
-    w, totals = results.windows, results.totals
-    thermal, mechanical, fmi, recording = (
-        float(w[n].sum()) for n in ("thermal_seconds", "mechanical_seconds", "fmi_seconds", "recording_seconds"))
-    # A killed run left no totals: its windows are then all that is known.
-    total = float(totals.get("seconds", w.seconds.sum() + recording))
-    parts = {"thermal half": thermal, "mechanical half": mechanical, "FMI and transport": fmi,
-             "recording": recording, "coupler": max(total - thermal - mechanical - fmi - recording, 0.0),
-             "set-up": float(totals.get("setup_seconds", 0.0))}
+    """Where the seconds went, and the share of each in percent."""
+    parts = results.seconds_by_part
     whole = sum(parts.values())
     return [Share(n, s, number(100 * s / whole if whole > 0 else 0.0, 3)) for n, s in parts.items()]
 
