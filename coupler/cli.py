@@ -66,6 +66,8 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
                f"  {_sizes(sizes)} to t = {s.coupling.end:g} s; {f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}")
+    for note in s.notes:
+        typer.echo(f"  note: {note}")
 
 
 def _sizes(sizes: Sequence[float]) -> str:
@@ -84,6 +86,8 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     check_target(out, report=report)
     typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {len(plan_of(s).schedule.bounds) - 1} windows "
                f"to t = {s.coupling.end:g} s", err=True)
+    for note in s.notes:
+        typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:
         results = run(s, out, processes=processes, on_window=line)
     typer.echo(summary(results))

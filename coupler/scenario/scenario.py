@@ -14,6 +14,7 @@ from contact.half.interface import Interface, write_interface
 from contact.half.signal import Signal
 from contact.laws import branch_jump, closed_conductance, parse_law
 from coupler.scenario.output import Output
+from coupler.scenario.overlap import overlap_notes
 from coupler.scenario.probes import Probe
 from coupler.scenario.scene import NEAREST
 from coupler.scenario.timing import Coupling
@@ -54,7 +55,8 @@ class Scenario:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know though it is no error: conditions moved to a node, laws that do not join."""
+        """What a user should know though it is no error: conditions moved to a node, bodies that overlap, laws
+        that do not join."""
         found = []
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
@@ -63,7 +65,7 @@ class Scenario:
                     x, y = self.interface.nodes[self.interface.node_sets[name][0]]
                     found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
-        return tuple(found + self._torn_laws())
+        return tuple(found + overlap_notes(self.interface) + self._torn_laws())
 
     def _torn_laws(self) -> list[str]:
         """Pairs whose conductance jumps when they touch (physics wants h(g -> 0+) = h(p -> 0+))."""

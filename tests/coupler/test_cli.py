@@ -30,7 +30,14 @@ def test_check_says_what_would_run(tmp_path):
     assert done.returncode == 0, done.stderr
     for fact in ("1250 nodes", "slave upper.bottom", "elastic", "extrapolated", "14772.7", "lower.top.left"):
         assert fact in done.stdout
+    assert "note" not in done.stdout
     assert not list(tmp_path.iterdir())
+
+
+def test_check_tells_what_is_odd_though_no_error(tmp_path):
+    done = slideline(tmp_path, "check", BLOCKS, "--set", "bodies.upper.mesh.rectangle.origin=[0, 0.03]")
+    assert done.returncode == 0, done.stderr
+    assert "note: pair interface: 25 of the nodes looked at on upper.bottom start inside lower" in done.stdout
 
 
 def test_run_report_and_their_files(tmp_path):

@@ -162,3 +162,10 @@ def test_laws_that_do_not_join_at_touch_are_told(tmp_path):
     assert load_scenario(ROOT / "scenarios/sliding_blocks.yaml").notes == ()
     torn = load_scenario(ROOT / "scenarios/sliding_blocks.yaml", {"contact.interface.conduction.open.k_g": 0.04})
     assert "interface: the conductance jumps from 1600 to 2000 W/m2K" in torn.notes[0]
+
+
+@pytest.mark.parametrize(("origin", "told"), [(0.0762, False), (0.0760, False), (0.0362, True), (0.127, False)])
+def test_bodies_that_start_deep_inside_each_other_are_told(origin, told):
+    notes = load_scenario(ROOT / "scenarios/sliding_blocks.yaml", {
+        "bodies.upper.mesh.rectangle.origin": [0, origin]}).notes
+    assert any("start inside lower" in n for n in notes) == told
