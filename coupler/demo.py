@@ -15,7 +15,7 @@ from coupler.runner import Progress, run
 from coupler.scenario import Scenario, load_scenario
 
 SCENARIO = "sliding_blocks.yaml"
-# Coarse and rigid: the temperatures are those of the full scene to about a kelvin, at a tenth of the cost.
+# Coarse and rigid: the probes stay within 3 K of the full scene's, in about a third of its time.
 OVERRIDES = {"mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [12, 12],
              "bodies.upper.mesh.rectangle.cells": [12, 12]}
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from coupler.account import EnergyAccount
 from coupler.control import Plan, Tried, windows
-from coupler.errors import CouplingError, HalfError, ResultsError
+from coupler.errors import CouplingError, HalfError
 from coupler.half import Half
 from coupler.launch import Launched, launch
 from coupler.ledger import Ledger
@@ -32,6 +32,7 @@ from coupler.recorder import Recorder
 from coupler.results import Results
 from coupler.scenario import Scenario
 from coupler.schedule import schedule
+from coupler.target import check_target
 from coupler.window import CoupledState, wanted_outputs
 
 Array = NDArray[np.float64]
@@ -39,14 +40,6 @@ PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh",
 
 # The time left is told from the pace of this many windows: some windows cost ten times others.
 PACE = 50
-
-# What a missing block of a half costs, said at load.
-COST_OF_MISSING = {
-    "contact.t_N": "pressure-dependent conductance sees no pressure",
-    "contact.gap": "gaps are not recorded",
-    "E_M": "mechanical heat is not delivered",
-}
-
 
 @dataclass(frozen=True)
 class Progress:
@@ -91,8 +84,7 @@ class Run:
         self._framed = -1.0  # s, the time of the last frame
 
     def __enter__(self) -> Run:
-        if not self.out.parent.is_dir():
-            raise ResultsError(f"{self.out}: the folder {self.out.parent} does not exist")
+        check_target(self.out)
         started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(_interrupts(self))
@@ -157,11 +149,7 @@ class Run:
                 if own != value:
                     raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})",
                                     half=half.name)
-            if not half.can_save:
-                self.notes.append(f"{half.name} keeps no states: a window that fails cannot be tried again")
-        for name, cost in COST_OF_MISSING.items():
-            if name not in mechanical.blocks and (name != "E_M" or "E_M" not in thermal.blocks):
-                self.notes.append(f"{mechanical.name} has no {name}: {cost}")
+        self.notes += what_is_missing(thermal, mechanical, bool(interface.pairs))
 
     def _first_state(self, launched: Launched) -> CoupledState:
         thermal, mechanical = launched.thermal, launched.mechanical
@@ -223,6 +211,19 @@ class Run:
         return Progress(self.state.now.t, self.scenario.coupling.end, done, total, tried.solved.verdict.value,
                         tried.solved.message, int(m.get("touching", 0)), m.get("max_T", np.nan), m.get("max_p", 0.0),
                         self.ledger.imbalance, elapsed, left)
+
+
+def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:
+    """What the halves lack and what it costs, a sentence each.  touches : whether the scene has contact pairs."""
+    notes = [f"{half.name} keeps no states: a window that fails cannot be tried again"
+             for half in (thermal, mechanical) if not half.can_save]
+    if touches and "contact.t_N" not in mechanical.blocks:
+        notes.append(f"{mechanical.name} gives no contact.t_N: conductance sees no pressure")
+    if touches and "contact.gap" not in mechanical.blocks:
+        notes.append(f"{mechanical.name} gives no contact.gap: gaps are not recorded")
+    if "E_M" in mechanical.blocks and "E_M" not in thermal.blocks:
+        notes.append(f"{thermal.name} takes no E_M: the heat {mechanical.name} makes is counted but not delivered")
+    return notes
 
 
 def plan_of(scenario: Scenario) -> Plan:

@@ -42,8 +42,9 @@ def schedule(end: float, ranges: Sequence[WindowRange], kinks: Iterable[float]) 
         until = min(r.until, end)
         if until <= start:
             raise ValueError(f"a range of windows ends at {r.until} s, where the one before it ends at {start} s")
+        range_start = start
         for piece_end in [t for t in kink_times if start < t < until] + [until]:
-            first, last = _sizes_at(r, range_start=bounds_start(ranges, r), start=start, end=piece_end)
+            first, last = _sizes_at(r, range_start, start, piece_end)
             base, sizes = start, geometric_sizes(piece_end - start, first, last)
             for i in range(len(sizes) - 1):
                 bounds.append(clock.ticks(base + math.fsum(sizes[: i + 1])))
@@ -53,12 +54,6 @@ def schedule(end: float, ranges: Sequence[WindowRange], kinks: Iterable[float]) 
             break
     unique = tuple(sorted(set(bounds)))
     return Schedule(clock, unique, frozenset(clock.ticks(t) for t in kink_times))
-
-
-def bounds_start(ranges: Sequence[WindowRange], r: WindowRange) -> float:
-    """Where a range begins [s]: the end of the one before it."""
-    i = list(ranges).index(r)
-    return ranges[i - 1].until if i else 0.0
 
 
 def _sizes_at(r: WindowRange, range_start: float, start: float, end: float) -> tuple[float, float]:

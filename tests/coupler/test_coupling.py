@@ -14,6 +14,7 @@ from coupler.control import Plan, windows
 from coupler.errors import CouplingError
 from coupler.ledger import Ledger
 from coupler.level import Level, Scheme
+from coupler.runner import what_is_missing
 from coupler.schedule import WindowRange, schedule
 from coupler.window import CoupledState, Verdict, wanted_outputs
 
@@ -129,3 +130,16 @@ def test_heat_that_nobody_takes_stays_in_the_account():
     state, _, _ = couple(20, Scheme.STAGGERED, thermal=deaf, mechanical=shrinking(840.0, heat=1e4))
     assert state.account.delivered == 0.0
     assert state.account.carry.sum() == pytest.approx(1e4 * END)
+
+
+def test_what_a_half_lacks_is_named_with_its_cost():
+    thermal, mechanical = lumped(840.0), shrinking(840.0)
+    assert what_is_missing(thermal, mechanical, touches=False) == []
+    told = what_is_missing(replace(thermal, can_save=False), mechanical, touches=True)
+    assert [n.split(":")[0] for n in told] == [
+        "lumped keeps no states", "shrinking gives no contact.t_N", "shrinking gives no contact.gap"]
+    deaf = replace(thermal, blocks={n: b for n, b in thermal.blocks.items() if n != "E_M"})
+    assert what_is_missing(deaf, mechanical, touches=False) == [
+        "lumped takes no E_M: the heat shrinking makes is counted but not delivered"]
+    silent = replace(mechanical, blocks={n: b for n, b in mechanical.blocks.items() if n != "E_M"})
+    assert what_is_missing(thermal, silent, touches=False) == []
