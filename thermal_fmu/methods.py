@@ -40,6 +40,15 @@ class Method:
 
 _GAMMA = 1.0 - 1.0 / sqrt(2.0)
 
+
+def theta_method(theta: float) -> Method:
+    """All but storage at T_n + theta (T_{n+1} - T_n), t_n + theta dt; theta : 1/2 (midpoint) to 1 (backward Euler).
+
+    Only at theta = 1 the stiff part of a jump is gone after a step; it is left times (1 - theta)/theta else.
+    """
+    return Method((Stage(theta, 1.0, theta),), (1.0,), damped=None if theta == 1.0 else ("backward_euler", 4))
+
+
 METHODS: dict[str, Method] = {
     # The true midpoint rule, Eq. (22).  It does not damp the stiff part of a jump, so it starts with backward Euler.
     "midpoint": Method((Stage(0.5, 1.0, 0.5),), (1.0,), damped=("backward_euler", 4)),
@@ -50,8 +59,10 @@ METHODS: dict[str, Method] = {
     "steady": Method((Stage(1.0, 1.0, 1.0),), (1.0,), stores=False),
 }
 
+METHOD_NAMES = (*METHODS, "theta")
+
 # control.method: 0 is the method of model.json.
-METHOD_NUMBERS = {1: "midpoint", 2: "sdirk2", 3: "backward_euler"}
+METHOD_NUMBERS = {1: "midpoint", 2: "sdirk2", 3: "backward_euler", 4: "theta", 5: "steady"}
 
 # After a jump this many substeps of a method that needs it are damped.  Four quarter steps of backward Euler in one
 # substep: no rise beside a shock from dt a/h^2 = 1 to 40, second order kept, and half the error of twice two half
