@@ -6,12 +6,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from contact.half.field import field_from
 from contact.half.interface import Interface
 from coupler.scenario.convert import Convert, Json
+from coupler.scenario.convert_material import datum
 from coupler.scenario.document import Document, Key
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.scene import NEAREST, Scene, surface_key
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.schema_field import FieldSum
 from coupler.scenario.schema_halves import Supported
 
 Model = dict[str, Json]
@@ -46,6 +51,31 @@ class Context:
             return name + NEAREST
         raise self.document.error((*key, "at"), f"there is no point {name!r}",
                                   did_you_mean(name, self.interface.node_sets))
+
+    def temperatures(self, spec: Any, key: Key, on: str) -> Json:
+        """A FIELD in K on a surface or node set.  Raises ScenarioError where it is below 0 K at a node of it."""
+        field = self.convert.temperature_field(spec, key)
+        if isinstance(spec, FieldSum) and (T := self._least(field, on)) < 0.0:
+            raise self.document.error(
+                (*key, "terms"), f"the sum reaches {T - self.convert.offset:g} {self.file.units.temperature.value} on "
+                f"{on}, which is below absolute zero", "A sum of temperatures needs a constant term, such as {t: 20}.")
+        return field
+
+    def not_negative(self, spec: Any, key: Key, on: str) -> Json:
+        """A FIELD that must not be negative.  Raises ScenarioError where it is, at a node of a surface."""
+        field = self.convert.field(spec, key, least=0.0)
+        if isinstance(spec, FieldSum) and (value := self._least(field, on)) < 0.0:
+            raise self.document.error((*key, "terms"), f"must not be less than 0, but reaches {value:g} on {on}")
+        return field
+
+    def _least(self, field: Json, on: str) -> float:
+        """The smallest value of a FIELD at the nodes of a place in the reference, at any time."""
+        known = field_from(field)
+        sets = self.interface.surfaces if on in self.interface.surfaces else self.interface.node_sets
+        x = self.interface.nodes[np.unique(sets[on])]
+        # Linear in time between the times of its signals, so the smallest value is at one of them.
+        times = np.unique(np.concatenate([s.t for s in known.signals]))
+        return min(float(known.at(x, t, side).min()) for t in times for side in (-1, 1))
 
     def names_once(self, boundary: Sequence[Supported], place: Key) -> None:
         """Each name once, for it becomes an input of the half.  Raises ScenarioError."""
@@ -93,4 +123,4 @@ class Context:
         material, at = self.file.materials[name], ("materials", name)
         given = {key: getattr(material, key) for key in keys if getattr(material, key) is not None}
         return {key: self.convert.kelvin(value, (*at, key)) if key == "T_ref" else
-                self.convert.property(value, (*at, key)) for key, value in given.items()}
+                datum(self.convert, value, (*at, key)) for key, value in given.items()}

@@ -10,6 +10,7 @@ from coupler.scenario.base import Polynomial, PropertyTable, SignalTable
 from coupler.scenario.document import Document, Key
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.schema import ScenarioFile, TemperatureUnit
+from coupler.scenario.schema_field import FieldSum, Term
 
 ZERO_CELSIUS = 273.15  # K
 
@@ -50,6 +51,25 @@ class Convert:
     def temperature(self, spec: float | str | SignalTable, key: Key) -> Json:
         """A SIGNAL of model.json in K."""
         return self._mapped(spec, key, self.kelvin)
+
+    def field(self, spec: float | str | SignalTable | FieldSum, key: Key, least: float | None = None) -> Json:
+        """A FIELD of model.json.  least : no value may be smaller (a sum is checked where it stands: Context)."""
+        return self._sum(spec, key) if isinstance(spec, FieldSum) else self.signal(spec, key, least)
+
+    def temperature_field(self, spec: float | str | SignalTable | FieldSum, key: Key) -> Json:
+        """A FIELD of model.json in K.  A sum has one term more: what makes kelvin of the file's unit."""
+        if not isinstance(spec, FieldSum):
+            return self.temperature(spec, key)
+        terms = self._sum(spec, key)["terms"]
+        return {"terms": [*terms, {"t": self.offset}] if self.offset else terms}
+
+    def _sum(self, spec: FieldSum, key: Key) -> Json:
+        return {"terms": [self._term(term, (*key, "terms", i)) for i, term in enumerate(spec.terms)]}
+
+    def _term(self, term: Term, key: Key) -> Json:
+        profiles = {name: getattr(term, name).model_dump(mode="json") for name in ("x", "y")
+                    if getattr(term, name) is not None}
+        return {"t": self.signal(term.t, (*key, "t")), **profiles}
 
     def property(self, spec: float | PropertyTable | Polynomial, key: Key) -> Json:
         """A PROPERTY of model.json, its temperatures in K."""

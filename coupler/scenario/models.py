@@ -6,10 +6,11 @@ import numpy as np
 
 from contact.half.property import property_from
 from coupler.scenario.context import FORMAT, Context, Model
+from coupler.scenario.convert_material import properties_of
 from coupler.scenario.kinds import OWN, check_kind
 from coupler.scenario.mechanical_model import elastic_model, rigid_model
 from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.schema_scene import Material
+from coupler.scenario.schema_material import Material
 from coupler.scenario.thermal_model import thermal_model
 
 WRITERS = {"thermal": thermal_model, "elastic": elastic_model, "rigid": rigid_model}
@@ -42,12 +43,21 @@ def _foreign(c: Context, role: str, kind: str) -> Model:
 
 
 def _positive_at_start(c: Context) -> None:
-    """A polynomial may turn negative somewhere; where the run begins it must not."""
+    """A polynomial may turn negative somewhere; where the run begins it must not, in the phase it begins in."""
     for name, body in c.file.bodies.items():
-        T0 = np.array([c.convert.kelvin(body.T0, ("bodies", name, "T0"))])
-        for key, spec in c.material(body.material, ("k", "c", "E")).items():
-            if (value := float(property_from(spec)(T0)[0])) <= 0:
+        T0 = c.convert.kelvin(body.T0, ("bodies", name, "T0"))
+        data = c.material(body.material, ("k", "c", "E", "latent"))
+        absent = _absent_phase(data.pop("latent", None), T0)
+        for key, spec in (found for datum in data for found in properties_of(data[datum], (datum,))):
+            if key[-1] != absent and (value := float(property_from(spec)(np.array([T0]))[0])) <= 0:
                 raise c.document.error(
-                    ("materials", body.material, key),
+                    ("materials", body.material, *key),
                     f"is {value:g} at the T0 of body {name!r}, but must be greater than zero",
                 )
+
+
+def _absent_phase(latent: Model | None, T: float) -> str:
+    """The phase of which nothing is there at T [K]; empty where both may be."""
+    if latent is None:
+        return ""
+    return "solid" if T > latent["T_l"] else "liquid" if T < latent["T_s"] else ""  # noqa: SIM300 (T is no constant)

@@ -1,45 +1,13 @@
-"""The part of the schema that says what each half solves and what drives it."""
+"""The part of the schema that says what the mechanical half solves, and where conditions of either half stand."""
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Any
 
 from pydantic import Field, model_validator
 
 from coupler.scenario.base import Part, SignalSpec, exactly_one
-from coupler.scenario.quantity import Name, NotNegative, Positive, Text, problem
-
-
-class Method(StrEnum):
-    """How the thermal half steps in time."""
-
-    MIDPOINT = "midpoint"
-    SDIRK2 = "sdirk2"
-    BACKWARD_EULER = "backward_euler"
-    STEADY = "steady"
-
-
-class FilmGap(Part):
-    """kappa rises from 0 at a gap of d_cut to 1 at d_full [m]. Eq. (7)."""
-
-    d_cut: NotNegative
-    d_full: Positive
-
-    @model_validator(mode="after")
-    def _in_order(self) -> FilmGap:
-        if self.d_full <= self.d_cut:
-            raise problem("d_full must be greater than d_cut", at=("d_full",))
-        return self
-
-
-class Convection(Part):
-    """h [W/m2K^(1+exponent)], T of the surroundings, exponent alpha; gap: fades near others. Eqs. (5-7)."""
-
-    h: SignalSpec
-    T: SignalSpec
-    exponent: NotNegative = 0.0
-    gap: FilmGap | None = None
+from coupler.scenario.quantity import Name, Positive, Text, problem
 
 
 class Supported(Part):
@@ -58,21 +26,6 @@ class Supported(Part):
         """A flux through a point is not a number."""
         if self.on is None:
             raise problem(f"{kind} acts on a surface, not at points", "Use `on: body.surface`.", at=("at",))
-
-
-class ThermalBoundary(Supported):
-    """One of temperature (scenario's unit), flux [W/m2 into the body], convection."""
-
-    temperature: SignalSpec | None = None
-    flux: SignalSpec | None = None
-    convection: Convection | None = None
-
-    @model_validator(mode="after")
-    def _one_condition(self) -> ThermalBoundary:
-        exactly_one(self, ("on", "at"))
-        if (kind := exactly_one(self, ("temperature", "flux", "convection"))) != "temperature":
-            self.only_on(kind)
-        return self
 
 
 class ElasticBoundary(Supported):
@@ -115,16 +68,6 @@ class Rigid(Part):
 
     motion: dict[Name, Motion] = Field(default_factory=dict)
     pressure: dict[Name, SignalSpec] = Field(default_factory=dict)
-
-
-class Thermal(Part):
-    """half: kind; options: for a half of another package, passed on unchanged in its model.json."""
-
-    half: Text = "thermal"
-    method: Method = Method.MIDPOINT
-    tolerance: Positive = 1e-10
-    boundary: tuple[ThermalBoundary, ...] = ()
-    options: dict[str, Any] = Field(default_factory=dict)
 
 
 class Mechanical(Part):

@@ -1,4 +1,4 @@
-"""The part of the schema that says what there is: materials, bodies, meshes, contact pairs."""
+"""The part of the schema that says what there is: bodies, meshes, contact pairs."""
 
 from __future__ import annotations
 
@@ -9,39 +9,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, StrictBool, model_validator
 
 from contact.laws import parse_law
-from coupler.scenario.base import Part, PropertySpec, PropertyTable, SignalSpec, exactly_one
-from coupler.scenario.quantity import Name, Number, Positive, Text, Whole, number, problem
+from coupler.scenario.base import Part, PropertySpec, SignalSpec, exactly_one
+from coupler.scenario.quantity import Name, NotNegative, Number, Positive, Text, Whole, number, problem
+from coupler.scenario.schema_field import FieldSpec
+from coupler.scenario.schema_thermal import NearRadiation
 
 MAX_CELLS = 4_000_000
-
-
-class Material(Part):
-    """Each half needs its own share: thermal rho, k, c; elastic E, nu, alpha, T_ref."""
-
-    rho: Positive | None = None
-    k: PropertySpec | None = None
-    c: PropertySpec | None = None
-    E: PropertySpec | None = None
-    nu: Number | None = None
-    alpha: PropertySpec | None = None
-    T_ref: Number | None = None
-
-    @model_validator(mode="after")
-    def _physical(self) -> Material:
-        for key in ("k", "c", "E"):
-            _all_positive(getattr(self, key), key)
-        if self.nu is not None and not -1.0 < self.nu < 0.5:
-            raise problem("Poisson's ratio lies between -1 and 0.5, both excluded",
-                          "For a nearly incompressible material write 0.4999.", at=("nu",))
-        return self
-
-
-def _all_positive(spec: Any, key: str) -> None:
-    values = spec.value if isinstance(spec, PropertyTable) else (spec,) if isinstance(spec, float) else ()
-    for i, value in enumerate(values):
-        if value <= 0:
-            at = (key, "value", i) if isinstance(spec, PropertyTable) else (key,)
-            raise problem("must be greater than zero", at=at)
 
 
 class Rectangle(Part):
@@ -87,12 +60,19 @@ class Mesh(Part):
 
 
 class Body(Part):
-    """T0 in the scenario's unit of temperature; Q_T [W/m3] of current volume."""
+    """T0 in the scenario's unit of temperature; Q_T [W/m3] of current volume, times its factor over temperature."""
 
     mesh: Mesh
     material: Name
     T0: Number
-    Q_T: SignalSpec = 0.0
+    Q_T: FieldSpec = 0.0
+    Q_T_factor: PropertySpec | None = None
+
+    @model_validator(mode="after")
+    def _factor_has_a_source(self) -> Body:
+        if self.Q_T_factor is not None and "Q_T" not in self.model_fields_set:
+            raise problem("a factor without its source: Q_T is missing", at=("Q_T_factor",))
+        return self
 
 
 ABOVE_ZERO = 1e4  # more than any temperature of a file is below 0
@@ -161,10 +141,21 @@ class Conduction(Part):
 
 
 class ContactPair(Part):
-    """slave, master: surfaces "body.surface"; gap_max [m]; penalty [Pa/m] or auto (E/h)."""
+    """slave, master: surfaces "body.surface"; gap_max [m]; penalty [Pa/m] or auto (E/h).
+
+    friction_share : of the friction heat that enters the slave; by effusivity where it is not stated.
+    """
 
     slave: Text
     master: Text
     gap_max: Positive
     penalty: Positive | Literal["auto"] = "auto"
     conduction: Conduction | None = None
+    radiation: NearRadiation | None = None
+    friction_share: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _share_of_a_whole(self) -> ContactPair:
+        if self.friction_share is not None and self.friction_share > 1.0:
+            raise problem("a share lies between 0 and 1", at=("friction_share",))
+        return self

@@ -1,10 +1,23 @@
-"""model.json of the thermal half, SI and kelvin (form: docs/design.md)."""
+"""model.json of the thermal half, SI and kelvin (form: docs/design.md).
+
+What the file leaves out is left out here too: the half then does no work for it.
+"""
 
 from __future__ import annotations
 
+from coupler.scenario.base import Polynomial, PropertyTable
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.document import Key
-from coupler.scenario.schema_halves import Convection, ThermalBoundary
+from coupler.scenario.schema_scene import Conduction
+from coupler.scenario.schema_thermal import (
+    SIGMA_SB,
+    Convection,
+    NearRadiation,
+    Radiation,
+    RadiationGap,
+    Thermal,
+    ThermalBoundary,
+)
 
 
 def thermal_model(c: Context) -> Model:
@@ -16,42 +29,81 @@ def thermal_model(c: Context) -> Model:
     return {
         "half": "thermal",
         "format": FORMAT,
-        "method": thermal.method.value,
-        "tolerance": thermal.tolerance,
-        "materials": c.materials("thermal", ("rho", "k", "c")),
-        "bodies": {
-            n: {
-                "material": b.material,
-                "T0": c.convert.kelvin(b.T0, ("bodies", n, "T0")),
-                "Q_T": c.convert.signal(b.Q_T, ("bodies", n, "Q_T")),
-            }
-            for n, b in c.file.bodies.items()
-        },
+        **_stepping(thermal),
+        "materials": c.materials("thermal", ("rho", "k", "c"), also=("latent",)),
+        "bodies": {n: _body(c, n) for n in c.file.bodies},
         "boundary": [_boundary(c, b, (*place, i)) for i, b in enumerate(thermal.boundary)],
-        "pairs": {n: _conduction(c, n) for n in c.file.contact},
+        "pairs": {n: _pair(c, n) for n in c.file.contact},
     }
+
+
+def _stepping(thermal: Thermal) -> Model:
+    model: Model = {"method": thermal.method.value, "tolerance": thermal.tolerance}
+    for key in ("theta", "increments"):
+        if getattr(thermal, key) is not None:
+            model[key] = getattr(thermal, key)
+    if thermal.adaptive is not None:
+        model["adaptive"] = thermal.adaptive.model_dump(exclude_none=True)
+    return model | ({"sigma_SB": thermal.sigma_SB} if thermal.sigma_SB != SIGMA_SB else {})
+
+
+def _body(c: Context, name: str) -> Model:
+    body, key = c.file.bodies[name], ("bodies", name)
+    return {"material": body.material, "T0": c.convert.kelvin(body.T0, (*key, "T0")),
+            "Q_T": c.convert.field(body.Q_T, (*key, "Q_T")), **_factor(c, "Q_T_factor", body.Q_T_factor, key)}
+
+
+def _factor(c: Context, name: str, spec: float | PropertyTable | Polynomial | None, key: Key) -> Model:
+    return {} if spec is None else {name: c.convert.property(spec, (*key, name))}
 
 
 def _boundary(c: Context, boundary: ThermalBoundary, key: Key) -> Model:
     common = c.common(boundary, key)
+    on = common["on"]
     if boundary.temperature is not None:
-        value = c.convert.temperature(boundary.temperature, (*key, "temperature"))
+        value = c.temperatures(boundary.temperature, (*key, "temperature"), on)
         return {"kind": "temperature", "value": value, **common}
     if boundary.flux is not None:
-        return {"kind": "flux", "value": c.convert.signal(boundary.flux, (*key, "flux")), **common}
+        return {"kind": "flux", "value": c.convert.field(boundary.flux, (*key, "flux")), **common}
+    if boundary.radiation is not None:
+        return {"kind": "radiation", **_radiation(c, boundary.radiation, (*key, "radiation"), on), **common}
     assert boundary.convection is not None
-    return {"kind": "convection", **_convection(c, boundary.convection, (*key, "convection")), **common}
+    return {"kind": "convection", **_convection(c, boundary.convection, (*key, "convection"), on), **common}
 
 
-def _convection(c: Context, film: Convection, key: Key) -> Model:
+def _convection(c: Context, film: Convection, key: Key, on: str) -> Model:
     gap = film.gap
-    return {"h": c.convert.signal(film.h, (*key, "h"), least=0.0),
-            "T": c.convert.temperature(film.T, (*key, "T")), "exponent": film.exponent,
+    return {"h": c.not_negative(film.h, (*key, "h"), on), **_factor(c, "h_factor", film.h_factor, key),
+            "T": c.temperatures(film.T, (*key, "T"), on), "exponent": film.exponent,
             "d_cut": None if gap is None else gap.d_cut, "d_full": None if gap is None else gap.d_full}
 
 
-def _conduction(c: Context, name: str) -> Model:
-    law, key = c.file.contact[name].conduction, ("contact", name, "conduction")
+def _radiation(c: Context, radiation: Radiation, key: Key, on: str) -> Model:
+    return {"emissivity": c.convert.property(radiation.emissivity, (*key, "emissivity")),
+            "T": c.temperatures(radiation.T, (*key, "T"), on), **_blend(radiation.gap)}
+
+
+def _blend(gap: RadiationGap | None) -> Model:
+    return {"d_near": None if gap is None else gap.d_near, "d_far": None if gap is None else gap.d_far}
+
+
+def _pair(c: Context, name: str) -> Model:
+    pair, key = c.file.contact[name], ("contact", name)
+    model = _conduction(c, pair.conduction, (*key, "conduction"))
+    if pair.radiation is not None:
+        model["radiation"] = _near_radiation(c, pair.radiation, (*key, "radiation"))
+    if pair.friction_share is not None:
+        model["friction_share"] = pair.friction_share
+    return model
+
+
+def _near_radiation(c: Context, radiation: NearRadiation, key: Key) -> Model:
+    sides = ("emissivity_slave", "emissivity_master")
+    return {**{side: c.convert.property(getattr(radiation, side), (*key, side)) for side in sides},
+            **_blend(radiation.gap)}
+
+
+def _conduction(c: Context, law: Conduction | None, key: Key) -> Model:
     if law is None:
         return {"closed": None, "open": None, "closed_factor": 1.0, "open_factor": 1.0}
     return {"closed": _law(c, law.closed, (*key, "closed")), "open": _law(c, law.open, (*key, "open")),
