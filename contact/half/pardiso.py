@@ -1,0 +1,205 @@
+"""Factors by PARDISO whose analysis is made once a pattern.
+
+The analysis (ordering, tree, supernodes) looks at the pattern alone: scaling and matching by values are switched off.
+So new factors on a known pattern are the same bits as those of a first call, and what is kept here is invisible.
+Where the values are symmetric half the matrix is factored, in half the time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from contact.half.sparse import SingularMatrixError, residual_share
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+POSITIVE, INDEFINITE, GENERAL = 2, -2, 11  # PARDISO's numbers of matrix types
+ANALYSE, FACTOR, SOLVE, RELEASE_FACTORS, RELEASE_ALL = 11, 22, 33, 0, -1  # and of phases
+MOST_PATTERNS = 4  # known at a time: two halves in one process, each with and without contact
+ROUND_OFF = 1e-14  # of the largest entry: values that differ by less from their mirror image are symmetric
+SINGULAR, NO_MEMORY = (-4, -7), (-2, -9)  # error numbers
+
+
+@cache
+def _library() -> Any:
+    """The entry point of MKL.  Raises ImportError."""
+    try:
+        from pypardiso import PyPardisoSolver
+    except ImportError as exc:
+        raise ImportError("SLIDELINE_SOLVER=pardiso needs pypardiso: pip install 'slideline[fast]'") from exc
+    entry = PyPardisoSolver().libmkl["pardiso"]
+    entry.restype = None
+    return entry
+
+
+def _settings(kind: int) -> Ints:
+    """iparm, numbered from 1 in the manual: none left to a default that looks at values."""
+    iparm = np.zeros(64, dtype=np.int32)
+    iparm[0] = 1  # (1) all of them are given here
+    iparm[1] = 2  # (2) nested dissection
+    iparm[9] = 13 if kind == GENERAL else 8  # (10) pivots below 1e-13 or 1e-8 of the norm are perturbed
+    iparm[20] = 1 if kind == INDEFINITE else 0  # (21) 1 x 1 and 2 x 2 pivots
+    iparm[34] = 1  # (35) rows and columns count from 0
+    return iparm  # (11) scaling and (13) matching stay 0
+
+
+def _address(array: NDArray[Any] | None) -> ctypes.c_void_p | None:
+    return None if array is None else ctypes.c_void_p(array.ctypes.data)
+
+
+def _call(handle: NDArray[np.int64], kind: int, phase: int, iparm: Ints, *arrays: Any) -> int:
+    """arrays : data, indptr, indices, b, x.  Returns PARDISO's error number."""
+    data, indptr, indices, b, x = arrays
+    error, idle = ctypes.c_int32(0), np.zeros(1, dtype=np.int32)
+    columns = 1 if b is None or b.ndim == 1 else b.shape[1]
+    one, n = ctypes.c_int32(1), ctypes.c_int32(0 if indptr is None else indptr.size - 1)
+    by = ctypes.byref
+    _library()(_address(handle), by(one), by(one), by(ctypes.c_int32(kind)), by(ctypes.c_int32(phase)), by(n),
+               _address(data), _address(indptr), _address(indices), _address(idle), by(ctypes.c_int32(columns)),
+               _address(iparm), by(ctypes.c_int32(0)), _address(b), _address(x), by(error))
+    return error.value
+
+
+class _Handle:
+    """PARDISO's memory of one analysis, and of one matrix's factors at most."""
+
+    made: ClassVar[int] = 0  # analyses so far
+
+    def __init__(self, kind: int, indptr: Ints, indices: Ints) -> None:
+        self.kind, self.iparm = kind, _settings(kind)
+        self._arrays = (indptr, indices)
+        self._pt = np.zeros(64, dtype=np.int64)
+        weakref.finalize(self, _call, self._pt, kind, RELEASE_ALL, self.iparm, None, None, None, None,
+                         None).atexit = False
+        _Handle.made += 1
+        self.run(ANALYSE, np.zeros(indices.size))
+
+    def run(self, phase: int, data: Floats | None = None, b: Floats | None = None, x: Floats | None = None) -> None:
+        """Raises SingularMatrixError, MemoryError."""
+        error = _call(self._pt, self.kind, phase, self.iparm, data, *self._arrays, b, x)
+        if error in SINGULAR:
+            raise SingularMatrixError("PARDISO met a pivot of zero")
+        if error in NO_MEMORY:
+            raise MemoryError("PARDISO ran out of memory")
+        if error:
+            raise RuntimeError(f"PARDISO failed in phase {phase} with error {error}")
+
+    @property
+    def perturbed(self) -> int:
+        """How many pivots were too small and were replaced."""
+        return int(self.iparm[13])
+
+
+@dataclass(frozen=True)
+class _Pattern:
+    """Rows and columns of a matrix with sorted rows, and the handles on it that nobody uses."""
+
+    indptr: Ints
+    indices: Ints
+    idle: list[_Handle] = field(default_factory=list)
+
+    def is_of(self, A: csr_matrix) -> bool:
+        """Whether A has this pattern."""
+        return all(a is b or np.array_equal(a, b) for a, b in ((self.indptr, A.indptr), (self.indices, A.indices)))
+
+    @cached_property
+    def mirrored(self) -> Ints | None:
+        """(nnz,) the place of (j, i) for the entry at (i, j); None where the pattern lacks symmetry or a diagonal."""
+        n = self.indptr.size - 1
+        places = np.arange(self.indices.size, dtype=np.int32)
+        turned = csr_matrix((places, self.indices, self.indptr), shape=(n, n)).tocsc()
+        same = np.array_equal(turned.indptr, self.indptr) and np.array_equal(turned.indices, self.indices)
+        rows = np.repeat(np.arange(n), np.diff(self.indptr))
+        return turned.data if same and np.count_nonzero(rows == self.indices) == n else None
+
+    @cached_property
+    def upper(self) -> tuple[Ints, Ints, NDArray[np.intp]]:
+        """indptr and indices of the upper triangle, and the places of its entries."""
+        rows = np.repeat(np.arange(self.indptr.size - 1), np.diff(self.indptr))
+        places = np.flatnonzero(self.indices >= rows)
+        counts = np.bincount(rows[places], minlength=self.indptr.size - 1)
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), self.indices[places], places
+
+    def is_symmetric(self, data: Floats) -> bool:
+        """Whether these entries are their own mirror image, to round-off."""
+        if self.mirrored is None:
+            return False
+        return bool(np.abs(data - data[self.mirrored]).max() <= ROUND_OFF * np.abs(data).max())
+
+    def handle(self, kind: int) -> _Handle:
+        """One that is idle, or a new one."""
+        for i, handle in enumerate(self.idle):
+            if handle.kind == kind:
+                return self.idle.pop(i)
+        return _Handle(kind, *((self.indptr, self.indices) if kind == GENERAL else self.upper[:2]))
+
+
+_known: list[_Pattern] = []  # the last used is the last
+
+
+def _pattern_of(A: csr_matrix) -> _Pattern:
+    pattern = next((p for p in reversed(_known) if p.is_of(A)), None)
+    if pattern is None:
+        if not np.diff(A.indptr).all():
+            raise SingularMatrixError("a row of the matrix is empty")
+        pattern = _Pattern(A.indptr, A.indices)
+    # The list is small: rebuilding it keeps the order of use.
+    _known[:] = [*(p for p in _known if p is not pattern), pattern][-MOST_PATTERNS:]
+    return pattern
+
+
+def _give_back(pattern: _Pattern, handle: _Handle) -> None:
+    """The analysis is kept for the next matrix, the factors are not: they are ten times as large."""
+    if all(other.kind != handle.kind for other in pattern.idle):
+        handle.run(RELEASE_FACTORS)
+        pattern.idle.append(handle)
+
+
+class Factored:
+    """A matrix factored by PARDISO; called with b : (n,) or (n, m) it returns the x of A x = b."""
+
+    def __init__(self, A: csr_matrix, symmetric: bool | None) -> None:
+        """Raises SingularMatrixError, MemoryError, ImportError."""
+        if not A.has_sorted_indices:
+            A = A.sorted_indices()
+        pattern = _pattern_of(A)
+        if symmetric is None:
+            symmetric = pattern.is_symmetric(A.data)
+        self._data = A.data[pattern.upper[2]] if symmetric else np.ascontiguousarray(A.data)
+        self._handle = self._factors(pattern, (POSITIVE, INDEFINITE) if symmetric else (GENERAL,))
+        weakref.finalize(self, _give_back, pattern, self._handle).atexit = False
+        if self._handle.perturbed:
+            self._probe(A)
+
+    def _factors(self, pattern: _Pattern, kinds: tuple[int, ...]) -> _Handle:
+        handle = pattern.handle(kinds[0])
+        try:
+            handle.run(FACTOR, self._data)
+        except SingularMatrixError:
+            _give_back(pattern, handle)
+            if len(kinds) == 1:
+                raise
+            return self._factors(pattern, kinds[1:])
+        return handle
+
+    def _probe(self, A: csr_matrix) -> None:
+        # A perturbed pivot is a singular matrix or none: a right-hand side like any other tells.
+        b = np.cos(np.arange(A.shape[0]))
+        share = residual_share(A, self(b), b)
+        if not share <= np.sqrt(np.finfo(float).eps):
+            raise SingularMatrixError(f"{self._handle.perturbed} pivots were zero to working precision")
+
+    def __call__(self, b: Floats) -> Floats:
+        given = np.asfortranarray(b, dtype=np.float64)
+        x = np.zeros_like(given)
+        self._handle.run(SOLVE, self._data, given, x)
+        return np.ascontiguousarray(x)
