@@ -1,9 +1,8 @@
-"""All that flows into the nodes except by conduction inside: flux, film, sources, contact."""
+"""All that flows into the nodes except by conduction inside: flux, film, radiation, sources, contact, friction."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,59 +11,120 @@ from thermal_fmu.exchange import exchange_flow
 from thermal_fmu.film import film_flow
 from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
-from thermal_fmu.spec import Film
+from thermal_fmu.radiation import far_flow, near_flow
+from thermal_fmu.source import warm_flow
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact.master", "gap.slave",
-         "gap.master")
+TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact.master", "gap.slave", "gap.master",
+         "radiation", "near_radiation.slave", "near_radiation.master", "friction.slave", "friction.master", "entropy")
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """f : (n,) heat flow into the nodes [W].  terms : by mechanism [W], in the order of TERMS.
+    """f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies.
 
-    magnitude : sum of the sizes of all nodal contributions [W].  The derivative of -f [W/K] is in places, as (places
-    in the matrix data, values), and, where it joins two bodies, in across, as (nodes (n, 4), values (n, 4, 4)).
+    terms : by mechanism [W], in the order of TERMS.  magnitude : sum of the sizes of all nodal contributions [W].
+    The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
+    across, as (nodes (n, 4), values (n, 4, 4)).
     """
 
     f: Floats
+    inside: Floats
     terms: Floats
     magnitude: float
     places: tuple[tuple[NDArray[np.int64], Floats], ...]
     across: tuple[tuple[Ints, Floats], ...]
 
 
-def boundary_flow(films: Sequence[Film], held: Held, loads: Loads, power_M: Floats, T: Floats) -> Boundary:
+@dataclass
+class _Sum:
+    """What has been added up so far."""
+
+    f: Floats
+    magnitude: float
+    terms: dict[str, float]
+    places: list[tuple[NDArray[np.int64], Floats]] = field(default_factory=list)
+    across: list[tuple[Ints, Floats]] = field(default_factory=list)
+
+    def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
+        """flow : (n, 2) [W] leaves nodes : (n, 2)."""
+        self.f -= _nodal(nodes, flow, self.f.size)
+        self.terms[term] -= flow.sum()
+        self.magnitude += float(np.abs(flow).sum())
+
+    def cross(self, term: str, nodes: Ints, flow: Floats, slope: Floats) -> None:
+        """flow : (n, 4) [W] leaves nodes : (n, 4), slope : (n, 4, 4) [W/K].
+
+        Either side from its own shape functions: that they agree is what the ledger shows.
+        """
+        self.f -= _nodal(nodes, flow, self.f.size)
+        self.terms[f"{term}.slave"] -= flow[:, :2].sum()
+        self.terms[f"{term}.master"] -= flow[:, 2:].sum()
+        self.magnitude += float(np.abs(flow).sum())
+        self.across.append((nodes, slope))
+
+
+def boundary_flow(held: Held, loads: Loads, power_M: Floats, T: Floats) -> Boundary:
     """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the substep."""
-    flux = np.zeros(T.size)
-    for q, area in zip(loads.fluxes, held.flux_areas, strict=True):
-        flux += q * area
-    source = np.array(loads.Q_T) @ held.sources
+    flux = _flux(held, loads, T.size)
+    source, warm = _source(held, loads, T)
     f = flux + source + power_M
     terms = dict.fromkeys(TERMS, 0.0)
     terms |= {"flux": flux.sum(), "source": source.sum(), "mechanical": power_M.sum()}
-    magnitude = float(np.abs(flux).sum() + np.abs(source).sum() + np.abs(power_M).sum())
-    places, across = [], []
-    for film, points, (h, Te) in zip(films, held.films, loads.films, strict=True):
-        flow, slope = film_flow(film, points, h, Te, T)
-        f -= _nodal(points.nodes, flow, T.size)
-        terms["convection"] -= flow.sum()
-        magnitude += float(np.abs(flow).sum())
-        places.append((points.slots, slope))
+    total = _Sum(f, float(np.abs(flux).sum() + np.abs(source).sum() + np.abs(power_M).sum()), terms, warm)
+    _add_surroundings(total, held, loads, T)
+    _add_pairs(total, held, loads, T)
+    if held.friction is not None:
+        for side, power in (("slave", held.friction.slave), ("master", held.friction.master)):
+            total.f += power
+            terms[f"friction.{side}"] += power.sum()
+            total.magnitude += float(np.abs(power).sum())
+    return Boundary(total.f, source + power_M, np.array([terms[name] for name in TERMS]), total.magnitude,
+                    tuple(total.places), tuple(total.across))
+
+
+def _flux(held: Held, loads: Loads, n: int) -> Floats:
+    flux = np.zeros(n)
+    for q, area in zip(loads.fluxes, held.flux_areas, strict=True):
+        flux += q @ area if isinstance(q, np.ndarray) else q * area
+    return flux
+
+
+def _source(held: Held, loads: Loads, T: Floats) -> tuple[Floats, list[tuple[NDArray[np.int64], Floats]]]:
+    """(n,) heat made in bodies [W], and the derivative of its opposite."""
+    source = np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ held.plain
+    places = []
+    for field_source in held.sources:
+        source += loads.Q_T[field_source.body] @ field_source.shapes
+    for warm in held.warm:
+        made, slope = warm_flow(warm, loads.Q_T[warm.body], T)
+        source += made
+        places.append((warm.block.slots, slope))
+    return source, places
+
+
+def _add_surroundings(total: _Sum, held: Held, loads: Loads, T: Floats) -> None:
+    for film, level in zip(held.films, loads.films, strict=True):
+        flow, slope = film_flow(film, level, T)
+        total.leave("convection", film.points.nodes, flow)
+        total.places.append((film.points.slots, slope))
+    for radiator, (factor, T_inf) in zip(held.radiators, loads.radiators, strict=True):
+        flow, slope = far_flow(radiator, held.sigma_SB, (factor, T_inf), T)
+        total.leave("radiation", radiator.points.nodes, flow)
+        total.places.append((radiator.points.slots, slope))
+
+
+def _add_pairs(total: _Sum, held: Held, loads: Loads, T: Floats) -> None:
     for group in held.groups:
         factor = loads.pairs[group.pair][0 if group.closed else 1]
-        if factor == 0.0:
-            continue
-        flow, slope = exchange_flow(group, factor, T)
-        f -= _nodal(group.nodes, flow, T.size)
-        # Either side from its own shape functions: that they agree is what the ledger shows.
-        terms[f"{group.mechanism}.slave"] -= flow[:, :2].sum()
-        terms[f"{group.mechanism}.master"] -= flow[:, 2:].sum()
-        magnitude += float(np.abs(flow).sum())
-        across.append((group.nodes, slope))
-    return Boundary(f, np.array([terms[name] for name in TERMS]), magnitude, tuple(places), tuple(across))
+        if factor != 0.0:
+            flow, slope = exchange_flow(group, factor, T)
+            total.cross(group.mechanism, group.nodes, flow, slope)
+    for near in held.near:
+        flow, slope = near_flow(near, held.sigma_SB, T)
+        total.cross("near_radiation", near.nodes, flow, slope)
 
 
 def _nodal(nodes: Ints, flow: Floats, n: int) -> Floats:

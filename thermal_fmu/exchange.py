@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contact.laws import Law, closed_conductance, open_conductance
 from thermal_fmu.facing import Points
-from thermal_fmu.spec import PairLaws
+from thermal_fmu.spec_boundary import PairLaws
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

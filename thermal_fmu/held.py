@@ -9,14 +9,21 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.field import Level, resolve
 from contact.half.interface import Interface
 from contact.half.surfaces import ContactSurfaces
 from thermal_fmu.edges import edge_slots, gauss_points
 from thermal_fmu.exchange import Group, groups_of
+from thermal_fmu.exposed import Ground
 from thermal_fmu.facing import Points
-from thermal_fmu.film import FilmPoints, film_points
+from thermal_fmu.film import HeldFilm, hold_film
+from thermal_fmu.friction import Friction
+from thermal_fmu.phase import Melting, melting_of
+from thermal_fmu.radiation import HeldRadiator, NearGroup, hold_radiator, near_groups
+from thermal_fmu.source import HeldSource, WarmSource, hold_sources, plain_sources
 from thermal_fmu.spec import Model
-from thermal_fmu.volume import Shape, Volume, shapes_of, spread, volume_of
+from thermal_fmu.spec_boundary import Flux
+from thermal_fmu.volume import Reference, Shape, Volume, references_of, shapes_of, spread, turned, volume_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -43,7 +50,12 @@ class Scene:
     @cached_property
     def film_slots(self) -> tuple[NDArray[np.int64], ...]:
         """Places in the matrix data of the edges of every film."""
-        return tuple(edge_slots(self.volume.pattern, film.edges) for film in self.model.films)
+        return tuple(edge_slots(self.volume.pattern, film.where.edges) for film in self.model.films)
+
+    @cached_property
+    def radiator_slots(self) -> tuple[NDArray[np.int64], ...]:
+        """Places in the matrix data of the edges of every radiating surface."""
+        return tuple(edge_slots(self.volume.pattern, r.where.edges) for r in self.model.radiators)
 
     @cached_property
     def fixed(self) -> NDArray[np.bool_]:
@@ -60,55 +72,72 @@ class Scene:
         touched = self.fixed[row] | self.fixed[pattern.indices]
         return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
 
-    def masses(self, X: Floats) -> tuple[Floats, ...]:
-        """rho0 dV0 [kg] of every block at its quadrature points, from reference coordinates X : (n, 2) [m]."""
-        return tuple(self.model.bodies[block.body].material.rho * shape.dV
-                     for block, shape in zip(self.volume.blocks, shapes_of(self.volume, X), strict=True))
+    @cached_property
+    def melting(self) -> tuple[Melting, ...]:
+        """The bodies that melt."""
+        return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
+
+    def masses(self, X: Floats) -> tuple[Reference, ...]:
+        """Every block on reference coordinates X : (n, 2) [m]: its mass at quadrature points."""
+        return references_of(self.volume, self.model.bodies, X)
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Nodes whose temperature is prescribed.  shapes : (n_terms, n) of its field at them, None where uniform."""
+
+    nodes: Ints
+    shapes: Floats | None
 
 
 @dataclass(frozen=True)
 class Held:
     """Held through a substep.
 
-    sources : (n_bodies, n) volume of each body spread over its nodes [m3].  E_M : (n,) [J] of the substep.
-    flux_areas : one (n,) [m2] a prescribed flux.  films, groups : where films act and where bodies exchange heat.
-    touching : number of facing points under pressure.
+    sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of facing points under pressure.
+    plain : (n_bodies, n) volume of each body spread over its nodes [m3].  sources, warm : where heat is made by a
+    field, or by the temperature.  flux_areas : one (n,) or, by terms, (n_terms, n) [m2] a prescribed flux.
+    films, radiators : surfaces open to the surroundings.  groups, near : where bodies exchange heat.
+    friction : [W] at nodes, None where none is made.
     """
 
+    sigma_SB: float
     shapes: tuple[Shape, ...]
-    masses: tuple[Floats, ...]
-    sources: Floats
+    masses: tuple[Reference, ...]
     E_M: Floats
+    plain: Floats
+    sources: tuple[HeldSource, ...]
+    warm: tuple[WarmSource, ...]
+    fixed: tuple[Fixed, ...]
     flux_areas: tuple[Floats, ...]
-    films: tuple[FilmPoints, ...]
+    films: tuple[HeldFilm, ...]
+    radiators: tuple[HeldRadiator, ...]
     groups: tuple[Group, ...]
+    near: tuple[NearGroup, ...]
     touching: int
+    friction: Friction | None = None
 
 
-def hold(scene: Scene, masses: tuple[Floats, ...], x: Floats, E_M: Floats, points: Points | None) -> Held:
+def hold(scene: Scene, masses: tuple[Reference, ...], x: Floats, E_M: Floats, points: Points | None) -> Held:
     """Everything that follows from coordinates x : (n, 2) [m], energies E_M : (n_cells,) [J] and facing points.
 
     Raises InvertedCellError.
     """
     volume, model = scene.volume, scene.model
-    shapes = shapes_of(volume, x)
+    shapes = turned(volume, masses, shapes_of(volume, x), x)
+    ground = Ground(x, volume.axisymmetric, scene.surfaces, points)
     return Held(
-        shapes, masses, _sources(scene, shapes), _mechanical(volume, shapes, E_M),
-        tuple(_areas(b.edges, x, volume) for b in model.fluxes),
-        tuple(film_points(film, slots, x, volume.axisymmetric, scene.surfaces, points)
-              for film, slots in zip(model.films, scene.film_slots, strict=True)),
+        model.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
+        plain_sources(volume, shapes, model.bodies), *hold_sources(volume, shapes, model.bodies, x),
+        tuple(Fixed(b.nodes, b.value.shapes(x[b.nodes])) for b in model.prescribed),
+        tuple(_areas(b, x, volume) for b in model.fluxes),
+        tuple(hold_film(film, slots, ground) for film, slots in zip(model.films, scene.film_slots, strict=True)),
+        tuple(hold_radiator(radiator, slots, ground)
+              for radiator, slots in zip(model.radiators, scene.radiator_slots, strict=True)),
         () if points is None else groups_of(points, model.pairs),
+        () if points is None else near_groups(points, model.pairs),
         0 if points is None else int((points.p > 0).sum()),
     )
-
-
-def _sources(scene: Scene, shapes: Sequence[Shape]) -> Floats:
-    out = np.zeros((len(scene.model.bodies), scene.volume.n))
-    for b, body in enumerate(scene.model.bodies):
-        if body.Q_T.value.any():
-            weights = [np.full(1, float(block.body == b)) for block in scene.volume.blocks]
-            out[b] = spread(scene.volume, shapes, weights)
-    return out
 
 
 def _mechanical(volume: Volume, shapes: Sequence[Shape], E_M: Floats) -> Floats:
@@ -119,18 +148,25 @@ def _mechanical(volume: Volume, shapes: Sequence[Shape], E_M: Floats) -> Floats:
     return spread(volume, shapes, per_volume)
 
 
-def _areas(edges: Ints, x: Floats, volume: Volume) -> Floats:
-    points = gauss_points(edges, x, volume.axisymmetric)
+def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
+    points = gauss_points(flux.edges, x, volume.axisymmetric)
+    nodes = flux.edges[points.edge]
     share = points.area[:, None] * points.N
-    area = np.bincount(edges[points.edge].ravel(), weights=share.ravel(), minlength=volume.n)
-    return area.astype(np.float64, copy=False)
+    shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
+    if shapes is None:
+        return _at_nodes(nodes, share, volume.n)
+    return np.array([_at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
 
 
-def prescribed_values(model: Model, values: Sequence[float], T: Floats) -> Floats:
+def _at_nodes(nodes: Ints, share: Floats, n: int) -> Floats:
+    return np.bincount(nodes.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)
+
+
+def prescribed_values(held: Held, levels: Sequence[Level], T: Floats) -> Floats:
     """T : (n,) [K] with the prescribed temperatures put in; where two meet at a node the later one holds."""
     out = T.copy()
-    for boundary, value in zip(model.prescribed, values, strict=True):
-        out[boundary.nodes] = value
+    for fixed, level in zip(held.fixed, levels, strict=True):
+        out[fixed.nodes] = resolve(level, fixed.shapes)
     return out
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.field import Field, Level
 from contact.half.signal import Signal
 from thermal_fmu.spec import Model
 
@@ -20,30 +21,36 @@ LoadFactors = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Loads:
-    """Values at one time, each in the order of the model.
+    """Levels at one time, each in the order of the model: numbers, but for fields that depend on place.
 
-    Q_T [W/m3] of bodies.  fluxes [W/m2].  films : (h [W/m2K], Te [K]).  prescribed : temperatures [K].
-    pairs : (closed, open) factors.
+    Q_T [W/m3] of bodies.  fluxes [W/m2].  films : (h [W/m2K], Te [K]).  radiators : (factor, T_inf [K]).
+    prescribed : temperatures [K].  pairs : (closed, open) factors.
     """
 
-    Q_T: tuple[float, ...]
-    fluxes: tuple[float, ...]
-    films: tuple[tuple[float, float], ...]
-    prescribed: tuple[float, ...]
+    Q_T: tuple[Level, ...]
+    fluxes: tuple[Level, ...]
+    films: tuple[tuple[Level, Level], ...]
+    radiators: tuple[tuple[float, Level], ...]
+    prescribed: tuple[Level, ...]
     pairs: tuple[tuple[float, float], ...]
 
 
 def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
     """Boundary data at t [s], at a jump before it (side = -1) or after it; factors : of the named ones."""
-    def now(signal: Signal, name: str = "") -> float:
-        return signal.at(t, side) * (factors[name] if name else 1.0)
+    def now(field: Field, name: str = "") -> Level:
+        return field.level(t, side) * factor(name)
+
+    def factor(name: str) -> float:
+        return factors[name] if name else 1.0
 
     return Loads(
         tuple(now(b.Q_T) for b in model.bodies),
         tuple(now(b.value, b.name) for b in model.fluxes),
         tuple((now(b.h, b.name), now(b.Te)) for b in model.films),
+        tuple((factor(b.name), now(b.T_inf)) for b in model.radiators),
         tuple(now(b.value, b.name) for b in model.prescribed),
-        tuple((0.0, 0.0) if p is None else (now(p.closed_factor), now(p.open_factor)) for p in model.pairs),
+        tuple((0.0, 0.0) if p is None else (p.closed_factor.at(t, side), p.open_factor.at(t, side))
+              for p in model.pairs),
     )
 
 

@@ -1,0 +1,72 @@
+"""Friction heat: what sliding made at surface nodes, shared out between the two sides (2.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermal_fmu.facing import Points
+from thermal_fmu.phase import Fields
+from thermal_fmu.spec import Body
+from thermal_fmu.spec_boundary import PairLaws
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """slave, master : (n,) [W] into the nodes of either side, spread evenly over the substep."""
+
+    slave: Floats
+    master: Floats
+
+
+def friction_power(points: Points, share: Floats, E: Floats, is_slave: NDArray[np.bool_], h: float) -> Friction:
+    """Power from energies E : (n,) [J] at nodes, over a substep h [s].
+
+    share : (n_p,) of each facing point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
+    A node's energy goes to its facing points by N_s A, from there by N_s to the slave's nodes and by N_m to the
+    master's.  A node that faces nothing keeps what it carries.
+    """
+    slaves, masters = points.nodes[:, :2], points.nodes[:, 2:]
+    weight = points.N_s * points.area[:, None]
+    whole = _at_nodes(slaves, weight, E.size)
+    faces = whole > 0.0
+    per_area = np.divide(E, whole, out=np.zeros(E.size), where=faces)
+    Q = (per_area[slaves] * weight).sum(axis=1)
+    kept = np.where(faces, 0.0, E)
+    slave = _at_nodes(slaves, (share * Q)[:, None] * points.N_s, E.size) + np.where(is_slave, kept, 0.0)
+    master = _at_nodes(masters, ((1.0 - share) * Q)[:, None] * points.N_m, E.size) + np.where(is_slave, 0.0, kept)
+    return Friction(slave / h, master / h)
+
+
+def slave_share(points: Points, pairs: Sequence[PairLaws | None], bodies: Sequence[Body],
+                node_body: NDArray[np.int32], at: Fields) -> Floats:
+    """(n_p,) share of the slave: the pair's friction_share, else e_s/(e_s + e_m) with effusivities sqrt(k rho c).
+
+    Half-spaces that slide take heat by their effusivities while their surfaces stay equally warm.  at : the start of
+    the substep.
+    """
+    out = np.empty(points.pair.size)
+    for pair, laws in enumerate(pairs):
+        of = np.flatnonzero(points.pair == pair)
+        if laws is not None and laws.friction_share is not None:
+            out[of] = laws.friction_share
+        elif of.size:
+            e_s, e_m = (_effusivity(points.nodes[of, side], N[of], bodies[node_body[points.nodes[of[0], side][0]]], at)
+                        for side, N in ((slice(0, 2), points.N_s), (slice(2, 4), points.N_m)))
+            out[of] = e_s / (e_s + e_m)
+    return out
+
+
+def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: Fields) -> Floats:
+    T, f_s = ((N * v[nodes]).sum(axis=1) if v is not None else None for v in (at.T, at.f_s))
+    assert T is not None
+    return body.material.effusivity(T, f_s)
+
+
+def _at_nodes(nodes: NDArray[np.int32], share: Floats, n: int) -> Floats:
+    return np.bincount(nodes.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)
