@@ -1,7 +1,8 @@
-"""The energy account: heat the mechanical half made, what of it was delivered, what is carried to the next window."""
+"""The energy accounts: heat the mechanical half made, what of it was delivered, what is carried to the next window."""
 
 from __future__ import annotations
 
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,10 +10,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Block that crosses -> plain name.  Each has an account of its own.
+HEATS = {"E_M": "mechanical heat", "E_S": "entropy part", "contact.E_friction": "friction heat"}
+AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first substep; the others are spread in time
+
 
 @dataclass(frozen=True)
 class EnergyAccount:
-    """Energies [J].  carry : (n_cells,) made but not yet delivered.  made, delivered : totals over the run.
+    """Energies [J].  carry : (n_cells,) or (n_s,) made but not yet delivered.  made, delivered : totals over the run.
 
     Energies cross the border, not rates: a rate of one window used over a window of another length loses heat.
     """
@@ -25,8 +30,24 @@ class EnergyAccount:
         """The account after the carry was handed to the thermal half."""
         return replace(self, carry=np.zeros_like(self.carry), delivered=self.delivered + float(self.carry.sum()))
 
-    def make(self, E_M: Array | float) -> EnergyAccount:
-        """The account after the mechanical half made E_M : (n_cells,) [J], or 0 where it makes none."""
-        if isinstance(E_M, float):
+    def make(self, energy: Array | float) -> EnergyAccount:
+        """The account after the mechanical half made an energy of the carry's shape [J], or 0 where it makes none."""
+        if isinstance(energy, float):
             return self
-        return replace(self, carry=self.carry + E_M, made=self.made + float(E_M.sum()))
+        return replace(self, carry=self.carry + energy, made=self.made + float(energy.sum()))
+
+
+Accounts = Mapping[str, EnergyAccount]
+
+
+def share_of(accounts: Accounts, share: float, first: bool) -> dict[str, Array]:
+    """What a thermal substep is given of each carry: its share of the window, or all of it in the first substep."""
+    return {n: a.carry * (float(first) if n in AT_ONCE else share) for n, a in accounts.items()}
+
+
+def after_window(accounts: Accounts, taken: Container[str], made: Mapping[str, Array]) -> dict[str, EnergyAccount]:
+    """The accounts after a window: what the thermal half takes was delivered, what was made is carried.
+
+    taken : blocks the thermal half has.  A block it lacks is carried on.
+    """
+    return {n: (a.deliver() if n in taken else a).make(made.get(n, 0.0)) for n, a in accounts.items()}

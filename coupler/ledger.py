@@ -55,12 +55,18 @@ MECHANISMS = {
     "heat.temperature": "prescribed temperature",
     "heat.flux": "prescribed flux",
     "heat.convection": "convection",
+    "heat.radiation": "far radiation",
     "heat.source": "thermal source",
     "heat.mechanical": "mechanical heat",
+    "heat.entropy": "thermoelastic heat (entropy part)",
     "heat.contact.slave": "solid contact, into the slave",
     "heat.contact.master": "solid contact, into the master",
     "heat.gap.slave": "gas gap, into the slave",
     "heat.gap.master": "gas gap, into the master",
+    "heat.near_radiation.slave": "near radiation, into the slave",
+    "heat.near_radiation.master": "near radiation, into the master",
+    "heat.friction.slave": "friction, into the slave",
+    "heat.friction.master": "friction, into the master",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -24,6 +25,7 @@ class Level:
 
     t [s].  T : (n_nodes,) [K].  x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], <= 0.
     gap : (n_s,) [m], covered : (n_s,) in [0, 1]; for records.
+    f_s : (n_nodes,) solid fraction, where the thermal half has it and the mechanical one takes it.
     """
 
     t: float
@@ -32,6 +34,7 @@ class Level:
     t_N: Array
     gap: Array
     covered: Array
+    f_s: Array | None = None
 
 
 def geometry_at(scheme: Scheme, now: Level, before: Level | None, t: float) -> tuple[Array, Array]:
@@ -46,6 +49,17 @@ def geometry_at(scheme: Scheme, now: Level, before: Level | None, t: float) -> t
     return now.x + w * (now.x - before.x), np.minimum(now.t_N + w * (now.t_N - before.t_N), 0.0)
 
 
-def temperature_at(T_start: Array, T_end: Array, fraction: float) -> Array:
-    """T within a window, interpolated linearly between its start and its end."""
-    return T_end if fraction == 1.0 else (1.0 - fraction) * T_start + fraction * T_end
+def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str, Array]:
+    """T, and f_s where the thermal half gives it to the other, interpolated linearly within a window.
+
+    end : the thermal half's outputs at the end of the window.
+    """
+    found = {"T": _linear(start.T, end["T"], fraction)}
+    if "f_s" in end:
+        assert start.f_s is not None, "a half that gives f_s gave it at the start"
+        found["f_s"] = _linear(start.f_s, end["f_s"], fraction)
+    return found
+
+
+def _linear(start: Array, end: Array, fraction: float) -> Array:
+    return end if fraction == 1.0 else (1.0 - fraction) * start + fraction * end

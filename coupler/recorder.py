@@ -58,14 +58,14 @@ class Recorder:
         self._journal.write("window", meta, {"probes": probes} if accepted else None)
         self._seconds = time.perf_counter() - started
 
-    def frame(self, level: Level, cells: Mapping[str, Array]) -> None:
-        """The fields of both halves at one time.  cells : cell fields of the mechanical half, say sigma_v."""
+    def frame(self, level: Level, more: Mapping[str, Array]) -> None:
+        """The fields of both halves at one time.  more : what else the halves show: sigma_v, f_s, q."""
         started = time.perf_counter()
         n, s = len(level.T), self._interface.contact_nodes
         p, gap = np.zeros(n), np.full(n, np.nan)
         p[s], gap[s] = -level.t_N, level.gap
         self._journal.write("frame", {"t_now": level.t}, {
-            "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **cells})
+            "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **more})
         self._seconds += time.perf_counter() - started
 
     def end(self, outcome: str, message: str, totals: Mapping[str, Any]) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.account import EnergyAccount
+from coupler.account import HEATS, EnergyAccount
 from coupler.control import Plan, Tried, windows
 from coupler.errors import CouplingError, HalfError
 from coupler.half import Half
@@ -154,15 +154,17 @@ class Run:
     def _first_state(self, launched: Launched) -> CoupledState:
         thermal, mechanical = launched.thermal, launched.mechanical
         interface, end = self.scenario.interface, self.scenario.coupling.end
-        n_s, n_cells = len(interface.contact_nodes), len(interface.quads) + len(interface.triangles)
+        n_s = len(interface.contact_nodes)
         link = {"contact.link": launched.link}
-        T = thermal.initialise(0.0, end, link, {"x": interface.nodes}, ("T",))["T"]
-        given = {"T": T} if "T" in mechanical.blocks else {}
+        first = thermal.initialise(0.0, end, link, {"x": interface.nodes}, [
+            "T", *(n for n in ("f_s",) if n in self.halves.thermal_outputs)])
+        given = {n: v for n, v in first.items() if n in mechanical.blocks}
         out = mechanical.initialise(0.0, end, link, given, [
             n for n in self.halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
-        now = Level(0.0, T, out["x"], out.get("contact.t_N", np.zeros(n_s)),
-                    out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)))
-        return CoupledState(now, None, 0, EnergyAccount(np.zeros(n_cells)))
+        now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
+                    out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)),
+                    first.get("f_s"))
+        return CoupledState(now, None, 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
 
     def _header(self) -> dict[str, Any]:
         s = self.scenario
@@ -177,29 +179,31 @@ class Run:
                     self.plan.schedule.kinks)], "substeps": dict(self.plan.substeps)},
             "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
             "probes": {n: {"quantity": p.quantity, "unit": p.unit} for n, p in s.probes.items()},
-            "fields": {"thermal": {"point": ["T"], "cell": []},
-                       "mechanical": {"point": ["u", "p", "gap"], "cell": self._cell_fields()}},
+            "fields": {"thermal": {"point": ["T", *self._has("thermal", "f_s")], "cell": self._has("thermal", "q")},
+                       "mechanical": {"point": ["u", "p", "gap"], "cell": self._has("mechanical", "sigma_v")}},
             "processes": self.processes, "notes": self.notes, "machine": platform.platform(),
             "versions": {"python": platform.python_version(), **{p: version(p) for p in PACKAGES}},
         }
 
-    def _cell_fields(self) -> list[str]:
-        """Fields of cells for pictures that the mechanical half has."""
-        return [n for n in ("sigma_v",) if n in self.halves.mechanical.blocks]
+    def _has(self, role: str, *names: str) -> list[str]:
+        """Which of these fields for pictures a half has."""
+        return [n for n in names if n in getattr(self.halves, role).blocks]
 
     def _frame(self) -> None:
         """Record the fields as they are now, once."""
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        cells = self._cell_fields()
-        self._recorder.frame(self.state.now, self.halves.mechanical.read(cells) if cells else {})
+        more: dict[str, Array] = {}
+        for half, names in ((self.halves.thermal, self._has("thermal", "f_s", "q")),
+                            (self.halves.mechanical, self._has("mechanical", "sigma_v"))):
+            more |= half.read(names) if names else {}
+        self._recorder.frame(self.state.now, more)
 
     def _totals(self) -> dict[str, Any]:
-        account = self.state.account
-        return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds,
-                "mechanical_heat": {"made": account.made, "delivered": account.delivered,
-                                    "carried": float(account.carry.sum())}}
+        heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
+                 for n, a in self.state.accounts.items()}
+        return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds, **heats}
 
     def _progress(self, tried: Tried) -> Progress:
         elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1
@@ -221,9 +225,19 @@ def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]
         notes.append(f"{mechanical.name} gives no contact.t_N: conductance sees no pressure")
     if touches and "contact.gap" not in mechanical.blocks:
         notes.append(f"{mechanical.name} gives no contact.gap: gaps are not recorded")
-    if "E_M" in mechanical.blocks and "E_M" not in thermal.blocks:
-        notes.append(f"{thermal.name} takes no E_M: the heat {mechanical.name} makes is counted but not delivered")
+    notes += [f"{thermal.name} takes no {n}: the heat {mechanical.name} makes is counted but not delivered"
+              for n in _made_by(mechanical) if n not in thermal.blocks]
     return notes
+
+
+def accounts_of(mechanical: Half, n_cells: int) -> dict[str, EnergyAccount]:
+    """An empty account for E_M, and for each other heat that the mechanical half makes."""
+    shapes = {"E_M": (n_cells,)} | {n: mechanical.blocks[n].shape for n in _made_by(mechanical)}
+    return {n: EnergyAccount(np.zeros(shape)) for n, shape in shapes.items()}
+
+
+def _made_by(half: Half) -> list[str]:
+    return [n for n in HEATS if n in half.blocks and half.blocks[n].causality == "output"]
 
 
 def plan_of(scenario: Scenario) -> Plan:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from coupler.errors import ResultsError
 
 VTK_TRIANGLE, VTK_QUAD = 5, 9
+VECTORS = ("u", "q")  # fields of two columns; the third is zero
 Array = NDArray[np.float64]
 
 
@@ -47,12 +48,12 @@ class FieldFile:
                             ("NumberOfConnectivityIds", connectivity.size)):
             root[name] = np.array([value], dtype=np.int64)
         root.create_dataset("Points", (0, 3), maxshape=(None, 3), dtype="f8", chunks=(max(n_points, 1), 3))
-        self._points = {n: _growing(root.require_group("PointData"), n, n_points, vector=n in ("u",))
+        self._points = {n: _growing(root.require_group("PointData"), n, n_points, vector=n in VECTORS)
                         for n in point_fields}
         cells = root.require_group("CellData")
         for n, v in cell_constants.items():
             cells[n] = v
-        self._cells = {n: _growing(cells, n, self._n_cells) for n in cell_fields}
+        self._cells = {n: _growing(cells, n, self._n_cells, n in VECTORS) for n in cell_fields}
         self._steps = self._prepare_steps(root)
         self._root = root
 
@@ -76,10 +77,9 @@ class FieldFile:
         k = int(self._steps.attrs["NSteps"])
         _extend(self._root["Points"], np.column_stack([points, np.zeros(len(points))]))
         for name, data in self._points.items():
-            value = point_data[name]
-            _extend(data, np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 else value)
+            _extend(data, _in_space(point_data[name]))
         for name, data in self._cells.items():
-            _extend(data, cell_data[name])
+            _extend(data, _in_space(cell_data[name]))
         _extend(self._steps["Values"], np.array([t]))
         for name, offset in (("PartOffsets", 0), ("NumberOfParts", 1), ("PointOffsets", k * self._n_points)):
             _extend(self._steps[name], np.array([offset]))
@@ -107,6 +107,11 @@ class FieldFile:
 def _growing(group: h5py.Group, name: str, rows: int, vector: bool = False) -> h5py.Dataset:
     shape, most = ((0, 3), (None, 3)) if vector else ((0,), (None,))
     return group.create_dataset(name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]))
+
+
+def _in_space(value: Array) -> Array:
+    """Scalars as they are, vectors of a plane with a third component."""
+    return np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 else value
 
 
 def _extend(data: h5py.Dataset, rows: NDArray[Any]) -> None:
@@ -150,7 +155,7 @@ class FieldReader:
         return self._rows(self._root["PointData"][name], frame, self._n_points)
 
     def cell_field(self, name: str, frame: int) -> Array:
-        """(n_cells,) in SI."""
+        """(n_cells,) or (n_cells, 3) in SI."""
         return self._rows(self._root["CellData"][name], frame, self._n_cells)
 
     @staticmethod

@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.account import EnergyAccount
+from coupler.account import HEATS, Accounts, after_window, share_of
 from coupler.clock import Clock
 from coupler.half import Advance, Half, Status
 from coupler.ledger import PREFIX
-from coupler.level import Level, Scheme, geometry_at, temperature_at
+from coupler.level import Level, Scheme, between, geometry_at
 
 Array = NDArray[np.float64]
 
@@ -51,14 +51,14 @@ class CoupledState:
     """Everything the coupler remembers between windows.
 
     now, before : the exchange at the end of the last window and of the one before it (None after an event).
-    events : the count that tells a half to restart damped.  sent : what each half was last given, so that a block
-    which did not change is not sent again.
+    events : the count that tells a half to restart damped.  accounts : block -> heat made and delivered.
+    sent : what each half was last given, so that a block which did not change is not sent again.
     """
 
     now: Level
     before: Level | None
     events: int
-    account: EnergyAccount
+    accounts: Accounts
     sent: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
 
 
@@ -87,10 +87,15 @@ class Halves:
 def wanted_outputs(thermal: Half, mechanical: Half) -> Halves:
     """Which outputs to ask for, from what the halves have."""
     t = [n for n, b in thermal.blocks.items() if b.causality == "output" and b.kind == "Real"
-         and (n.startswith(PREFIX) or n in ("T", "iterations", "contact.touching"))]
-    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", "E_M", "iterations", "contact.touching")
+         and (n.startswith(PREFIX) or n in ("T", "iterations", "contact.touching")
+              or (n == "f_s" and _takes(mechanical, n)))]
+    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching")
     m = [n for n in wanted if n in mechanical.blocks and mechanical.blocks[n].causality == "output"]
     return Halves(thermal, mechanical, tuple(t), tuple(m))
+
+
+def _takes(half: Half, name: str) -> bool:
+    return name in half.blocks and half.blocks[name].causality == "input"
 
 
 class _DiscardError(Exception):
@@ -124,7 +129,7 @@ def solve_window(halves: Halves, state: CoupledState, clock: Clock, k0: int, k1:
     try:
         thermal = _thermal(halves, state, _substep_times(clock, k0, k1, substeps["thermal"]), scheme)
         work = work.plus(thermal.work)
-        mechanical = _mechanical(halves, replace(state, sent=thermal.sent), thermal.outputs["T"],
+        mechanical = _mechanical(halves, replace(state, sent=thermal.sent), thermal.outputs,
                                  _substep_times(clock, k0, k1, substeps["mechanical"]))
         work = work.plus(mechanical.work)
     except _DiscardError as discard:
@@ -132,10 +137,10 @@ def solve_window(halves: Halves, state: CoupledState, clock: Clock, k0: int, k1:
     out = mechanical.outputs
     n_s = len(state.now.t_N)
     now = Level(clock.seconds(k1), thermal.outputs["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
-                out.get("contact.gap", state.now.gap), out.get("contact.covered", state.now.covered))
-    takes_heat = "E_M" in halves.thermal.blocks
-    account = (state.account.deliver() if takes_heat else state.account).make(mechanical.E_M)
-    new = CoupledState(now, state.now, state.events, account, mechanical.sent)
+                out.get("contact.gap", state.now.gap), out.get("contact.covered", state.now.covered),
+                thermal.outputs.get("f_s"))
+    accounts = after_window(state.accounts, halves.thermal.blocks, mechanical.made)
+    new = CoupledState(now, state.now, state.events, accounts, mechanical.sent)
     monitors = {"touching": float(out.get("contact.touching", np.zeros(()))),
                 "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0))}
     return Solved(Verdict.ACCEPTED, "", new, thermal.terms, work, monitors)
@@ -143,13 +148,13 @@ def solve_window(halves: Halves, state: CoupledState, clock: Clock, k0: int, k1:
 
 @dataclass(frozen=True)
 class _Pass:
-    """A half taken over a whole window."""
+    """A half taken over a whole window.  made : block -> energies the mechanical half made in it [J]."""
 
     outputs: Mapping[str, Array]
     sent: Mapping[str, Mapping[str, Array]]
     work: Work
     terms: tuple[Mapping[str, float], ...] = ()
-    E_M: Array | float = 0.0
+    made: Mapping[str, Array] = field(default_factory=dict)
 
 
 def _substep_times(clock: Clock, k0: int, k1: int, n: int) -> list[float]:
@@ -157,12 +162,12 @@ def _substep_times(clock: Clock, k0: int, k1: int, n: int) -> list[float]:
 
 
 def _thermal(halves: Halves, state: CoupledState, times: list[float], scheme: Scheme) -> _Pass:
-    """The thermal half over the window, the carried mechanical heat spread evenly in time over its substeps."""
+    """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once."""
     H, sent, work, terms = times[-1] - times[0], state.sent, Work(), []
     outputs: Mapping[str, Array] = {}
     for t0, t1 in pairwise(times):
         x, t_N = geometry_at(scheme, state.now, state.before, 0.5 * (t0 + t1))
-        inputs = {"x": x, "contact.t_N": t_N, "E_M": state.account.carry * ((t1 - t0) / H),
+        inputs = {"x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs)
         outputs, sent, cost = _advance(call, sent, Verdict.THERMAL_DISCARD)
@@ -171,20 +176,20 @@ def _thermal(halves: Halves, state: CoupledState, times: list[float], scheme: Sc
     return _Pass(outputs, sent, work, tuple(terms))
 
 
-def _mechanical(halves: Halves, state: CoupledState, T_end: Array, times: list[float]) -> _Pass:
-    """The mechanical half over the window, T interpolated to the end of each of its substeps."""
+def _mechanical(halves: Halves, state: CoupledState, thermal: Mapping[str, Array], times: list[float]) -> _Pass:
+    """The mechanical half over the window, T and f_s interpolated to the end of each of its substeps."""
     H, sent, work = times[-1] - times[0], state.sent, Work()
     outputs: Mapping[str, Array] = {}
-    E_M: Array | float = 0.0
+    made: dict[str, Array] = {}
     for t0, t1 in pairwise(times):
-        inputs = {"T": temperature_at(state.now.T, T_end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
+        inputs = {**between(state.now, thermal, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)
         outputs, sent, cost = _advance(call, sent, Verdict.MECHANICAL_DISCARD)
         work = work.plus(cost)
-        if "E_M" in outputs:
-            E_M = E_M + outputs["E_M"]
-    return _Pass(outputs, sent, work, E_M=E_M)
+        for name in HEATS.keys() & outputs.keys():
+            made[name] = made[name] + outputs[name] if name in made else outputs[name]
+    return _Pass(outputs, sent, work, made=made)
 
 
 def _advance(call: _Call, sent: Mapping[str, Mapping[str, Array]],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from coupler.account import HEATS
 from coupler.report.units import counted, duration, number, shown
 from coupler.results import Results
 from coupler.window import Verdict
@@ -93,9 +94,11 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
     ]
     if overrides := h["scenario"].get("overrides"):
         facts.insert(1, ("overrides", ", ".join(f"{k} = {v}" for k, v in dict(overrides).items())))
-    heat = results.totals.get("mechanical_heat", {})
-    if heat.get("made") or heat.get("carried"):
-        facts.append(("mechanical heat", f"made {number(heat['made'])} J, delivered {number(heat['delivered'])} J, "
+    for name in HEATS.values():
+        heat = results.totals.get(name.replace(" ", "_"), {})
+        if not (heat.get("made") or heat.get("carried")):
+            continue
+        facts.append((name, f"made {number(heat['made'])} J, delivered {number(heat['delivered'])} J, "
                       f"carried past the end {number(heat['carried'])} J"))
     return facts
 

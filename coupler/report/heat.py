@@ -18,7 +18,8 @@ from coupler.results import Results
 
 Array = NDArray[np.float64]
 STORED = "stored."
-SIDES = {"contact": "solid contact", "gap": "gas gap"}
+# What leaves one side enters the other; friction is not among them, both sides get heat.
+SIDES = {"contact": "solid contact", "gap": "gas gap", "near_radiation": "near radiation"}
 
 
 @dataclass(frozen=True)

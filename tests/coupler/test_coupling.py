@@ -29,7 +29,7 @@ def couple(n: int, scheme: Scheme, thermal=None, mechanical=None, substeps=(1, 1
     thermal, mechanical = thermal or lumped(840.0), mechanical or shrinking(840.0)
     x = np.array([[0.0, gap_of(840.0)]])
     state = CoupledState(Level(0.0, np.array([840.0]), x, np.zeros(0), np.zeros(0), np.zeros(0)), None, 0,
-                         EnergyAccount(np.zeros(1)))
+                         {"E_M": EnergyAccount(np.zeros(1))})
     plan = Plan(schedule(end, [WindowRange(end, end / n, end / n)], kinks), scheme,
                 {"thermal": substeps[0], "mechanical": substeps[1]})
     tried, ledger = [], Ledger()
@@ -97,7 +97,7 @@ def test_mechanical_heat_is_delivered_once_whatever_substeps_and_rejections():
     for substeps, h_max in [((1, 1), np.inf), ((3, 2), np.inf), ((1, 5), 0.6), ((2, 1), 0.3)]:
         state, _, ledger = couple(20, Scheme.STAGGERED, thermal=lumped(840.0, h_max=h_max),
                                   mechanical=shrinking(840.0, heat=1e4), substeps=substeps)
-        account = state.account
+        account = state.accounts["E_M"]
         assert account.made == pytest.approx(1e4 * END, rel=1e-13)
         assert account.made == pytest.approx(account.delivered + account.carry.sum(), rel=1e-13)
         assert ledger.terms["heat.mechanical"] == pytest.approx(account.delivered, rel=1e-12)
@@ -128,8 +128,8 @@ def test_heat_that_nobody_takes_stays_in_the_account():
     deaf = lumped(840.0)
     deaf.blocks = {n: b for n, b in deaf.blocks.items() if n != "E_M"}
     state, _, _ = couple(20, Scheme.STAGGERED, thermal=deaf, mechanical=shrinking(840.0, heat=1e4))
-    assert state.account.delivered == 0.0
-    assert state.account.carry.sum() == pytest.approx(1e4 * END)
+    assert state.accounts["E_M"].delivered == 0.0
+    assert state.accounts["E_M"].carry.sum() == pytest.approx(1e4 * END)
 
 
 def test_what_a_half_lacks_is_named_with_its_cost():

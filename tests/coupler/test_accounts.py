@@ -1,0 +1,124 @@
+"""What crosses besides E_M: the entropy part, friction heat, the solid fraction; each once, whatever the substeps."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler.account import EnergyAccount, share_of
+from coupler.control import Plan, windows
+from coupler.half import Block
+from coupler.level import Level, Scheme
+from coupler.runner import accounts_of, what_is_missing
+from coupler.schedule import WindowRange, schedule
+from coupler.window import CoupledState, wanted_outputs
+
+sys.path.insert(0, str(Path(__file__).parent))
+from fake_halves import FakeHalf
+
+END = 8.0
+SURFACE = Block("contact.E_friction", (2,), "J", "input", "Real")
+
+
+def half(name: str, rule, *blocks: Block) -> FakeHalf:
+    return FakeHalf(name, {b.name: b for b in blocks}, rule, np.zeros(2))
+
+
+def melting() -> FakeHalf:
+    """f_s = t/END; remembers what heat it was given in which substep."""
+
+    def rule(state, inputs, t, h):
+        given = {n: float(np.sum(inputs.get(n, 0.0))) for n in ("E_S", "contact.E_friction")}
+        log.append((t, given))
+        return state, {"T": np.array([300.0 + t + h]), "f_s": np.array([(t + h) / END]),
+                       "heat.entropy": np.array(given["E_S"]),
+                       "heat.friction.slave": np.array(given["contact.E_friction"])}
+
+    log: list = []
+    made = half("melting", rule, Block("T", (1,), "K", "output", "Real"), Block("f_s", (1,), "1", "output", "Real"),
+                Block("x", (1, 2), "m", "input", "Real"), Block("E_S", (1,), "J", "input", "Real"), SURFACE)
+    made.strings = {"log": log}
+    return made
+
+
+def rubbing(h_max: float = np.inf) -> FakeHalf:
+    """Makes 3 J/s of entropy part and 2 J/s of friction heat on each of two nodes; remembers the f_s it sees."""
+
+    def rule(state, inputs, t, h):
+        seen.append((t + h, float(inputs["f_s"][0])))
+        return state, {"x": np.zeros((1, 2)), "E_S": np.array([3.0 * h]), "contact.E_friction": np.full(2, 2.0 * h)}
+
+    seen: list = []
+    made = half("rubbing", rule, Block("T", (1,), "K", "input", "Real"), Block("f_s", (1,), "1", "input", "Real"),
+                Block("x", (1, 2), "m", "output", "Real"), Block("E_S", (1,), "J", "output", "Real"),
+                replace(SURFACE, causality="output"))
+    made.strings, made.h_max = {"seen": seen}, h_max
+    return made
+
+
+def couple(thermal: FakeHalf, mechanical: FakeHalf, substeps: tuple[int, int], n: int = 4):
+    now = Level(0.0, np.array([300.0]), np.zeros((1, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(1))
+    state = CoupledState(now, None, 0, accounts_of(mechanical, 1))
+    plan = Plan(schedule(END, [WindowRange(END, END / n, END / n)], ()), Scheme.STAGGERED,
+                {"thermal": substeps[0], "mechanical": substeps[1]})
+    terms: list = []
+    for tried in windows(wanted_outputs(thermal, mechanical), state, plan):
+        if tried.accepted:
+            state = tried.solved.state
+            terms += tried.solved.terms
+    return state, terms
+
+
+@pytest.mark.parametrize(("substeps", "h_max"), [((1, 1), np.inf), ((3, 2), np.inf), ((2, 1), 1.5)])
+def test_every_joule_crosses_once(substeps, h_max):
+    state, terms = couple(melting(), rubbing(h_max), substeps)
+    for name, term, rate in (("E_S", "heat.entropy", 3.0), ("contact.E_friction", "heat.friction.slave", 4.0)):
+        account = state.accounts[name]
+        assert account.made == pytest.approx(rate * END, rel=1e-13)
+        assert account.made == pytest.approx(account.delivered + account.carry.sum(), rel=1e-13)
+        assert sum(t[term] for t in terms) == pytest.approx(account.delivered, rel=1e-13)
+        assert account.delivered > 0
+
+
+def test_the_entropy_part_comes_at_the_start_and_friction_evenly():
+    thermal = melting()
+    couple(thermal, rubbing(), (4, 1))
+    second = [given for t, given in thermal.strings["log"] if 2.0 <= t < 4.0]
+    assert [g["E_S"] for g in second] == pytest.approx([6.0, 0, 0, 0])
+    assert [g["contact.E_friction"] for g in second] == pytest.approx([2.0, 2.0, 2.0, 2.0])
+
+
+def test_the_solid_fraction_is_interpolated_to_the_ends_of_mechanical_substeps():
+    mechanical = rubbing()
+    couple(melting(), mechanical, (1, 2))
+    assert [f for _, f in mechanical.strings["seen"]] == pytest.approx([t / END for t, _ in mechanical.strings["seen"]])
+    assert len(mechanical.strings["seen"]) == 8
+
+
+def test_f_s_is_asked_for_only_by_a_half_that_takes_it():
+    mechanical = rubbing()
+    assert "f_s" in wanted_outputs(melting(), mechanical).thermal_outputs
+    rigid = replace(mechanical, blocks={n: b for n, b in mechanical.blocks.items() if n != "f_s"})
+    assert "f_s" not in wanted_outputs(melting(), rigid).thermal_outputs
+
+
+def test_accounts_are_opened_for_what_is_made():
+    assert {n: a.carry.shape for n, a in accounts_of(rubbing(), 7).items()} == {
+        "E_M": (7,), "E_S": (1,), "contact.E_friction": (2,)}
+    assert list(accounts_of(melting(), 7)) == ["E_M"]
+
+
+def test_a_share_of_nothing_is_nothing():
+    given = share_of({"E_S": EnergyAccount(np.array([5.0])), "E_M": EnergyAccount(np.array([5.0]))}, 0.25, False)
+    assert {n: v.tolist() for n, v in given.items()} == {"E_S": [0.0], "E_M": [1.25]}
+
+
+def test_heat_that_is_not_taken_is_told():
+    thermal = melting()
+    deaf = replace(thermal, blocks={n: b for n, b in thermal.blocks.items() if not n.startswith("contact")})
+    told = what_is_missing(deaf, rubbing(), touches=False)
+    assert told == ["melting takes no contact.E_friction: the heat rubbing makes is counted but not delivered"]
