@@ -88,6 +88,72 @@ def add_conduction(T: Floats, cells: Ints, N: Floats, G: Floats, k_q: Floats, dk
 
 
 @njit(cache=True)
+def add_conduction_tensor(T: Floats, cells: Ints, N: Floats, G: Floats, K_q: Floats, dK_q: Floats, dK_f: Floats,
+                          dT: Floats, df: Floats, f: Floats, slots: Slots, scale: float, data: Floats) -> None:
+    """add_conduction with a symmetric tensor and nodal unknowns s : T and f_s change by dT and df : (n,) [1, 1/K].
+
+    K_q, dK_q, dK_f : (ne, nq, 3), the components xx, xy, yy of K dV and of its derivatives by T and by f_s.
+    """
+    ne, nn = cells.shape
+    for e in range(ne):
+        T0 = T[cells[e, 0]]
+        for q in range(N.shape[0]):
+            gx = 0.0
+            gy = 0.0
+            for i in range(1, nn):
+                d = T[cells[e, i]] - T0
+                gx += G[e, q, i, 0] * d
+                gy += G[e, q, i, 1] * d
+            xx, xy, yy = K_q[e, q]
+            for i in range(nn):
+                kx = xx * G[e, q, i, 0] + xy * G[e, q, i, 1]
+                ky = xy * G[e, q, i, 0] + yy * G[e, q, i, 1]
+                f[cells[e, i]] -= kx * gx + ky * gy
+                if data.size > 0:
+                    by_T = _form(dK_q[e, q], G[e, q, i], gx, gy)
+                    by_f = _form(dK_f[e, q], G[e, q, i], gx, gy)
+                    for j in range(nn):
+                        node = cells[e, j]
+                        dot = kx * G[e, q, j, 0] + ky * G[e, q, j, 1]
+                        change = (dot + by_T * N[q, j]) * dT[node] + by_f * N[q, j] * df[node]
+                        data[slots[e, i, j]] += scale * change
+
+
+@njit(cache=True)
+def _form(K: Floats, a: Floats, bx: float, by: float) -> float:
+    """a . K b for K = (xx, xy, yy)."""
+    return float(a[0] * (K[0] * bx + K[1] * by) + a[1] * (K[1] * bx + K[2] * by))
+
+
+@njit(cache=True)
+def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
+    """(ne, nq) angle [rad] of the rotation R in F = dx/dX = R U, from x : (n, 2) and the reference's gradients G."""
+    ne, nq, nn, _ = G.shape
+    turn = np.zeros((ne, nq))
+    for e in range(ne):
+        for q in range(nq):
+            across = 0.0
+            along = 0.0
+            for i in range(nn):
+                node = cells[e, i]
+                across += x[node, 1] * G[e, q, i, 0] - x[node, 0] * G[e, q, i, 1]
+                along += x[node, 0] * G[e, q, i, 0] + x[node, 1] * G[e, q, i, 1]
+            turn[e, q] = np.arctan2(across, along)
+    return turn
+
+
+@njit(cache=True)
+def add_lumped(cells: Ints, dE: Floats, mc: Floats, S: Floats, slots: Slots, data: Floats) -> None:
+    """S += dE, data += mc on the diagonal; both (ne, nn), the shares of the cells' nodes."""
+    ne, nn = cells.shape
+    for e in range(ne):
+        for i in range(nn):
+            S[cells[e, i]] += dE[e, i]
+            if data.size > 0:
+                data[slots[e, i, i]] += mc[e, i]
+
+
+@njit(cache=True)
 def add_storage(cells: Ints, N: Floats, rate_q: Floats, mc_q: Floats, S: Floats, slots: Slots,
                 data: Floats) -> None:
     """S += sum_q N_i rate_q [W];  data += sum_q mc_q N_i N_j [W/K]."""

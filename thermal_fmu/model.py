@@ -13,6 +13,7 @@ from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.sparse import SingularMatrixError
 from contact.half.surfaces import ContactRefusedError
+from thermal_fmu import phase
 from thermal_fmu.facing import Points, points_of
 from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.held import Scene, factors_of, hold
@@ -22,7 +23,7 @@ from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.spec import parse_model
 from thermal_fmu.step import Course, Stepped, take_step
-from thermal_fmu.volume import BadPropertyError, InvertedCellError
+from thermal_fmu.volume import BadPropertyError, InvertedCellError, Reference
 
 Floats = NDArray[np.float64]
 
@@ -33,12 +34,13 @@ RETRY_SHARE = 0.5  # of a step that did not converge
 class ThermalState:
     """All that evolves.
 
-    T : (n,) [K].  X : (n, 2) reference coordinates [m], the first x: they set the mass.  event : the count
-    control.event last seen.  damped : how many substeps are still to be damped.  stored : enthalpy gained since the
-    start [J].  anchor : the matrix whose factors the next solve starts from.
+    s : (n,) [K], T itself in bodies that do not melt (phase.py).  X : (n, 2) reference coordinates [m], the first
+    x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
+    damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
+    from.
     """
 
-    T: Floats
+    s: Floats
     X: Floats
     event: int
     damped: int
@@ -57,7 +59,7 @@ class ThermalHalf:
         self._scene = Scene(interface, parse_model(interface, spec))
         self._calendar = calendar_of(self._scene.model)
         self._factors = Factors()
-        self._masses: tuple[Floats, tuple[Floats, ...]] | None = None
+        self._masses: tuple[Floats, tuple[Reference, ...]] | None = None
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
@@ -71,7 +73,7 @@ class ThermalHalf:
         T = np.full(scene.volume.n, scene.model.bodies[0].T0)
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
-        state = ThermalState(T, X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        state = ThermalState(phase.unknown(scene.melting, T), X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
@@ -101,13 +103,13 @@ class ThermalHalf:
         event = _whole(inputs, "control.event")
         jumped = event != state.event or self._calendar.jump_within(t, h)
         damped = DAMPED_SUBSTEPS if jumped else state.damped
-        T_n = np.array(state.T)
-        done = _substep(course, method, damped > 0, T_n, state.anchor, t, h)
+        s_n = np.array(state.s)
+        done = _substep(course, method, damped > 0, s_n, state.anchor, t, h)
         stored = state.stored + float(done.heat.stored.sum())
-        new = ThermalState(done.T, state.X, event, max(damped - 1, 0), stored, done.anchor)
-        return Done(new, self._outputs(new, done.heat, held.touching, done, T_n))
+        new = ThermalState(done.s, state.X, event, max(damped - 1, 0), stored, done.anchor)
+        return Done(new, self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, s_n)))
 
-    def _masses_of(self, X: Floats) -> tuple[Floats, ...]:
+    def _masses_of(self, X: Floats) -> tuple[Reference, ...]:
         if self._masses is None or not np.array_equal(self._masses[0], X):
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
         return self._masses[1]
@@ -121,28 +123,29 @@ class ThermalHalf:
 
     def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: Stepped | None,
                  T_n: Floats) -> dict[str, Value]:
+        T = phase.temperature(self._scene.melting, state.s)
         return {
-            "T": state.T, **heat.outputs(self._scene.volume.bodies),
+            "T": T, **heat.outputs(self._scene.volume.bodies),
             "iterations": float(done.iterations) if done else 0.0,
             "residual": done.residual if done else 0.0,
-            "max_dT": float(np.abs(state.T - T_n).max()),
+            "max_dT": float(np.abs(T - T_n).max()),
             "heat_stored": state.stored,
             "contact.touching": float(touching),
         }
 
 
-def _substep(course: Course, method: Method, damped: bool, T: Floats, anchor: Anchor | None, t: float,
+def _substep(course: Course, method: Method, damped: bool, s: Floats, anchor: Anchor | None, t: float,
              h: float) -> Stepped:
     """One substep, whole, or cut into parts of a damping method after a jump."""
     if not damped or method.damped is None:
-        return take_step(course, method, T, anchor, t, h)
+        return take_step(course, method, s, anchor, t, h)
     name, parts = method.damped
-    done = take_step(course, METHODS[name], T, anchor, t, h / parts)
+    done = take_step(course, METHODS[name], s, anchor, t, h / parts)
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
         start = end - h / parts
-        more = take_step(course, METHODS[name], done.T, done.anchor, start, h / parts)
-        done = Stepped(more.T, done.heat + more.heat, done.iterations + more.iterations,
+        more = take_step(course, METHODS[name], done.s, done.anchor, start, h / parts)
+        done = Stepped(more.s, done.heat + more.heat, done.iterations + more.iterations,
                        max(done.residual, more.residual), more.anchor)
     return done
 

@@ -28,9 +28,9 @@ class NotConvergedError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Solved:
-    """T : (n,) [K] of the stage, its balance, the number of linear solves, the relative residual, the next anchor."""
+    """s : (n,) [K] of the stage, its balance, the number of linear solves, the relative residual, the next anchor."""
 
-    T: Floats
+    s: Floats
     balance: Balance
     iterations: int
     residual: float

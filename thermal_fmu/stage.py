@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from thermal_fmu import phase
 from thermal_fmu.boundary import Boundary, boundary_flow
 from thermal_fmu.held import Held, Scene
 from thermal_fmu.loads import Loads
@@ -19,10 +20,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StageProblem:
-    """Find T_s with  E(T_s) - E(T_n) = dt (sum_j a_j F_j + a f(T_n + theta (T_s - T_n))).
+    """Find s with  E(s) - E(s_n) = dt (sum_j a_j F_j + a f(T_n + theta (T(s) - T_n))).
 
-    T_n : (n,) start of the step [K].  power_M : (n,) [W].  earlier : (n,) dt sum_j a_j F_j [J].
-    stores : False drops the left side (steady).
+    s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
+    earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).
     """
 
     scene: Scene
@@ -30,7 +31,7 @@ class StageProblem:
     loads: Loads
     stage: Stage
     dt: float
-    T_n: Floats
+    s_n: Floats
     power_M: Floats
     earlier: Floats
     stores: bool
@@ -41,13 +42,15 @@ class Balance:
     """A stage at one T.
 
     R : (n,) what is missing at each node [J]; at fixed nodes it is the heat that came through them.
-    flow : (n,) [W] into the nodes, all but storage, held nodes' reactions included.
+    flow : (n,) [W] into the nodes, all but storage, held nodes' reactions included.  inside : (n,) [W] the part of
+    it that does not come through the surface: flow - inside does, by consistent recovery.
     terms : boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum of the
     sizes of all heats at all nodes [J].
     """
 
     R: Floats
     flow: Floats
+    inside: Floats
     terms: Floats
     stored: Floats
     norm: float
@@ -60,8 +63,8 @@ class Balance:
         return self.norm / self.scale if self.scale > 0 else 0.0
 
 
-def balance(problem: StageProblem, T: Floats, jacobian: bool) -> Balance:
-    """Residual (and Jacobian, rows and columns of fixed nodes replaced by the identity) at T_s = T : (n,) [K].
+def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
+    """Residual (and its derivative by s, rows and columns of fixed nodes replaced by the identity) at s : (n,) [K].
 
     Raises BadPropertyError.
     """
@@ -70,27 +73,31 @@ def balance(problem: StageProblem, T: Floats, jacobian: bool) -> Balance:
     weight = stage.a * problem.dt
     data = np.zeros(volume.pattern.indices.size if jacobian else 0)
     S, f = np.zeros(volume.n), np.zeros(volume.n)
-    T_f = T if stage.theta == 1.0 else (1.0 - stage.theta) * problem.T_n + stage.theta * T
+    at = phase.fields(scene.melting, s)
+    if stage.theta != 1.0:
+        at = phase.between(phase.fields(scene.melting, problem.s_n), at, stage.theta)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
-        stored = store(volume, held.masses, model.bodies, problem.T_n, T, S, data)
+        stored = store(volume, held.masses, model.bodies, problem.s_n, s, S, data)
     # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
     slope = stage.theta * weight
-    conduct(volume, held.shapes, model.bodies, T_f, f, slope, data)
-    boundary = boundary_flow(model.films, held, problem.loads, problem.power_M, T_f)
+    conduct(volume, held.shapes, model.bodies, at, f, slope, data)
+    boundary = boundary_flow(held, problem.loads, problem.power_M, at.T)
+    inside = f + boundary.inside
     f += boundary.f
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
     norm = float(np.abs(R - reaction).sum())
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
-    matrix = _matrix(scene, boundary, slope, data) if jacobian else None
-    return Balance(R, f + reaction / weight, boundary.terms, stored, norm, scale, matrix)
+    matrix = _matrix(scene, boundary, slope, at.dT, data) if jacobian else None
+    return Balance(R, f + reaction / weight, inside, boundary.terms, stored, norm, scale, matrix)
 
 
-def _matrix(scene: Scene, boundary: Boundary, slope: float, data: Floats) -> csr_matrix:
+def _matrix(scene: Scene, boundary: Boundary, slope: float, dT: Floats | None, data: Floats) -> csr_matrix:
     pattern = scene.volume.pattern
     for slots, values in boundary.places:
-        np.add.at(data, slots.ravel(), slope * values.ravel())
+        change = slope * values.ravel()
+        np.add.at(data, slots.ravel(), change if dT is None else change * dT[pattern.indices[slots.ravel()]])
     touched, diagonal = scene.held_rows
     data[touched] = 0.0
     data[diagonal] = 1.0
@@ -100,5 +107,7 @@ def _matrix(scene: Scene, boundary: Boundary, slope: float, data: Floats) -> csr
     nodes = np.concatenate([nodes for nodes, _ in boundary.across])
     rows, cols = np.repeat(nodes, 4, axis=1).ravel(), np.tile(nodes, (1, 4)).ravel()
     values = slope * np.concatenate([values.ravel() for _, values in boundary.across])
+    if dT is not None:
+        values *= dT[cols]
     free = ~(scene.fixed[rows] | scene.fixed[cols])
     return A + csr_matrix((values[free], (rows[free], cols[free])), shape=A.shape)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thermal_fmu import phase
 from thermal_fmu.heat import Heat
 from thermal_fmu.held import Held, Scene, prescribed_values
 from thermal_fmu.loads import Calendar, LoadFactors, loads_at
@@ -20,9 +21,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stepped:
-    """T : (n,) [K] at the end, heat of the step, linear solves, worst relative residual, anchor of the next solve."""
+    """s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual, anchor of the next solve."""
 
-    T: Floats
+    s: Floats
     heat: Heat
     iterations: int
     residual: float
@@ -41,8 +42,8 @@ class Course:
     factors: Factors
 
 
-def take_step(course: Course, method: Method, T_n: Floats, anchor: Anchor | None, t: float, dt: float) -> Stepped:
-    """From T_n : (n,) [K] at t to t + dt [s].
+def take_step(course: Course, method: Method, s_n: Floats, anchor: Anchor | None, t: float, dt: float) -> Stepped:
+    """From s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
@@ -54,15 +55,17 @@ def take_step(course: Course, method: Method, T_n: Floats, anchor: Anchor | None
         loads = loads_at(model, course.load, at, -1 if stage.c == 1.0 else 1)
         end = course.calendar.snap(t + dt, dt)
         held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, course.load, end, -1)
-        earlier = np.zeros(T_n.size)
+        earlier = np.zeros(s_n.size)
         for weight, done in zip(stage.earlier, solved, strict=True):
             earlier += weight * dt * done.balance.flow
-        problem = StageProblem(course.scene, course.held, loads, stage, dt, T_n, course.power_M, earlier,
+        problem = StageProblem(course.scene, course.held, loads, stage, dt, s_n, course.power_M, earlier,
                                method.stores)
-        guess = prescribed_values(model, held_T.prescribed, solved[-1].T if solved else T_n)
+        s = solved[-1].s if solved else s_n
+        T = prescribed_values(course.held, held_T.prescribed, phase.temperature(course.scene.melting, s))
+        guess = phase.prescribe(course.scene.melting, s, T, course.scene.fixed)
         solved.append(solve_stage(problem, guess, model.tolerance, course.factors, anchor))
         anchor = solved[-1].anchor
-    return Stepped(solved[-1].T, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
+    return Stepped(solved[-1].s, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
                    max(s.residual for s in solved), anchor)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,18 @@ from numpy.typing import NDArray
 from contact.half.elements import Table, table_of
 from contact.half.interface import Interface
 from contact.half.sparse import Pattern, pattern_of
-from thermal_fmu.kernels import add_conduction, add_storage, at_points, shape_gradients
+from thermal_fmu.kernels import (
+    add_conduction,
+    add_conduction_tensor,
+    add_lumped,
+    add_storage,
+    at_points,
+    shape_gradients,
+    turn_of,
+)
+from thermal_fmu.phase import Fields
 from thermal_fmu.spec import Body
+from thermal_fmu.tensor import tensors
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -41,6 +52,11 @@ class Block:
     numbers: NDArray[np.intp]
     slots: Slots
 
+    @cached_property
+    def nodes(self) -> NDArray[np.int32]:
+        """Its nodes, ascending, each once."""
+        return np.unique(self.cells)
+
 
 @dataclass(frozen=True)
 class Volume:
@@ -56,10 +72,22 @@ class Volume:
 
 @dataclass(frozen=True)
 class Shape:
-    """A block on given coordinates.  G : (ne, nq, nn, 2) [1/m].  dV : (ne, nq) [m3], per metre when plane."""
+    """A block on given coordinates.  G : (ne, nq, nn, 2) [1/m].  dV : (ne, nq) [m3], per metre when plane.
+
+    turn : (ne, nq) rotation of the material since the reference [rad], where its axes follow it.
+    """
 
     G: Floats
     dV: Floats
+    turn: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A block as it was at first.  mass : (ne, nq) rho0 dV0 [kg].  G : (ne, nq, nn, 2) [1/m], where axes turn."""
+
+    mass: Floats
+    G: Floats | None = None
 
 
 def volume_of(interface: Interface) -> Volume:
@@ -109,42 +137,98 @@ def spread(volume: Volume, shapes: Sequence[Shape], per_volume: Sequence[Floats]
     return out
 
 
-def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], T: Floats, f: Floats,
+def references_of(volume: Volume, bodies: Sequence[Body], X: Floats) -> tuple[Reference, ...]:
+    """Every block on reference coordinates X : (n, 2) [m].  Raises InvertedCellError."""
+    found = []
+    for block, shape in zip(volume.blocks, shapes_of(volume, X), strict=True):
+        material = bodies[block.body].material
+        found.append(Reference(material.rho * shape.dV, shape.G if material.k.turns else None))
+    return tuple(found)
+
+
+def turned(volume: Volume, references: Sequence[Reference], shapes: Sequence[Shape], x: Floats) -> tuple[Shape, ...]:
+    """The shapes on x : (n, 2) [m], with the turn of the material where its axes follow it."""
+    return tuple(shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
+                 for block, first, shape in zip(volume.blocks, references, shapes, strict=True))
+
+
+def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at: Fields, f: Floats,
             scale: float, data: Floats) -> None:
-    """f -= the heat that leaves each node by conduction at T : (n,) [K];  data += scale * its derivative.
+    """f -= the heat that leaves each node by conduction;  data += scale * its derivative by s.
 
     Eq. (1).  Raises BadPropertyError.
     """
     for block, shape in zip(volume.blocks, shapes, strict=True):
-        k = bodies[block.body].material.k
-        T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(T, block.cells, block.table.N)
+        material = bodies[block.body].material
+        if not material.k.is_plain or material.phase is not None:
+            _conduct_tensor(block, shape, bodies[block.body], at, f, scale, data)
+            continue
+        k = material.k.k_1.solid
+        T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
         k_q = k(T_q)
         if not k.is_constant:
-            _demand_positive("conductivity", k_q, bodies[block.body].name)
-        add_conduction(T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
+            _demand_positive("conductivity", k_q, block, bodies[block.body].name)
+        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
                        block.slots, scale, data)
 
 
-def store(volume: Volume, masses: Sequence[Floats], bodies: Sequence[Body], T0: Floats, T: Floats,
-          S: Floats, data: Floats) -> Floats:
-    """S += nodal increase of enthalpy from T0 to T : (n,) [J];  data += its derivative [J/K].
+def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Floats, scale: float,
+                    data: Floats) -> None:
+    N = block.table.N
+    T_q = at_points(at.T, block.cells, N)
+    f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
+    k = tensors(body.material.k, T_q, f_q, shape.turn)
+    for k_q in k.principal:
+        _demand_positive("conductivity", k_q, block, body.name)
+    dT = np.ones(at.T.size) if at.dT is None else at.dT
+    df = np.zeros(at.T.size) if at.df is None else at.df
+    dV = shape.dV[:, :, None]
+    add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, k.dK * dV, k.dK_f * dV, dT, df, f, block.slots,
+                          scale, data)
 
-    masses : rho0 dV0 of each block, (ne, nq) [kg].  Returns (n_bodies,) increase of each body's enthalpy [J], summed
-    over quadrature points, not over nodes.  Raises BadPropertyError.
+
+def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body], s0: Floats, s: Floats,
+          S: Floats, data: Floats) -> Floats:
+    """S += nodal increase of enthalpy from s0 to s : (n,) [J];  data += its derivative [J/K].
+
+    Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a cell would else make heat run
+    backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the points where it is stored.
+    Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
-    for block, mass in zip(volume.blocks, masses, strict=True):
-        c = bodies[block.body].material.c
-        T_q = at_points(T, block.cells, block.table.N)
-        dE_q = mass * c.increase(at_points(T0, block.cells, block.table.N), T_q)
+    for block, first in zip(volume.blocks, references, strict=True):
+        body = bodies[block.body]
+        if body.material.phase is not None:
+            total[block.body] += _store_melting(block, first.mass, body, (s0, s), S, data)
+            continue
+        c = body.material.c.solid
+        T_q = at_points(s, block.cells, block.table.N)
+        dE_q = first.mass * c.increase(at_points(s0, block.cells, block.table.N), T_q)
         c_q = c(T_q)
         if not c.is_constant:
-            _demand_positive("heat capacity", c_q, bodies[block.body].name)
-        add_storage(block.cells, block.table.N, dE_q, mass * c_q, S, block.slots, data)
+            _demand_positive("heat capacity", c_q, block, body.name)
+        add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, data)
         total[block.body] += dE_q.sum()
     return total
 
 
-def _demand_positive(what: str, values: Floats, body: str) -> None:
+def _store_melting(block: Block, mass: Floats, body: Body, path: tuple[Floats, Floats], S: Floats,
+                   data: Floats) -> float:
+    change = body.material.phase
+    assert change is not None
+    s0, s = (v[block.nodes] for v in path)
+    dh, c = change.increase(s0, s), change.capacity(s)
+    own = np.searchsorted(block.nodes, block.cells)
+    _demand_positive("heat capacity", c[own], block, body.name)
+    m = mass @ block.table.N
+    dE = m * dh[own]
+    add_lumped(block.cells, dE, m * c[own], S, block.slots, data)
+    return float(dE.sum())
+
+
+def _demand_positive(what: str, values: Floats, block: Block, body: str) -> None:
+    """values : (ne, any) of the cells of a block."""
     if not (values > 0).all():
-        raise BadPropertyError(f"the {what} of body {body} is {np.min(values):.6g} at a temperature that was met")
+        e, at = np.unravel_index(np.argmin(np.where(np.isnan(values), -np.inf, values)), values.shape)
+        raise BadPropertyError(f"the {what} of body {body} is {values[e, at]:.6g} at a temperature that was met "
+                               f"in cell {block.numbers[e] + 1}")

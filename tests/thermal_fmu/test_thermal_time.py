@@ -108,7 +108,7 @@ def _mode_error(bar, model, rate, dt, k):
     state = ThermalState(mode, bar.nodes, 0, 0, 0.0)
     for i in range(k):
         state = half.step(state, inputs_of(bar, half), i * dt, dt, FlatContact()).state
-    return float(np.abs(state.T - np.exp(-rate * 0.1) * mode).max())
+    return float(np.abs(state.s - np.exp(-rate * 0.1) * mode).max())
 
 
 @pytest.mark.parametrize(("method", "cap"), [("midpoint", 2e-4), ("sdirk2", 1e-4), ("backward_euler", 1.2e-2)])
@@ -215,7 +215,7 @@ def test_an_event_from_outside_restarts_damped():
         for i in range(20):
             changed = {"load.wall": 0.75, "control.event": event} if i >= 5 else {}
             state = half.step(state, inputs | changed, 0.02 * i, 0.02, FlatContact()).state
-            T.append(state.T[19])
+            T.append(state.s[19])
         rises[event] = int((np.diff(T) > 1e-9).sum())
     assert rises[1] == 0
     assert rises[0] > 3

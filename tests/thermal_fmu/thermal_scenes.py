@@ -142,7 +142,7 @@ def run(interface: Interface, model: dict[str, Any], dt: Any, n: int = 0, link: 
         assert isinstance(done, Done), done
         state, t = done.state, t + float(h)
         times.append(t)
-        T.append(state.T)
+        T.append(np.array(done.outputs["T"]))
         outputs.append(dict(done.outputs))
     return Ran(np.array(times), np.array(T), outputs, state)
 

@@ -1,0 +1,199 @@
+"""Melting: one unknown s a node that knows both temperature and phase, so that no step loses latent heat.
+
+At a temperature of phase change T alone does not say how much has melted.  The nodal unknown of a body that melts is
+therefore s [K], along which T, f_s and the enthalpy h are explicit and never turn back:
+
+    solid   s <= T_s            T = s
+    mush    s - T_s in [0, W]   phi = (s - T_s)/W,  T = T_s + phi (T_l - T_s),  f_s = 1 - phi
+    liquid  s >= T_s + W        T = s - W + T_l - T_s
+
+with h = int c_s dT, then + L phi + int (f_s c_s + (1 - f_s) c_l) dT, then + int c_l dT.  T_s = T_l is the isothermal
+case: T rests while s crosses the width W = T_l - T_s + L/c_s(T_s).  Everywhere else s is T, the same array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import factorial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from contact.half.property import Property
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PhaseChange:
+    """L : latent heat [J/kg].  T_s, T_l : solidus and liquidus [K].  solid, liquid : their heat capacity [J/kgK]."""
+
+    L: float
+    T_s: float
+    T_l: float
+    solid: Property
+    liquid: Property
+
+    @cached_property
+    def W(self) -> float:
+        """Width of the mush in s [K]; with it dh/ds is about c_s there, so Newton's method sees no cliff."""
+        return self.T_l - self.T_s + self.L / float(self.solid(np.array(self.T_s)))
+
+    @cached_property
+    def mush(self) -> Property:
+        """f_s c_s + (1 - f_s) c_l between T_s and T_l [J/kgK]."""
+        return blend(self.solid, self.liquid, self.T_s, self.T_l)
+
+    def temperature(self, s: Floats) -> Floats:
+        """T at s : (m,) [K]."""
+        mushy = self.T_s + self._phi(s) * (self.T_l - self.T_s)
+        return np.where(s <= self.T_s, s, np.where(s < self.T_s + self.W, mushy, s - self._shift))
+
+    def temperature_slope(self, s: Floats) -> Floats:
+        """dT/ds at s : (m,) [1]."""
+        return np.where(self._mushy(s), (self.T_l - self.T_s) / self.W, 1.0)
+
+    def solid_fraction(self, s: Floats) -> Floats:
+        """f_s at s : (m,) [1]."""
+        return 1.0 - self._phi(s)
+
+    def solid_fraction_slope(self, s: Floats) -> Floats:
+        """df_s/ds at s : (m,) [1/K]."""
+        return np.where(self._mushy(s), -1.0 / self.W, 0.0)
+
+    def unknown(self, T: Floats) -> Floats:
+        """s at T : (m,) [K].  What is exactly at T_s = T_l counts as liquid."""
+        phi = (T - self.T_s) / (self.T_l - self.T_s) if self.T_l > self.T_s else np.zeros(np.shape(T))
+        return np.where(self.T_l <= T, T + self._shift, np.where(self.T_s >= T, T, self.T_s + phi * self.W))
+
+    def increase(self, s0: Floats, s: Floats) -> Floats:
+        """h(s) - h(s0) [J/kg], phase by phase, so that the increases of a path add up."""
+        low0, low = np.minimum(s0, self.T_s), np.minimum(s, self.T_s)
+        high0, high = (np.maximum(v - self._shift, self.T_l) for v in (s0, s))
+        phi0, phi = self._phi(s0), self._phi(s)
+        span = self.T_l - self.T_s
+        dh = self.solid.increase(low0, low) + self.liquid.increase(high0, high) + self.L * (phi - phi0)
+        return dh + self.mush.increase(self.T_s + phi0 * span, self.T_s + phi * span) if span > 0.0 else dh
+
+    def capacity(self, s: Floats) -> Floats:
+        """dh/ds at s : (m,) [J/kgK]."""
+        T, slope = self.temperature(s), self.temperature_slope(s)
+        mushy = self.L / self.W + (slope * self.mush(T) if self.T_l > self.T_s else 0.0)
+        return np.where(self._mushy(s), mushy, np.where(s <= self.T_s, self.solid(T), self.liquid(T)))
+
+    @cached_property
+    def _shift(self) -> float:
+        return self.W - (self.T_l - self.T_s)
+
+    def _phi(self, s: Floats) -> Floats:
+        return np.clip((s - self.T_s) / self.W, 0.0, 1.0)
+
+    def _mushy(self, s: Floats) -> NDArray[np.bool_]:
+        return (s > self.T_s) & (s < self.T_s + self.W)
+
+
+@dataclass(frozen=True)
+class Melting:
+    """One body that melts: its nodes : (m,) and its phase change."""
+
+    nodes: NDArray[np.intp]
+    change: PhaseChange
+
+
+@dataclass(frozen=True)
+class Fields:
+    """What nodal s says: T : (n,) [K], and where a body melts f_s, dT/ds, df_s/ds : (n,), else None (then s is T)."""
+
+    T: Floats
+    f_s: Floats | None = None
+    dT: Floats | None = None
+    df: Floats | None = None
+
+
+def melting_of(node_body: NDArray[np.integer], changes: Sequence[PhaseChange | None]) -> tuple[Melting, ...]:
+    """The bodies that melt, from node_body : (n,) and the phase change of each body."""
+    return tuple(Melting(np.flatnonzero(node_body == b), change)
+                 for b, change in enumerate(changes) if change is not None)
+
+
+def temperature(melting: Sequence[Melting], s: Floats) -> Floats:
+    """T : (n,) [K] of s : (n,) [K]; s itself, the same array, where nothing melts."""
+    if not melting:
+        return s
+    T = s.copy()
+    for body in melting:
+        T[body.nodes] = body.change.temperature(s[body.nodes])
+    return T
+
+
+def unknown(melting: Sequence[Melting], T: Floats) -> Floats:
+    """s : (n,) [K] of T : (n,) [K]; T itself, the same array, where nothing melts."""
+    if not melting:
+        return T
+    s = T.copy()
+    for body in melting:
+        s[body.nodes] = body.change.unknown(T[body.nodes])
+    return s
+
+
+def solid_fraction(melting: Sequence[Melting], s: Floats) -> Floats:
+    """f_s : (n,) of s : (n,) [K]; 1 in bodies that do not melt."""
+    f_s = np.ones(s.size)
+    for body in melting:
+        f_s[body.nodes] = body.change.solid_fraction(s[body.nodes])
+    return f_s
+
+
+def prescribe(melting: Sequence[Melting], s: Floats, T: Floats, fixed: NDArray[np.bool_]) -> Floats:
+    """s : (n,) [K] with the temperatures T : (n,) [K] put in at fixed nodes; T itself where nothing melts.
+
+    There T must be s but for the fixed nodes.
+    """
+    return np.where(fixed, unknown(melting, T), s) if melting else T
+
+
+def fields(melting: Sequence[Melting], s: Floats) -> Fields:
+    """T and f_s with their derivatives at s : (n,) [K]."""
+    if not melting:
+        return Fields(s)
+    dT, df = np.ones(s.size), np.zeros(s.size)
+    for body in melting:
+        own = s[body.nodes]
+        dT[body.nodes] = body.change.temperature_slope(own)
+        df[body.nodes] = body.change.solid_fraction_slope(own)
+    return Fields(temperature(melting, s), solid_fraction(melting, s), dT, df)
+
+
+def between(start: Fields, end: Fields, theta: float) -> Fields:
+    """start + theta (end - start), with the derivatives of the end: those of the fields themselves lack a theta."""
+    T = (1.0 - theta) * start.T + theta * end.T
+    if start.f_s is None or end.f_s is None:
+        return Fields(T)
+    return Fields(T, (1.0 - theta) * start.f_s + theta * end.f_s, end.dT, end.df)
+
+
+def blend(solid: Property, liquid: Property, T_s: float, T_l: float) -> Property:
+    """(1 - phi) solid + phi liquid, phi = (T - T_s)/(T_l - T_s), as one piecewise polynomial on [T_s, T_l]."""
+    if solid is liquid:
+        return solid
+    ends = np.concatenate([[] if p.curve is None else p.curve.x for p in (solid, liquid)])
+    knots = np.unique(np.concatenate([[T_s, T_l], ends[(ends > T_s) & (ends < T_l)]]))
+    pieces = []
+    for at in knots[:-1]:
+        phi = np.array([(at - T_s), 1.0]) / (T_l - T_s)
+        a, b = (np.convolve(taylor(p, at), q) for p, q in ((solid, [1.0 - phi[0], -phi[1]]), (liquid, phi)))
+        size = max(a.size, b.size)
+        pieces.append(np.pad(a, (0, size - a.size)) + np.pad(b, (0, size - b.size)))
+    size = max(p.size for p in pieces)
+    rows = np.array([np.pad(p, (0, size - p.size)) for p in pieces]).T[::-1]
+    return Property(None, PPoly(np.ascontiguousarray(rows), knots), T_s, T_l)
+
+
+def taylor(p: Property, T: float) -> Floats:
+    """Coefficients of p in powers of the distance above T [K], lowest first."""
+    if p.curve is None or not p.low <= T < p.high:
+        return p(np.array([T]))
+    return np.array([float(p.curve(T, k)) / factorial(k) for k in range(len(p.curve.c))])
