@@ -30,12 +30,14 @@ class Method:
 
     stores : False for the steady method, which knows no storage.
     damped : name of the method of a damped restart and into how many parts it cuts a substep; None: none needed.
+    order : the local error falls like dt^(order + 1).
     """
 
     stages: tuple[Stage, ...]
     weights: tuple[float, ...]
     stores: bool = True
     damped: tuple[str, int] | None = None
+    order: int = 2
 
 
 _GAMMA = 1.0 - 1.0 / sqrt(2.0)
@@ -46,13 +48,14 @@ def theta_method(theta: float) -> Method:
 
     Only at theta = 1 the stiff part of a jump is gone after a step; it is left times (1 - theta)/theta else.
     """
-    return Method((Stage(theta, 1.0, theta),), (1.0,), damped=None if theta == 1.0 else ("backward_euler", 4))
+    return Method((Stage(theta, 1.0, theta),), (1.0,), damped=None if theta == 1.0 else ("backward_euler", 4),
+                  order=2 if theta == 0.5 else 1)
 
 
 METHODS: dict[str, Method] = {
     # The true midpoint rule, Eq. (22).  It does not damp the stiff part of a jump, so it starts with backward Euler.
     "midpoint": Method((Stage(0.5, 1.0, 0.5),), (1.0,), damped=("backward_euler", 4)),
-    "backward_euler": Method((Stage(1.0, 1.0, 1.0),), (1.0,)),
+    "backward_euler": Method((Stage(1.0, 1.0, 1.0),), (1.0,), order=1),
     # L-stable, yet not monotone: without a damped start it overshoots once after a jump (10 of 100 K at dt a/h^2 = 8).
     "sdirk2": Method((Stage(_GAMMA, _GAMMA, 1.0), Stage(1.0, _GAMMA, 1.0, (1.0 - _GAMMA,))),
                      (1.0 - _GAMMA, _GAMMA), damped=("backward_euler", 4)),

@@ -18,11 +18,11 @@ from thermal_fmu.facing import Points, points_of
 from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.held import Scene, factors_of, hold
 from thermal_fmu.loads import calendar_of
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, METHODS, Method
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.spec import parse_model
-from thermal_fmu.step import Course, Stepped, take_step
+from thermal_fmu.step import Course, Stepped, damped_step, take_step
 from thermal_fmu.volume import BadPropertyError, InvertedCellError, Reference
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,8 @@ class ThermalHalf:
         number = _whole(inputs, "control.method")
         if number != 0 and number not in METHOD_NUMBERS:
             return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
-        method = METHODS[METHOD_NUMBERS.get(number, self._scene.model.method)]
+        stepping = self._scene.model.stepping
+        method = stepping.method_of(METHOD_NUMBERS.get(number, stepping.method))
         try:
             return self._advance(state, inputs, t, h, link, method)
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
@@ -104,7 +105,7 @@ class ThermalHalf:
         jumped = event != state.event or self._calendar.jump_within(t, h)
         damped = DAMPED_SUBSTEPS if jumped else state.damped
         s_n = np.array(state.s)
-        done = _substep(course, method, damped > 0, s_n, state.anchor, t, h)
+        done = (damped_step if damped > 0 else take_step)(course, method, s_n, state.anchor, t, h)
         stored = state.stored + float(done.heat.stored.sum())
         new = ThermalState(done.s, state.X, event, max(damped - 1, 0), stored, done.anchor)
         return Done(new, self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, s_n)))
@@ -132,22 +133,6 @@ class ThermalHalf:
             "heat_stored": state.stored,
             "contact.touching": float(touching),
         }
-
-
-def _substep(course: Course, method: Method, damped: bool, s: Floats, anchor: Anchor | None, t: float,
-             h: float) -> Stepped:
-    """One substep, whole, or cut into parts of a damping method after a jump."""
-    if not damped or method.damped is None:
-        return take_step(course, method, s, anchor, t, h)
-    name, parts = method.damped
-    done = take_step(course, METHODS[name], s, anchor, t, h / parts)
-    for part in range(1, parts):
-        end = t + h if part == parts - 1 else t + (part + 1) * h / parts
-        start = end - h / parts
-        more = take_step(course, METHODS[name], done.s, done.anchor, start, h / parts)
-        done = Stepped(more.s, done.heat + more.heat, done.iterations + more.iterations,
-                       max(done.residual, more.residual), more.anchor)
-    return done
 
 
 def _variables(scene: Scene) -> tuple[Variable, ...]:
