@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from contact.half.sparse import SingularMatrixError, residual_share
+from contact.half.sparse import SingularMatrixError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -26,6 +26,9 @@ POSITIVE, INDEFINITE, GENERAL = 2, -2, 11  # PARDISO's numbers of matrix types
 ANALYSE, FACTOR, SOLVE, RELEASE_FACTORS, RELEASE_ALL = 11, 22, 33, 0, -1  # and of phases
 MOST_PATTERNS = 4  # known at a time: two halves in one process, each with and without contact
 ROUND_OFF = 1e-14  # of the largest entry: values that differ by less from their mirror image are symmetric
+# Small pivots are replaced in silence, so every solve is held against the matrix.  Newton's directions need few digits
+# and good factors leave many: a residual above this share of the right-hand side is no round-off.
+WRONG = 1e-4
 SINGULAR, NO_MEMORY = (-4, -7), (-2, -9)  # error numbers
 
 
@@ -174,11 +177,12 @@ class Factored:
         pattern = _pattern_of(A)
         if symmetric is None:
             symmetric = pattern.is_symmetric(A.data)
+        self._A = A
         self._data = A.data[pattern.upper[2]] if symmetric else np.ascontiguousarray(A.data)
         self._handle = self._factors(pattern, (POSITIVE, INDEFINITE) if symmetric else (GENERAL,))
         weakref.finalize(self, _give_back, pattern, self._handle).atexit = False
-        if self._handle.perturbed:
-            self._probe(A)
+        if self._handle.perturbed:  # a singular matrix, or none: a right-hand side like any other tells
+            self(np.cos(np.arange(A.shape[0])))
 
     def _factors(self, pattern: _Pattern, kinds: tuple[int, ...]) -> _Handle:
         handle = pattern.handle(kinds[0])
@@ -191,15 +195,20 @@ class Factored:
             return self._factors(pattern, kinds[1:])
         return handle
 
-    def _probe(self, A: csr_matrix) -> None:
-        # A perturbed pivot is a singular matrix or none: a right-hand side like any other tells.
-        b = np.cos(np.arange(A.shape[0]))
-        share = residual_share(A, self(b), b)
-        if not share <= np.sqrt(np.finfo(float).eps):
-            raise SingularMatrixError(f"{self._handle.perturbed} pivots were zero to working precision")
-
     def __call__(self, b: Floats) -> Floats:
+        """Raises SingularMatrixError where the factors do not solve the matrix they were made of."""
         given = np.asfortranarray(b, dtype=np.float64)
         x = np.zeros_like(given)
         self._handle.run(SOLVE, self._data, given, x)
-        return np.ascontiguousarray(x)
+        x = np.ascontiguousarray(x)
+        share = _residual_share(self._A, x, b)
+        if not share <= WRONG:
+            raise SingularMatrixError(f"the factors leave a residual of {share:.1e} of the right-hand side "
+                                      f"({self._handle.perturbed} pivots were zero to working precision)")
+        return x
+
+
+def _residual_share(A: csr_matrix, x: Floats, b: Floats) -> float:
+    """The largest |b - A x| / |b| of the columns of b : (n,) or (n, m)."""
+    size = np.linalg.norm(b, axis=0)
+    return float(np.max(np.linalg.norm(b - A @ x, axis=0) / np.where(size > 0.0, size, 1.0), initial=0.0))
