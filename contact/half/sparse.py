@@ -50,9 +50,9 @@ def pattern_of(n: int, *dofs: NDArray[np.integer]) -> Pattern:
     by_column = csr_matrix((np.arange(cols.size, dtype=np.int32), cols, np.concatenate([[0], ends])),
                            shape=(rows.size, n)).tocsc()
     entries = csc_matrix((by_column.data, rows[by_column.indices], by_column.indptr), shape=(n, n)).tocsr()
+    # A row cannot begin with the column the one before ends with: the pattern is symmetric.
     is_first = np.ones(cols.size, dtype=bool)
     np.not_equal(entries.indices[1:], entries.indices[:-1], out=is_first[1:])
-    is_first[entries.indptr[:-1]] = True
     places = np.cumsum(is_first) - 1
     slots = np.empty(cols.size, dtype=np.intp)
     slots[entries.data] = places
