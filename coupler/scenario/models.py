@@ -43,21 +43,24 @@ def _foreign(c: Context, role: str, kind: str) -> Model:
 
 
 def _positive_at_start(c: Context) -> None:
-    """A polynomial may turn negative somewhere; where the run begins it must not, in the phase it begins in."""
+    """A polynomial may turn negative somewhere; where a body begins, and where it melts, it must not."""
     for name, body in c.file.bodies.items():
         T0 = c.convert.kelvin(body.T0, ("bodies", name, "T0"))
         data = c.material(body.material, ("k", "c", "E", "latent"))
-        absent = _absent_phase(data.pop("latent", None), T0)
+        latent = data.pop("latent", None)
         for key, spec in (found for datum in data for found in properties_of(data[datum], (datum,))):
-            if key[-1] != absent and (value := float(property_from(spec)(np.array([T0]))[0])) <= 0:
-                raise c.document.error(
-                    ("materials", body.material, *key),
-                    f"is {value:g} at the T0 of body {name!r}, but must be greater than zero",
-                )
+            for T in _met(T0, latent, str(key[-1])):
+                if (value := float(property_from(spec)(np.array([T]))[0])) <= 0:
+                    where = "T0" if T == T0 else "melting point"
+                    raise c.document.error(
+                        ("materials", body.material, *key),
+                        f"is {value:g} at the {where} of body {name!r}, but must be greater than zero",
+                    )
 
 
-def _absent_phase(latent: Model | None, T: float) -> str:
-    """The phase of which nothing is there at T [K]; empty where both may be."""
+def _met(T0: float, latent: Model | None, phase: str) -> tuple[float, ...]:
+    """Temperatures [K] that a property is sure to meet, or near to it: of a phase only where there is some of it."""
     if latent is None:
-        return ""
-    return "solid" if T > latent["T_l"] else "liquid" if T < latent["T_s"] else ""  # noqa: SIM300 (T is no constant)
+        return (T0,)
+    T_s, T_l = latent["T_s"], latent["T_l"]
+    return {"solid": (min(T0, T_s), T_s), "liquid": (max(T0, T_l), T_l)}.get(phase, (T0, T_s, T_l))

@@ -8,19 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from contact.half.interface import Interface, write_interface
 from contact.half.signal import Signal
-from contact.laws import branch_jump, closed_conductance, parse_law
 from coupler.scenario.output import Output
 from coupler.scenario.overlap import overlap_notes
 from coupler.scenario.probes import Probe
 from coupler.scenario.scene import NEAREST
+from coupler.scenario.thermal_notes import thermal_notes
 from coupler.scenario.timing import Coupling
-
-# Conductances that differ by less than this share at touch join.
-JOINED = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +51,7 @@ class Scenario:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, laws
-        that do not join."""
+        that do not join, radiation that is missing or counted twice."""
         found = []
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
@@ -65,21 +60,8 @@ class Scenario:
                     x, y = self.interface.nodes[self.interface.node_sets[name][0]]
                     found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
-        return tuple(found + overlap_notes(self.interface) + self._torn_laws())
-
-    def _torn_laws(self) -> list[str]:
-        """Pairs whose conductance jumps when they touch (physics wants h(g -> 0+) = h(p -> 0+))."""
-        found = []
-        for name, pair in self.models["thermal"].get("pairs", {}).items():
-            if pair.get("closed") is None or pair.get("open") is None:
-                continue
-            closed, opened = parse_law(pair["closed"]), parse_law(pair["open"])
-            T = float(np.mean([body["T0"] for body in self.models["thermal"]["bodies"].values()]))
-            h = float(closed_conductance(closed, 0.0, T)[0])
-            if abs(jump := branch_jump(closed, opened, T)) > JOINED * abs(h):
-                found.append(f"pair {name}: the conductance jumps from {h - jump:.6g} to {h:.6g} W/m2K when it "
-                             "touches; laws that join there let windows stay large")
-        return found
+        return tuple(found + overlap_notes(self.interface) +
+                     thermal_notes(self.models["thermal"], self.interface.pairs))
 
     @property
     def thermal_half(self) -> str:

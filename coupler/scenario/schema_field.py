@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Tag, model_validator
 
 from coupler.scenario.base import Part, SignalSpec, SignalTable
 from coupler.scenario.quantity import Number, Text, looks_like_number, problem
@@ -69,7 +69,13 @@ class Term(Part):
 class FieldSum(Part):
     """The sum of its terms, at the current coordinates."""
 
-    terms: tuple[Term, ...] = Field(min_length=1)
+    terms: tuple[Term, ...]
+
+    @model_validator(mode="after")
+    def _has_a_term(self) -> FieldSum:
+        if not self.terms:
+            raise problem("at least one term is needed", "Write {terms: [{t: 3}]}, or a number.", at=("terms",))
+        return self
 
 
 def _field_form(value: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from math import inf
 from typing import Annotated, Any
 
 from pydantic import Discriminator, StrictBool, Tag, model_validator
@@ -123,14 +124,15 @@ def properties_in(spec: Any, at: At) -> Iterator[tuple[At, float | PropertyTable
         yield at, spec
 
 
-def positive(spec: float | PropertyTable | Polynomial, at: At, most: float = float("inf")) -> None:
+def positive(spec: float | PropertyTable | Polynomial, at: At, most: float = inf, zero_in_table: bool = False) -> None:
     """Raises a problem where a number or table is not above zero, or is above `most`.
 
+    zero_in_table : a table may be zero in places, not everywhere.
     A polynomial cannot be checked here: the step that meets a wrong value is discarded.
     """
     values = spec.value if isinstance(spec, PropertyTable) else (spec,) if isinstance(spec, float) else ()
+    is_table = isinstance(spec, PropertyTable)
     for i, value in enumerate(values):
-        if not 0 < value <= most:
-            here = (*at, "value", i) if isinstance(spec, PropertyTable) else at
-            raise problem("must be greater than zero" + (f" and at most {most:g}" if most < float("inf") else ""),
-                          at=here)
+        if not (0 < value <= most or (value == 0 and is_table and zero_in_table and any(values))):
+            raise problem("must be greater than zero" + (f" and at most {most:g}" if most < inf else ""),
+                          at=(*at, "value", i) if is_table else at)

@@ -13,6 +13,7 @@ from coupler.scenario.schema_field import FieldSpec
 from coupler.scenario.schema_halves import Supported
 from coupler.scenario.schema_material import positive
 
+MOST_INCREMENTS = 100_000  # a count beyond this is a slip of the pen
 SIGMA_SB = 5.670374419e-8  # W/m2K4
 
 
@@ -51,7 +52,7 @@ class Convection(Part):
     @model_validator(mode="after")
     def _factor_positive(self) -> Convection:
         if self.h_factor is not None:
-            positive(self.h_factor, ("h_factor",))
+            positive(self.h_factor, ("h_factor",), zero_in_table=True)
         return self
 
 
@@ -152,6 +153,8 @@ class Thermal(Part):
                           at=("method",))
         if self.theta is not None and not 0.5 <= self.theta <= 1.0:
             raise problem("theta lies between 0.5 and 1", "Below 0.5 no large step would be stable.", at=("theta",))
+        if self.increments is not None and self.increments > MOST_INCREMENTS:
+            raise problem(f"more than {MOST_INCREMENTS} increments", at=("increments",))
         if self.adaptive is not None and self.method is Method.STEADY:
             raise problem("a steady solution has no steps in time to adapt", "Use increments.", at=("adaptive",))
         return self

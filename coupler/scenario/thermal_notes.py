@@ -1,0 +1,60 @@
+"""What a user should know of a thermal model though it is no error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from contact.half.interface import Pair
+from contact.laws import branch_jump, closed_conductance, parse_law
+
+# Conductances that differ by less than this share at touch join.
+JOINED = 1e-6
+
+Model = Mapping[str, Any]
+
+
+def thermal_notes(model: Model, pairs: Iterable[Pair]) -> list[str]:
+    """A sentence each: conductance that jumps at touch, radiation that is missing or counted twice.
+
+    model : model.json of the thermal half (of another package: nothing is found in it).  pairs : of the scene.
+    """
+    known = model.get("pairs", {})
+    return [note for pair in pairs for note in (*_torn_laws(model, pair.name, known.get(pair.name, {})),
+                                                *_radiation(model, pair, known.get(pair.name, {})))]
+
+
+def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
+    """A pair whose conductance jumps when it touches (physics wants h(g -> 0+) = h(p -> 0+))."""
+    if pair.get("closed") is None or pair.get("open") is None:
+        return []
+    closed, opened = parse_law(pair["closed"]), parse_law(pair["open"])
+    T = float(np.mean([body["T0"] for body in model["bodies"].values()]))
+    h = float(closed_conductance(closed, 0.0, T)[0])
+    jump = branch_jump(closed, opened, T)
+    if abs(jump) <= JOINED * max(abs(h), abs(h - jump)):
+        return []
+    return [f"pair {name}: the conductance jumps from {h - jump:.6g} to {h:.6g} W/m2K when it touches; laws that join "
+            "there let windows stay large"]
+
+
+def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
+    """Near radiation of a pair beside far radiation of its surfaces: they should share one pair of gaps."""
+    near = spec.get("radiation")
+    if near is None:
+        return []
+    notes = []
+    for surface in (pair.slave, pair.master):
+        far = [b for b in model.get("boundary", ()) if b["kind"] == "radiation" and b["on"] == surface]
+        what = f"pair {pair.name}: near radiation"
+        if not far and near["d_far"] is not None:
+            notes.append(f"{what} ends at a gap of {near['d_far']:g} m, and {surface} has no radiation of its own: "
+                         "farther apart, and where it faces nothing, it gives off none")
+        for b in far:
+            if b["d_near"] is None or near["d_far"] is None:
+                notes.append(f"{what} and the radiation on {surface} both act at every gap: give both the same gap")
+            elif (b["d_near"], b["d_far"]) != (near["d_near"], near["d_far"]):
+                notes.append(f"{what} and the radiation on {surface} fade over different gaps")
+    return notes
