@@ -14,15 +14,19 @@ from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.sparse import SingularMatrixError
 from contact.half.surfaces import ContactRefusedError
 from thermal_fmu import phase
+from thermal_fmu.advance import Begin, advance
 from thermal_fmu.facing import Points, points_of
 from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.held import Scene, factors_of, hold
+from thermal_fmu.jump import entropy_jump
 from thermal_fmu.loads import calendar_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
 from thermal_fmu.newton import NotConvergedError
+from thermal_fmu.pace import NO_PACE, Pace
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.spec import parse_model
-from thermal_fmu.step import Course, Stepped, damped_step, take_step
+from thermal_fmu.step import Course, Stepped
+from thermal_fmu.substeps import LeastStepError
 from thermal_fmu.volume import BadPropertyError, InvertedCellError, Reference
 
 Floats = NDArray[np.float64]
@@ -37,7 +41,7 @@ class ThermalState:
     s : (n,) [K], T itself in bodies that do not melt (phase.py).  X : (n, 2) reference coordinates [m], the first
     x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
-    from.
+    from, anchor_S : likewise of the entropy part.  pace : of adaptive inner steps.
     """
 
     s: Floats
@@ -46,6 +50,8 @@ class ThermalState:
     damped: int
     stored: float
     anchor: Anchor | None = None
+    anchor_S: Anchor | None = None
+    pace: Pace = NO_PACE
 
 
 class ThermalHalf:
@@ -58,7 +64,7 @@ class ThermalHalf:
         """Raises ValueError for a model.json that is not right, naming key and value."""
         self._scene = Scene(interface, parse_model(interface, spec))
         self._calendar = calendar_of(self._scene.model)
-        self._factors = Factors()
+        self._factors, self._factors_S = Factors(), Factors()
         self._masses: tuple[Floats, tuple[Reference, ...]] | None = None
         self.variables = _variables(self._scene)
 
@@ -76,7 +82,7 @@ class ThermalHalf:
         state = ThermalState(phase.unknown(scene.melting, T), X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
-        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
+        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
@@ -89,6 +95,9 @@ class ThermalHalf:
             return self._advance(state, inputs, t, h, link, method)
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
+        except LeastStepError as exc:
+            # Inner steps can only get shorter where the substep itself is shorter than the least of them.
+            return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * exc.least)
         except (InvertedCellError, ContactRefusedError) as exc:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
@@ -102,13 +111,22 @@ class ThermalHalf:
         load = factors_of(scene.model, inputs)
         course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
         event = _whole(inputs, "control.event")
-        jumped = event != state.event or self._calendar.jump_within(t, h)
-        damped = DAMPED_SUBSTEPS if jumped else state.damped
-        s_n = np.array(state.s)
-        done = (damped_step if damped > 0 else take_step)(course, method, s_n, state.anchor, t, h)
+        E_S = np.asarray(inputs["E_S"], dtype=np.float64)
+        jump = entropy_jump(course, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
+        begin = Begin(np.array(state.s) if jump is None else jump.s, state.anchor,
+                      DAMPED_SUBSTEPS if event != state.event else state.damped, state.pace)
+        went = advance(course, scene.model.stepping, method, begin, t, h)
+        done = went.done if jump is None else jump.then(went.done)
         stored = state.stored + float(done.heat.stored.sum())
-        new = ThermalState(done.s, state.X, event, max(damped - 1, 0), stored, done.anchor)
-        return Done(new, self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, s_n)))
+        new = ThermalState(done.s, state.X, event, went.damped, stored, done.anchor,
+                           state.anchor_S if jump is None else jump.anchor, went.pace)
+        outputs = self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, state.s))
+        return Done(new, outputs | self._counts(went.substeps, went.rejected))
+
+    def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
+        if self._scene.model.stepping.adaptive is None:
+            return {}
+        return {"substeps": float(substeps), "rejected": float(rejected)}
 
     def _masses_of(self, X: Floats) -> tuple[Reference, ...]:
         if self._masses is None or not np.array_equal(self._masses[0], X):
@@ -140,10 +158,14 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
     n, n_s = volume.n, len(interface.contact_nodes)
     surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
                         description="normal traction at surface nodes, <= 0"),) if n_s else ()
+    inner = () if scene.model.stepping.adaptive is None else (
+        Variable("substeps", description="inner steps of the substep"),
+        Variable("rejected", description="inner steps tried that were too long"))
     return (
         Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
         *surface,
         Variable("E_M", (volume.n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
+        Variable("E_S", (volume.n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
         *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),
         Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
         *(Variable(name, unit="J", description="energy of the substep into the bodies")
@@ -153,6 +175,7 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
         Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
         Variable("contact.touching", description="facing points under pressure"),
+        *inner,
     )
 
 

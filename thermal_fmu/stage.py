@@ -90,7 +90,7 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
     norm = float(np.abs(R - reaction).sum())
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
     matrix = _matrix(scene, boundary, slope, at.dT, data) if jacobian else None
-    return Balance(R, f + reaction / weight, inside, boundary.terms, stored, norm, scale, matrix)
+    return Balance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix)
 
 
 def _matrix(scene: Scene, boundary: Boundary, slope: float, dT: Floats | None, data: Floats) -> csr_matrix:
