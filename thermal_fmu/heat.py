@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu.boundary import TERMS
+from thermal_fmu.spec import Model
 
 Floats = NDArray[np.float64]
 
@@ -29,11 +29,12 @@ class Heat:
         return Heat(self.stored + other.stored, self.temperature + other.temperature,
                     self.terms + other.terms)
 
-    def outputs(self, bodies: Sequence[str]) -> dict[str, float]:
-        """By the names of the outputs heat.*"""
-        named = {f"heat.stored.{body}": float(J) for body, J in zip(bodies, self.stored, strict=True)}
+    def outputs(self, model: Model) -> dict[str, float]:
+        """By the names of the outputs heat.*: the terms that the scene can have."""
+        named = {f"heat.stored.{body.name}": float(J) for body, J in zip(model.bodies, self.stored, strict=True)}
         named["heat.temperature"] = self.temperature
-        return named | {f"heat.{name}": float(J) for name, J in zip(TERMS, self.terms, strict=True)}
+        possible = terms_of(model)
+        return named | {f"heat.{name}": float(J) for name, J in zip(TERMS, self.terms, strict=True) if name in possible}
 
 
 def no_heat(n_bodies: int) -> Heat:
@@ -41,6 +42,13 @@ def no_heat(n_bodies: int) -> Heat:
     return Heat(np.zeros(n_bodies), 0.0, np.zeros(len(TERMS)))
 
 
-def names_of(bodies: Sequence[str]) -> tuple[str, ...]:
+def terms_of(model: Model) -> frozenset[str]:
+    """Of boundary.TERMS those that a scene can have."""
+    near = any(pair is not None and pair.radiation is not None for pair in model.pairs)
+    possible = {"radiation": bool(model.radiators), "near_radiation": near, "friction": bool(model.pairs)}
+    return frozenset(name for name in TERMS if possible.get(name.partition(".")[0], True))
+
+
+def names_of(model: Model) -> tuple[str, ...]:
     """The names of the outputs heat.*"""
-    return tuple(no_heat(len(bodies)).outputs(bodies))
+    return tuple(no_heat(len(model.bodies)).outputs(model))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,8 +17,8 @@ from thermal_fmu.exchange import Group, groups_of
 from thermal_fmu.exposed import Ground
 from thermal_fmu.facing import Points
 from thermal_fmu.film import HeldFilm, hold_film
-from thermal_fmu.friction import Friction
-from thermal_fmu.phase import Melting, melting_of
+from thermal_fmu.friction import Friction, friction_power, slave_share
+from thermal_fmu.phase import Fields, Melting, melting_of
 from thermal_fmu.radiation import HeldRadiator, NearGroup, hold_radiator, near_groups
 from thermal_fmu.source import HeldSource, WarmSource, hold_sources, plain_sources
 from thermal_fmu.spec import Model
@@ -138,6 +138,23 @@ def hold(scene: Scene, masses: tuple[Reference, ...], x: Floats, E_M: Floats, po
         () if points is None else near_groups(points, model.pairs),
         0 if points is None else int((points.p > 0).sum()),
     )
+
+
+def rubbed(held: Held, scene: Scene, points: Points, E: Floats, at: Fields, h: float) -> Held:
+    """With the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
+
+    at : temperatures at its start, from which the effusivities of both sides are taken.
+    """
+    if not E.any():
+        return held
+    model, interface = scene.model, scene.interface
+    at_nodes = np.zeros(scene.volume.n)
+    at_nodes[interface.contact_nodes] = E
+    is_slave = np.zeros(scene.volume.n, dtype=np.bool_)
+    for pair in interface.pairs:
+        is_slave[interface.surfaces[pair.slave]] = True
+    share = slave_share(points, model.pairs, model.bodies, interface.node_body, at)
+    return replace(held, friction=friction_power(points, share, at_nodes, is_slave, h))
 
 
 def _mechanical(volume: Volume, shapes: Sequence[Shape], E_M: Floats) -> Floats:

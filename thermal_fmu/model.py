@@ -17,7 +17,7 @@ from thermal_fmu import phase
 from thermal_fmu.advance import Begin, advance
 from thermal_fmu.facing import Points, points_of
 from thermal_fmu.heat import Heat, names_of, no_heat
-from thermal_fmu.held import Scene, factors_of, hold
+from thermal_fmu.held import Scene, factors_of, hold, rubbed
 from thermal_fmu.jump import entropy_jump
 from thermal_fmu.loads import calendar_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
@@ -107,7 +107,11 @@ class ThermalHalf:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
-        held = hold(scene, self._masses_of(state.X), x, E_M, self._facing(x, inputs, link))
+        points = self._facing(x, inputs, link)
+        held = hold(scene, self._masses_of(state.X), x, E_M, points)
+        if points is not None:
+            E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
+            held = rubbed(held, scene, points, E_friction, phase.fields(scene.melting, np.array(state.s)), h)
         load = factors_of(scene.model, inputs)
         course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
         event = _whole(inputs, "control.event")
@@ -144,7 +148,7 @@ class ThermalHalf:
                  T_n: Floats) -> dict[str, Value]:
         T = phase.temperature(self._scene.melting, state.s)
         return {
-            "T": T, **heat.outputs(self._scene.volume.bodies),
+            "T": T, **heat.outputs(self._scene.model),
             "iterations": float(done.iterations) if done else 0.0,
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),
@@ -157,7 +161,9 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
     interface, volume = scene.interface, scene.volume
     n, n_s = volume.n, len(interface.contact_nodes)
     surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
-                        description="normal traction at surface nodes, <= 0"),) if n_s else ()
+                        description="normal traction at surface nodes, <= 0"),
+               Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
+                        description="friction heat of the substep at surface nodes")) if n_s else ()
     inner = () if scene.model.stepping.adaptive is None else (
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
@@ -169,7 +175,7 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
         *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),
         Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
         *(Variable(name, unit="J", description="energy of the substep into the bodies")
-          for name in names_of(volume.bodies)),
+          for name in names_of(scene.model)),
         Variable("iterations", description="linear solves of the substep"),
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),

@@ -9,7 +9,7 @@ from typing import Any
 from contact.half.checks import keys, known, made, number
 from contact.half.field import Field
 from contact.half.interface import Interface
-from contact.half.property import Property, positive_property, property_from
+from contact.half.property import Property, property_from
 from contact.half.signal import Signal
 from thermal_fmu.material import Material, parse_material
 from thermal_fmu.spec_boundary import (

@@ -124,7 +124,8 @@ def parse_boundary(interface: Interface, spec: Any, where: str) -> Boundary:
         return _film(interface, spec, where, on)
     keys(spec, where, {"kind", "on", "emissivity", "T"}, {"d_near", "d_far", "name"})
     exposed = Exposed(on, interface.surfaces[on], *_gaps(spec, where, "d_near", "d_far"))
-    return Radiator(exposed, emissivity(spec["emissivity"], f"{where}.emissivity"), field(spec["T"], f"{where}.T"), name)
+    eps = emissivity(spec["emissivity"], f"{where}.emissivity")
+    return Radiator(exposed, eps, field(spec["T"], f"{where}.T"), name)
 
 
 def _surface(interface: Interface, spec: Mapping[str, Any], kind: str, where: str) -> str:
