@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from thermal_fmu.limits import demand_limits
+from thermal_fmu.phase import temperature
 from thermal_fmu.solver import Anchor, Factors, solve
 from thermal_fmu.stage import Balance, StageProblem, balance
 
@@ -48,6 +50,7 @@ def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Fac
     floor = ROUND_OFF * _size(now.jacobian, T)
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(SHARE * tolerance * now.scale, floor):
+            demand_limits(problem.held, problem.loads, temperature(problem.scene.melting, T))
             return Solved(T, now, iteration, now.share, anchor)
         if now.jacobian is None:
             now = balance(problem, T, jacobian=True)
