@@ -1,8 +1,8 @@
-"""Newton's method for one stage."""
+"""Newton's method for one stage, and a detour for stages in which much freezes or melts at once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,27 @@ from thermal_fmu.limits import demand_limits
 from thermal_fmu.phase import temperature
 from thermal_fmu.solver import Anchor, Factors, solve
 from thermal_fmu.stage import Balance, StageProblem, balance
+from thermal_fmu.volume import BadPropertyError
 
 Floats = NDArray[np.float64]
 
 MAX_ITERATIONS = 25  # quadratic convergence needs a handful, a peaked c(T) with halved steps some more
 MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
 DESCENT = 1e-4  # least relative decrease asked for, per share of the full step
+# Where a node sits at the edge of a phase no step may lower the residual, yet a short one beyond it shows the other
+# side's slopes.  So often may a scene that melts take one.
+MAX_CLIMBS = 8
 # The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
 SHARE = 0.1
 LINEAR_SHARE = 0.3  # of what Newton asks for, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
+
+# The detour: blur from 1 down by SHARPER to LEAST_BLUR, then none.  A whole slab of 40 cells that freezes in one step
+# takes about 80 solves; Newton's method alone walks from cell to cell and stops where a node sits between two phases.
+SHARPER = 0.3
+LEAST_BLUR = 1e-4
+ROUGH = 0.1
+MAX_RETREATS = 20  # each goes back half way (in the logarithm) to the last blur that was solved
 
 
 class NotConvergedError(ArithmeticError):
@@ -39,46 +50,104 @@ class Solved:
     anchor: Anchor | None
 
 
-def solve_stage(problem: StageProblem, T: Floats, tolerance: float, factors: Factors,
+def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
                 anchor: Anchor | None) -> Solved:
-    """The stage's temperatures, from the guess T : (n,) [K] (prescribed values already in it).
+    """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
 
     Converged where the sum of |R| is a tenth of `tolerance` of the sum of all |heats|, or is round-off.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
-    now = balance(problem, T, jacobian=True)
-    floor = ROUND_OFF * _size(now.jacobian, T)
+    try:
+        solved = newton(problem, s, tolerance, factors, anchor)
+    except NotConvergedError:
+        if not problem.scene.melting:
+            raise
+        solved = _detour(problem, s, tolerance, factors, anchor)
+    demand_limits(problem.held, problem.loads, temperature(problem.scene.melting, solved.s))
+    return solved
+
+
+def _detour(problem: StageProblem, s: Floats, tolerance: float, factors: Factors, anchor: Anchor | None) -> Solved:
+    blur, sharper, done, spent, retreats = 1.0, SHARPER, 1.0, 0, 0
+    while True:
+        goal = tolerance if blur == 0.0 else ROUGH
+        try:
+            solved = newton(replace(problem, blur=blur), s, goal, factors, anchor)
+        except NotConvergedError:
+            if blur == 1.0 or retreats == MAX_RETREATS:
+                raise
+            sharper, retreats = sharper**0.5, retreats + 1
+            blur = max(done, LEAST_BLUR) * sharper
+            continue
+        spent += solved.iterations
+        if blur == 0.0:
+            return replace(solved, iterations=spent)
+        s, anchor, done = solved.s, solved.anchor, blur
+        blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
+
+
+def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors, anchor: Anchor | None) -> Solved:
+    """As solve_stage, without the detour."""
+    now = balance(problem, s, jacobian=True)
+    floor = ROUND_OFF * _size(now.jacobian, s)
+    climbs = MAX_CLIMBS if problem.scene.melting else 0
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(SHARE * tolerance * now.scale, floor):
-            demand_limits(problem.held, problem.loads, temperature(problem.scene.melting, T))
-            return Solved(T, now, iteration, now.share, anchor)
+            return Solved(s, now, iteration, now.share, anchor)
         if now.jacobian is None:
-            now = balance(problem, T, jacobian=True)
+            now = balance(problem, s, jacobian=True)
         assert now.jacobian is not None
         target = LINEAR_SHARE * max(SHARE * tolerance * now.scale, floor)
         solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors)
         step, anchor = solution.x, solution.anchor
-        if not np.isfinite(step).all():
-            raise NotConvergedError(f"iteration {iteration + 1} gave temperatures that are not finite")
-        T, now = _descend(problem, T, step, now, floor)
+        _demand_finite(problem, step, now.R, iteration + 1)
+        before = now.norm
+        s, now = _descend(problem, s, step, now, floor, climbs > 0)
+        climbs -= int(now.norm >= before and now.norm > floor)
     raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.share:.2e} of the heat that flows "
                             f"(tolerance {SHARE * tolerance:.1e})")
 
 
-def _descend(problem: StageProblem, T: Floats, step: Floats, before: Balance,
-             floor: float) -> tuple[Floats, Balance]:
-    """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual."""
+def _descend(problem: StageProblem, s: Floats, step: Floats, before: Balance,
+             floor: float, may_climb: bool) -> tuple[Floats, Balance]:
+    """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no property that is not positive.
+
+    may_climb : the best of them will do where none lowers it.
+    """
     share = 1.0
+    refused: BadPropertyError | None = None
+    best: tuple[Floats, Balance] | None = None
     for _ in range(MAX_HALVINGS):
-        trial = T + share * step
-        after = balance(problem, trial, jacobian=False)
-        if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
-            return trial, after
+        trial = s + share * step
+        try:
+            after = balance(problem, trial, jacobian=False)
+        except BadPropertyError as exc:
+            refused = exc
+        else:
+            if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
+                return trial, after
+            if best is None or after.norm < best[1].norm:
+                best = trial, after
         share *= 0.5
+    if may_climb and best is not None:
+        return best
+    if refused is not None:
+        raise refused
     raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.share:.2e} "
                             "of the heat that flows")
 
 
-def _size(A: csr_matrix | None, T: Floats) -> float:
+def _demand_finite(problem: StageProblem, step: Floats, R: Floats, iteration: int) -> None:
+    """Name the first node whose heat is not finite, else the first whose step is not."""
+    if np.isfinite(step).all():
+        return
+    source = R if not np.isfinite(R).all() else step
+    node = int(np.flatnonzero(~np.isfinite(source))[0])
+    body = problem.scene.interface.bodies[problem.scene.interface.node_body[node]]
+    raise NotConvergedError(f"iteration {iteration} gave a temperature that is not finite at node {node + 1} "
+                            f"of body {body}")
+
+
+def _size(A: csr_matrix | None, s: Floats) -> float:
     assert A is not None
-    return float((abs(A) @ np.abs(T)).sum())
+    return float((abs(A) @ np.abs(s)).sum())

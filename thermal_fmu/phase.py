@@ -14,7 +14,7 @@ case: T rests while s crosses the width W = T_l - T_s + L/c_s(T_s).  Everywhere 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial
 
@@ -25,6 +25,8 @@ from scipy.interpolate import PPoly
 from contact.half.property import Property
 
 Floats = NDArray[np.float64]
+
+BLUR_SLOPE = 0.5  # between 0, the mush of a pure metal, and 1, a body that does not melt
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,21 @@ def fields(melting: Sequence[Melting], s: Floats) -> Fields:
         dT[body.nodes] = body.change.temperature_slope(own)
         df[body.nodes] = body.change.solid_fraction_slope(own)
     return Fields(temperature(melting, s), solid_fraction(melting, s), dT, df)
+
+
+def blurred(melting: Sequence[Melting], at: Fields, s: Floats, blur: float, fixed: NDArray[np.bool_]) -> Fields:
+    """The fields with T replaced by (1 - blur) T + blur (T_s + BLUR_SLOPE (s - T_s - W/2)) at free nodes that melt.
+
+    At blur = 1 no melting is left in T(s), at 0 all of it is: a path along which Newton's method can walk.
+    """
+    assert at.dT is not None
+    T, dT = at.T.copy(), at.dT.copy()
+    for body in melting:
+        nodes, change = body.nodes[~fixed[body.nodes]], body.change
+        line = change.T_s + BLUR_SLOPE * (s[nodes] - change.T_s - 0.5 * change.W)
+        T[nodes] += blur * (line - T[nodes])
+        dT[nodes] += blur * (BLUR_SLOPE - dT[nodes])
+    return replace(at, T=T, dT=dT)
 
 
 def between(start: Fields, end: Fields, theta: float) -> Fields:

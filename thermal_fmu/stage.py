@@ -23,7 +23,8 @@ class StageProblem:
     """Find s with  E(s) - E(s_n) = dt (sum_j a_j F_j + a f(T_n + theta (T(s) - T_n))).
 
     s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
-    earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).
+    earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).  blur : 0 is the problem itself,
+    up to 1 a friend of it in which T(s) rests less and less at melting (phase.blurred).
     """
 
     scene: Scene
@@ -35,6 +36,7 @@ class StageProblem:
     power_M: Floats
     earlier: Floats
     stores: bool
+    blur: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
     data = np.zeros(volume.pattern.indices.size if jacobian else 0)
     S, f = np.zeros(volume.n), np.zeros(volume.n)
     at = phase.fields(scene.melting, s)
+    if problem.blur > 0.0:
+        at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
         at = phase.between(phase.fields(scene.melting, problem.s_n), at, stage.theta)
     stored = np.zeros(len(model.bodies))
