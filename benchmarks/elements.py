@@ -126,7 +126,7 @@ def smooth(kind: str, m: int) -> Cost:
     coarse = run(200)
     seconds = process_time() - begun
     T = (4.0 * run(400) - coarse) / 3.0
-    return Cost("smooth", kind, x.size, float(np.abs(T - (case.exact(x) - ZERO)).max()), seconds)
+    return Cost("smooth", kind, int(x.size), float(np.abs(T - (case.exact(x) - ZERO)).max()), seconds)
 
 
 def corner(kind: str, m: int) -> Cost:
@@ -141,7 +141,7 @@ def corner(kind: str, m: int) -> Cost:
     held = np.isclose(cells.doflocs[1], 0.0)
     T = held_solve(A, held)(np.zeros(cells.N), np.where(held, 100.0, 0.0))
     at = np.argmin(np.hypot(cells.doflocs[0] - T4_POINT[0], cells.doflocs[1] - T4_POINT[1]))
-    return Cost("corner", kind, cells.N, float(abs(T[at] - T4_EXACT)), process_time() - begun)
+    return Cost("corner", kind, int(cells.N), float(abs(T[at] - T4_EXACT)), process_time() - begun)
 
 
 def enthalpy(T: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -207,7 +207,7 @@ def front(kind: str, m: int, reference: tuple[Floats, Floats]) -> Cost:
     at = np.linspace(0.0, 0.1, 2001)
     # Between nodes the quadratic is taken as straight lines over half cells: the front lies in one of them.
     error = np.abs(np.interp(at, x, T) - np.interp(at, *reference)).mean()
-    return Cost("front", kind, x.size, float(error), seconds)
+    return Cost("front", kind, int(x.size), float(error), seconds)
 
 
 def measure(quick: bool) -> list[Cost]:
