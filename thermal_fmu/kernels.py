@@ -126,6 +126,27 @@ def _form(K: Floats, a: Floats, bx: float, by: float) -> float:
 
 
 @njit(cache=True)
+def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Floats:
+    """(ne, 2) volume means of -K grad T [W/m2], K_q : (ne, nq, 3) as xx, xy, yy."""
+    ne, nn = cells.shape
+    flux = np.zeros((ne, 2))
+    for e in range(ne):
+        T0 = T[cells[e, 0]]
+        for q in range(dV.shape[1]):
+            gx = 0.0
+            gy = 0.0
+            for i in range(1, nn):
+                d = T[cells[e, i]] - T0
+                gx += G[e, q, i, 0] * d
+                gy += G[e, q, i, 1] * d
+            xx, xy, yy = K_q[e, q]
+            flux[e, 0] -= dV[e, q] * (xx * gx + xy * gy)
+            flux[e, 1] -= dV[e, q] * (xy * gx + yy * gy)
+        flux[e] /= dV[e].sum()
+    return flux
+
+
+@njit(cache=True)
 def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
     """(ne, nq) angle [rad] of the rotation R in F = dx/dX = R U, from x : (n, 2) and the reference's gradients G."""
     ne, nq, nn, _ = G.shape

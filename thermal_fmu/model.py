@@ -22,12 +22,13 @@ from thermal_fmu.jump import entropy_jump
 from thermal_fmu.loads import calendar_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
 from thermal_fmu.newton import NotConvergedError
+from thermal_fmu.outputs import field_outputs, field_variables
 from thermal_fmu.pace import NO_PACE, Pace
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.spec import parse_model
 from thermal_fmu.step import Course, Stepped
 from thermal_fmu.substeps import LeastStepError
-from thermal_fmu.volume import BadPropertyError, InvertedCellError, Reference
+from thermal_fmu.volume import BadPropertyError, InvertedCellError, Reference, shapes_of
 
 Floats = NDArray[np.float64]
 
@@ -82,7 +83,8 @@ class ThermalHalf:
         state = ThermalState(phase.unknown(scene.melting, T), X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
-        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
+        outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
+        return state, outputs | field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
@@ -125,6 +127,7 @@ class ThermalHalf:
         new = ThermalState(done.s, state.X, event, went.damped, stored, done.anchor,
                            state.anchor_S if jump is None else jump.anchor, went.pace)
         outputs = self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, state.s))
+        outputs |= field_outputs(scene, held.shapes, new.s, done.inside - done.moved)
         return Done(new, outputs | self._counts(went.substeps, went.rejected))
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
@@ -182,6 +185,7 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
         Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
         Variable("contact.touching", description="facing points under pressure"),
         *inner,
+        *field_variables(scene),
     )
 
 
