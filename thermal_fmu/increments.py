@@ -25,7 +25,7 @@ def walk_to_steady(course: Course, method: Method, increments: int, s_start: Flo
     """From s_start : (n,) [K] to the steady state under the loads of t + dt, prescribed values moving along.
 
     The path starts where the residual is zero by construction.  An increment that fails is halved, and grows again as
-    the next ones succeed.  Raises NotConvergedError, BadPropertyError where the smallest fails, SingularMatrixError.
+    the next ones succeed.  Raises NotConvergedError, SingularMatrixError.
     """
     whole = 2**MAX_HALVINGS
     done, size, last = 0, whole, increments * whole  # lambda = done/last, exactly
@@ -41,11 +41,21 @@ def walk_to_steady(course: Course, method: Method, increments: int, s_start: Flo
             solved = _increment(path, (done + size) / last, s, anchor)
         except (NotConvergedError, BadPropertyError) as exc:
             if size == 1:
-                raise NotConvergedError(f"at {done / last:.3g} of the load no increment helps: {exc}") from exc
+                return _all_at_once(course, method, s_start, anchor, (t, dt), f"at {done / last:.3g} of the load no "
+                                    f"increment helps: {exc}")
             size //= 2
             continue
         s, anchor, iterations = solved.s, solved.anchor, iterations + solved.iterations
         done, size = done + size, min(2 * size, whole)
+
+
+def _all_at_once(course: Course, method: Method, s_start: Floats, anchor: Anchor | None, when: tuple[float, float],
+                 why: str) -> Stepped:
+    """Where the path turns back before its end, its end may still be in reach of Newton's method from the start."""
+    try:
+        return take_step(course, method, s_start, anchor, *when)
+    except (NotConvergedError, BadPropertyError) as exc:
+        raise NotConvergedError(why) from exc
 
 
 @dataclass(frozen=True)

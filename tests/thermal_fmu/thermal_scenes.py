@@ -13,7 +13,10 @@ import numpy as np
 from contact.half.interface import Interface, Pair
 from contact.half.model import Done
 from contact.wire import Facing, Project, Refused, Register, Registered
+from thermal_fmu.held import hold
 from thermal_fmu.model import ThermalHalf, ThermalState, load
+from thermal_fmu.solver import Factors
+from thermal_fmu.step import Course
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 I32 = np.int32
@@ -158,3 +161,14 @@ def imbalance(outputs: list[dict[str, Any]]) -> float:
 def order(errors: list[float]) -> float:
     """Order of convergence from errors at steps each half of the one before, by least squares."""
     return float(-np.polyfit(np.arange(len(errors)), np.log2(errors), 1)[0])
+
+
+def the_course(interface: Interface, model: dict[str, Any], **given: Any) -> Course:
+    """What single steps of a half need, with nothing made by mechanics."""
+    half, link = load(interface, model), FlatContact()
+    inputs = inputs_of(interface, half, **given)
+    half.start(inputs, 0.0, link)
+    setting = half._scene
+    x = interface.nodes
+    held = hold(setting, setting.masses(x), x, np.zeros(setting.volume.n_cells), half._facing(x, inputs, link))
+    return Course(setting, held, {}, half._calendar, np.zeros(len(x)), Factors())
