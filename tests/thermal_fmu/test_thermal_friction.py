@@ -1,0 +1,154 @@
+"""Friction heat shared between the sides of a pair (D10), and no joule lost between curved surfaces (D3)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from thermal_scenes import EXPECTED, Box, inputs_of, run, scene, spec
+
+from contact.half.interface import Pair
+from contact.link import DirectLink
+from contact.service import ContactService
+from thermal_fmu.model import load
+
+STEEL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
+ALUMINIUM = {"rho": 2700.0, "k": 210.0, "c": 900.0}
+PAIRS = (Pair("p", "b.bottom", "a.top", 0.1, 1e9),)
+SLIDING = 0.3 * 1e6 * 0.5  # mu p v [W/m2]
+
+
+def service():
+    return DirectLink(ContactService().handle)
+
+
+def two_metals(pair=None, T0=300.0, boundary=(), **more):
+    """Aluminium a below, steel b above it: b is the slave."""
+    return spec(list(boundary), **more) | {
+        "materials": {"al": ALUMINIUM, "st": STEEL}, "pairs": {"p": pair or {}},
+        "bodies": {"a": {"material": "al", "T0": T0}, "b": {"material": "st", "T0": T0}}}
+
+
+def on_slave(mesh, Q):
+    """(n_s,) energies on the slave's nodes, Q [J/m2], by their areas (edges along x)."""
+    E = np.zeros(len(mesh.nodes))
+    for i, j in mesh.surfaces["b.bottom"]:
+        E[[i, j]] += 0.5 * Q * abs(mesh.nodes[i, 0] - mesh.nodes[j, 0])
+    return E[mesh.contact_nodes]
+
+
+def test_d10_two_half_spaces_that_slide():
+    """Bars of .4 and .2 m, graded to .05 mm at the interface, dt grown by 6 %: surface temperatures within 5e-4."""
+    case = EXPECTED["D10"]
+    def graded(X):
+        s = (X[:, 1] - 0.4) / np.where(X[:, 1] > 0.4, 0.2, 0.4)
+        return np.stack([X[:, 0], 0.4 + np.where(X[:, 1] > 0.4, 0.2, 0.4) * s * abs(s)], axis=1)
+    mesh = scene(Box(0, 0.01, 0, 0.4, 1, 90), Box(0, 0.01, 0.4, 0.6, 1, 90), pairs=PAIRS, move=graded)
+    half, link = load(mesh, two_metals()), service()
+    for t_end, dT in zip(case["t"], case["dT"], strict=True):
+        given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
+        state, _ = half.start(given, 0.0, link)
+        steps = 1.06 ** np.arange(80)
+        t, made = 0.0, []
+        for h in steps * t_end / steps.sum():
+            done = half.step(state, given | {"contact.E_friction": on_slave(mesh, SLIDING * h)}, t, float(h), link)
+            state, t = done.state, t + float(h)
+            made.append([done.outputs[f"heat.friction.{side}"] for side in ("slave", "master")])
+        T = done.outputs["T"]
+        for surface in ("a.top", "b.bottom"):
+            assert np.abs((T[np.unique(mesh.surfaces[surface])] - 300.0) / dT - 1.0).max() < 5e-4
+        slave, master = np.sum(made, axis=0)
+        assert abs(slave / (slave + master) - case["share"]) < 1e-7
+        assert abs((slave + master) / (0.01 * SLIDING * t_end) - 1.0) < 1e-12
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_a_given_share(share):
+    mesh = scene(Box(0, 0.1, 0, 0.1, 3, 3), Box(0, 0.1, 0.1, 0.2, 4, 3), pairs=PAIRS)
+    given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.contact_nodes), -1e6)}
+    out = run(mesh, two_metals({"friction_share": share}), 2.0, 1, service(), **given).outputs[-1]
+    assert abs(out["heat.friction.slave"] - share * 5.0) < 1e-13 * 5.0
+    assert abs(out["heat.friction.master"] - (1.0 - share) * 5.0) < 1e-13 * 5.0
+
+
+def test_effusivities_at_the_temperature_of_the_start():
+    """k of the slave quarters from 300 K to 400 K: sqrt(k rho c) halves, and with equal rest its share is 1/3."""
+    mesh = scene(Box(0, 0.1, 0, 0.1, 3, 1), Box(0, 0.1, 0.1, 0.2, 4, 1), pairs=PAIRS)
+    model = two_metals()
+    model["materials"]["st"] = ALUMINIUM | {"k": {"T": [300.0, 400.0], "value": [210.0, 52.5]}}
+    given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.contact_nodes), -1e6)}
+    for T0, share in ((300.0, 0.5), (400.0, 1.0 / 3.0)):
+        model["bodies"] = {b: m | {"T0": T0} for b, m in model["bodies"].items()}
+        out = run(mesh, model, 1e-3, 1, service(), **given).outputs[-1]
+        assert abs(out["heat.friction.slave"] / 5.0 - share) < 1e-13
+
+
+def curved(geometry, lift=0.0):
+    """Two bodies with curved faces, 7 against 10 edges, b to the right of a by a third and lifted by a varying gap."""
+    def bend(X):
+        y = X[:, 1] + np.where(X[:, 1] > 0.1501, lift, 0.0) * (1.0 + 20.0 * (X[:, 0] - 0.05))
+        return np.stack([X[:, 0], y + 0.8 * (X[:, 0] - 0.09) ** 2], axis=1)
+    return scene(Box(0.05, 0.15, 0.05, 0.15, 7, 4), Box(0.083, 0.183, 0.1502, 0.25, 10, 4), geometry=geometry,
+                 pairs=PAIRS, move=bend)
+
+
+LAWS = {"closed": {"law": "constant", "h": 3000.0}, "open": {"law": "gas", "k_g": 0.05, "g_m": 2e-5},
+        "radiation": {"emissivity_slave": 0.5, "emissivity_master": {"polynomial": [0.2, 5e-4]},
+                      "d_near": 1e-4, "d_far": 1e-3}}
+
+
+@pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
+def test_d3_no_joule_is_lost_between_curved_surfaces(geometry):
+    """Partly overlapping, partly touching, radiating and rubbing: each side of every mechanism to 1e-13."""
+    mesh = curved(geometry, lift=2e-4)
+    rng = np.random.default_rng(3)
+    nodes = mesh.contact_nodes
+    E = rng.uniform(0.5, 1.5, nodes.size)  # on nodes of both sides, also where nothing is faced
+    t_N = np.where(mesh.nodes[nodes, 0] < 0.11, -1e6, 0.0)
+    far = [{"kind": "radiation", "on": s, "emissivity": 0.7, "T": 300.0, "d_near": 1e-4, "d_far": 1e-3}
+           for s in ("a.top", "b.bottom")]
+    model = two_metals(LAWS, boundary=far)
+    model["bodies"]["b"]["T0"] = 700.0
+    ran = run(mesh, model, 0.5, 4, service(), t_N=t_N, **{"contact.E_friction": E})
+    for out in ran.outputs:
+        for mechanism in ("contact", "gap", "near_radiation"):
+            slave, master = out[f"heat.{mechanism}.slave"], out[f"heat.{mechanism}.master"]
+            assert slave < 0
+            assert abs(slave + master) < EXPECTED["D3"]["tolerance"] * abs(slave)
+        rubbed = out["heat.friction.slave"] + out["heat.friction.master"]
+        assert abs(rubbed / E.sum() - 1.0) < EXPECTED["D3"]["tolerance"]
+        assert out["heat.radiation"] < 0
+    assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
+
+
+def test_who_takes_what_faces_nothing():
+    """b hangs over by half: its free nodes keep their joules; a node that only serves as master keeps them too."""
+    mesh = scene(Box(0, 0.1, 0, 0.1, 4, 2), Box(0.05, 0.15, 0.1, 0.2, 4, 2), pairs=PAIRS)
+    x, s = mesh.nodes[mesh.contact_nodes, 0], np.isin(mesh.contact_nodes, mesh.surfaces["b.bottom"])
+    given = {"t_N": np.full(len(mesh.contact_nodes), -1e6)}
+    for where, slave in ((s & (x > 0.13), 1.0), (~s, 0.0), (s & (x < 0.09), EXPECTED["D10"]["share"])):
+        E = np.where(where, 2.0, 0.0)
+        out = run(mesh, two_metals(), 1.0, 1, service(), **given, **{"contact.E_friction": E}).outputs[-1]
+        assert abs(out["heat.friction.slave"] / E.sum() - slave) < 1e-7
+        assert abs((out["heat.friction.slave"] + out["heat.friction.master"]) / E.sum() - 1.0) < 1e-13
+
+
+def test_a_body_warms_where_it_is_rubbed():
+    """All to the slave, nothing conducts: the joules are in the cells along its face."""
+    mesh = scene(Box(0, 0.1, 0, 0.1, 2, 2), Box(0, 0.1, 0.1, 0.2, 2, 2), pairs=PAIRS)
+    model = two_metals({"friction_share": 1.0})
+    ran = run(mesh, model, 1e-6, 1, service(), t_N=np.full(len(mesh.contact_nodes), -1e6),
+              **{"contact.E_friction": on_slave(mesh, 1000.0)})
+    T = ran.T[-1]
+    assert (T[np.unique(mesh.surfaces["b.bottom"])] > 300.0).all()
+    assert np.abs(T[mesh.node_body == 0] - 300.0).max() < 1e-9
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.5, float("nan"), "half"])
+def test_a_share_outside_0_to_1_is_refused(share):
+    with pytest.raises(ValueError, match=r"pairs\.p\.friction_share must"):
+        load(curved("plane"), two_metals({"friction_share": share}))
