@@ -14,7 +14,9 @@ from thermal_scenes import EXPECTED, Box, inputs_of, run, scene, spec
 from contact.half.interface import Pair
 from contact.link import DirectLink
 from contact.service import ContactService
+from thermal_fmu.held import hold, rubbed
 from thermal_fmu.model import load
+from thermal_fmu.phase import Fields
 
 STEEL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
 ALUMINIUM = {"rho": 2700.0, "k": 210.0, "c": 900.0}
@@ -85,6 +87,21 @@ def test_effusivities_at_the_temperature_of_the_start():
         model["bodies"] = {b: m | {"T0": T0} for b, m in model["bodies"].items()}
         out = run(mesh, model, 1e-3, 1, service(), **given).outputs[-1]
         assert abs(out["heat.friction.slave"] / 5.0 - share) < 1e-13
+
+
+def test_even_rubbing_heats_both_faces_evenly():
+    """3 against 4 edges: an even heat per area of the slave is one of the master too, by its shape functions."""
+    mesh = scene(Box(0, 0.1, 0, 0.1, 3, 1), Box(0, 0.1, 0.1, 0.2, 4, 1), pairs=PAIRS)
+    half, link = load(mesh, two_metals({"friction_share": 0.25})), service()
+    given = inputs_of(mesh, half)
+    half.start(given, 0.0, link)
+    sc, points = half._scene, half._facing(mesh.nodes, given, link)
+    held = hold(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), points)
+    made = rubbed(held, sc, points, on_slave(mesh, 60.0), Fields(np.full(len(mesh.nodes), 300.0)), 2.0).friction
+    for power, surface, q in ((made.slave, "b.bottom", 7.5), (made.master, "a.top", 22.5)):
+        edges = mesh.surfaces[surface]
+        area = np.bincount(edges.ravel(), np.full(edges.size, 0.05 / len(edges)), len(mesh.nodes))
+        assert np.abs(power - q * area).max() < 1e-13
 
 
 def curved(geometry, lift=0.0):
