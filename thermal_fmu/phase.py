@@ -27,6 +27,7 @@ from contact.half.property import Property
 Floats = NDArray[np.float64]
 
 BLUR_SLOPE = 0.5  # between 0, the mush of a pure metal, and 1, a body that does not melt
+LEAST_SLOPE = 1e-3  # of dT/ds in the matrix of a steady state
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,11 @@ def blurred(melting: Sequence[Melting], at: Fields, s: Floats, blur: float, fixe
         T[nodes] += blur * (line - T[nodes])
         dT[nodes] += blur * (BLUR_SLOPE - dT[nodes])
     return replace(at, T=T, dT=dT)
+
+
+def sloped(at: Fields) -> Fields:
+    """The fields with dT/ds >= LEAST_SLOPE, for a steady matrix: without storage a melting point leaves it singular."""
+    return at if at.dT is None else replace(at, dT=np.maximum(at.dT, LEAST_SLOPE))
 
 
 def between(start: Fields, end: Fields, theta: float) -> Fields:

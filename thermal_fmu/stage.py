@@ -80,6 +80,8 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
         at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
         at = phase.between(phase.fields(scene.melting, problem.s_n), at, stage.theta)
+    if not problem.stores:
+        at = phase.sloped(at)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
         stored = store(volume, held.masses, model.bodies, problem.s_n, s, S, data)
