@@ -60,8 +60,12 @@ def test_old_factors_serve_and_change_nothing_that_matters(monkeypatch, k):
     assert sum(d.outputs["iterations"] for d in with_old) <= sum(d.outputs["iterations"] for d in with_new) + 5
 
 
-def test_hot_and_cold_caches_give_the_same_bits():
+@pytest.mark.parametrize("choice", ["superlu", "pardiso"])
+def test_hot_and_cold_caches_give_the_same_bits(monkeypatch, choice):
     """From one state: with its factors at hand, with others, in a new half, from bytes."""
+    if choice == "pardiso":
+        pytest.importorskip("pypardiso")
+    monkeypatch.setenv("SLIDELINE_SOLVER", choice)
     mesh, model = blocks()
     half = load(mesh, model)
     middle = slide(half, mesh, begun(half, mesh), 0, 8)[-1].state
