@@ -22,7 +22,7 @@ from thermal_fmu.volume import BadPropertyError
 
 Floats = NDArray[np.float64]
 
-LEAST_SHARE = 1e-6  # of the substep: the shortest inner step where none is given
+LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given
 
 
 class LeastStepError(ArithmeticError):
