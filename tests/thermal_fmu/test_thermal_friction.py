@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, inputs_of, run, scene, spec
+from thermal_scenes import EXPECTED, Box, imbalance, inputs_of, run, scene, spec
 
 from contact.half.interface import Pair
 from contact.link import DirectLink
@@ -140,6 +140,34 @@ def test_d3_no_joule_is_lost_between_curved_surfaces(geometry):
         assert abs(rubbed / E.sum() - 1.0) < EXPECTED["D3"]["tolerance"]
         assert out["heat.radiation"] < 0
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
+
+
+@pytest.mark.parametrize("method", ["midpoint", "sdirk2", "theta"])
+def test_a16_with_every_term_of_the_surface(method):
+    """Curved faces that slide and open, radiating near and far, rubbing, heated inside by place and temperature."""
+    mesh = curved("axisymmetric", lift=2e-4)
+    hot = {"terms": [{"t": {"t": [0, 3], "value": [1e6, 3e6]}, "x": {"polynomial": [1.0, 5.0]}}]}
+    film = {"kind": "convection", "on": "b.right", "h": {"terms": [{"y": {"at": [0.1, 0.2], "value": [50, 90]}}]},
+            "T": 350.0, "exponent": 0.25, "h_factor": {"T": [300, 900], "value": [1.0, 2.0]}}
+    far = [{"kind": "radiation", "on": s, "emissivity": {"T": [300, 900], "value": [0.3, 0.8]}, "T": 300.0,
+            "d_near": 1e-4, "d_far": 1e-3} for s in ("a.top", "b.bottom")]
+    model = two_metals(LAWS, boundary=[film, *far], method=method) | ({"theta": 0.7} if method == "theta" else {})
+    model["bodies"]["b"] |= {"T0": 700.0, "Q_T": hot, "Q_T_factor": {"T": [300, 900], "value": [1.0, 0.2]}}
+    half, link = load(mesh, model), service()
+    given = inputs_of(mesh, half, **{"contact.E_friction": np.full(len(mesh.contact_nodes), 40.0)})
+    state, _ = half.start(given, 0.0, link)
+    outputs = []
+    for i in range(6):
+        x = mesh.nodes + np.where(mesh.node_body == 1, 0.003 * i, 0.0)[:, None] * np.array([1.0, 0.03])
+        t_N = np.full(len(mesh.contact_nodes), -1e6 if i % 2 else 0.0)
+        done = half.step(state, given | {"x": x, "contact.t_N": t_N}, 0.5 * i, 0.5, link)
+        state = done.state
+        outputs.append(dict(done.outputs))
+        assert imbalance(outputs[-1:]) < EXPECTED["A16"]["tolerance"]
+    assert imbalance(outputs) < EXPECTED["A16"]["tolerance"]
+    some = {k for o in outputs for k, v in o.items() if k.startswith("heat.") and v != 0.0}
+    assert {"heat.radiation", "heat.near_radiation.slave", "heat.friction.master", "heat.source", "heat.gap.slave",
+            "heat.contact.slave", "heat.convection"} <= some
 
 
 def test_who_takes_what_faces_nothing():
