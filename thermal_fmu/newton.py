@@ -91,6 +91,7 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     now = balance(problem, s, jacobian=True)
     floor = ROUND_OFF * _size(now.jacobian, s)
     climbs = MAX_CLIMBS if problem.scene.melting else 0
+    _demand_finite(problem, now.R, "the heat")
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(SHARE * tolerance * now.scale, floor):
             return Solved(s, now, iteration, now.share, anchor)
@@ -100,7 +101,7 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
         target = LINEAR_SHARE * max(SHARE * tolerance * now.scale, floor)
         solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors)
         step, anchor = solution.x, solution.anchor
-        _demand_finite(problem, step, now.R, iteration + 1)
+        _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
         before = now.norm
         s, now = _descend(problem, s, step, now, floor, climbs > 0)
         climbs -= int(now.norm >= before and now.norm > floor)
@@ -137,15 +138,15 @@ def _descend(problem: StageProblem, s: Floats, step: Floats, before: Balance,
                             "of the heat that flows")
 
 
-def _demand_finite(problem: StageProblem, step: Floats, R: Floats, iteration: int) -> None:
-    """Name the first node whose heat is not finite, else the first whose step is not."""
-    if np.isfinite(step).all():
+def _demand_finite(problem: StageProblem, values: Floats, what: str) -> None:
+    """Name the first node at which values : (n,) are not finite."""
+    if np.isfinite(values).all():
         return
-    source = R if not np.isfinite(R).all() else step
-    node = int(np.flatnonzero(~np.isfinite(source))[0])
-    body = problem.scene.interface.bodies[problem.scene.interface.node_body[node]]
-    raise NotConvergedError(f"iteration {iteration} gave a temperature that is not finite at node {node + 1} "
-                            f"of body {body}")
+    interface = problem.scene.interface
+    node = int(np.flatnonzero(~np.isfinite(values))[0])
+    of = interface.node_body[node]
+    raise NotConvergedError(f"{what} is not finite at node {node + 1} of "
+                            f"{f'body {interface.bodies[of]}' if of >= 0 else 'no body'}")
 
 
 def _size(A: csr_matrix | None, s: Floats) -> float:
