@@ -48,6 +48,12 @@ class _Sum:
     places: list[tuple[NDArray[np.int64], Floats]] = field(default_factory=list)
     across: list[tuple[Ints, Floats]] = field(default_factory=list)
 
+    def gain(self, term: str, power: Floats) -> None:
+        """power : (n,) [W] enters the nodes."""
+        self.f += power
+        self.terms[term] += power.sum()
+        self.magnitude += float(np.abs(power).sum())
+
     def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
         """flow : (n, 2) [W] leaves nodes : (n, 2)."""
         self.f -= _nodal(nodes, flow, self.f.size)
@@ -68,20 +74,22 @@ class _Sum:
 
 def boundary_flow(held: Held, loads: Loads, power_M: Floats, T: Floats) -> Boundary:
     """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the substep."""
-    flux = _flux(held, loads, T.size)
-    source, warm = _source(held, loads, T)
-    f = flux + source + power_M
-    terms = dict.fromkeys(TERMS, 0.0)
-    terms |= {"flux": flux.sum(), "source": source.sum(), "mechanical": power_M.sum()}
-    total = _Sum(f, float(np.abs(flux).sum() + np.abs(source).sum() + np.abs(power_M).sum()), terms, warm)
+    total = _Sum(np.zeros(T.size), 0.0, dict.fromkeys(TERMS, 0.0))
+    if held.flux_areas:
+        total.gain("flux", _flux(held, loads, T.size))
+    inside = np.zeros(T.size)
+    if held.plain is not None or held.sources or held.warm:
+        inside += _source(total, held, loads, T)
+        total.gain("source", inside)
+    if power_M.any():
+        inside = inside + power_M
+        total.gain("mechanical", power_M)
     _add_surroundings(total, held, loads, T)
     _add_pairs(total, held, loads, T)
     if held.friction is not None:
-        for side, power in (("slave", held.friction.slave), ("master", held.friction.master)):
-            total.f += power
-            terms[f"friction.{side}"] += power.sum()
-            total.magnitude += float(np.abs(power).sum())
-    return Boundary(total.f, source + power_M, np.array([terms[name] for name in TERMS]), total.magnitude,
+        total.gain("friction.slave", held.friction.slave)
+        total.gain("friction.master", held.friction.master)
+    return Boundary(total.f, inside, np.array([total.terms[name] for name in TERMS]), total.magnitude,
                     tuple(total.places), tuple(total.across))
 
 
@@ -92,17 +100,18 @@ def _flux(held: Held, loads: Loads, n: int) -> Floats:
     return flux
 
 
-def _source(held: Held, loads: Loads, T: Floats) -> tuple[Floats, list[tuple[NDArray[np.int64], Floats]]]:
-    """(n,) heat made in bodies [W], and the derivative of its opposite."""
-    source = np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ held.plain
-    places = []
-    for field_source in held.sources:
-        source += loads.Q_T[field_source.body] @ field_source.shapes
+def _source(total: _Sum, held: Held, loads: Loads, T: Floats) -> Floats:
+    """(n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
+    source = np.zeros(T.size)
+    if held.plain is not None:
+        source += np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ held.plain
+    for of_field in held.sources:
+        source += loads.Q_T[of_field.body] @ of_field.shapes
     for warm in held.warm:
         made, slope = warm_flow(warm, loads.Q_T[warm.body], T)
         source += made
-        places.append((warm.block.slots, slope))
-    return source, places
+        total.places.append((warm.block.slots, slope))
+    return source
 
 
 def _add_surroundings(total: _Sum, held: Held, loads: Loads, T: Floats) -> None:

@@ -45,10 +45,12 @@ def film_flow(held: HeldFilm, level: tuple[Level, Level], T: Floats) -> tuple[Fl
     strength = resolve(level[0], held.h) * points.area
     if film.exponent != 0.0:
         strength = strength * np.abs(dT) ** film.exponent
-    grows = 0.0
-    if film.h_factor is not None:
+    if film.h_factor is None:
+        dq = (1.0 + film.exponent) * strength
+    else:
         grows = film.h_factor.slope(T_a) * strength * dT
         strength = film.h_factor(T_a) * strength
+        dq = (1.0 + film.exponent) * strength + grows
     flow = (strength * dT)[:, None] * points.N
-    slope = ((1.0 + film.exponent) * strength + grows)[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
+    slope = dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
     return flow, slope

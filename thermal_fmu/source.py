@@ -39,8 +39,13 @@ class WarmSource:
     shapes: Floats | None
 
 
-def plain_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body]) -> Floats:
-    """(n_bodies, n) volume of each body spread over its nodes [m3], 0 where it has no uniform source without factor."""
+def plain_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body]) -> Floats | None:
+    """(n_bodies, n) volume of each body spread over its nodes [m3], 0 where it has no uniform source without factor.
+
+    None where no body has one.
+    """
+    if all(body.Q_T.is_zero or not is_plain(body) for body in bodies):
+        return None
     out = np.zeros((len(bodies), volume.n))
     for b, body in enumerate(bodies):
         if is_plain(body) and not body.Q_T.is_zero:

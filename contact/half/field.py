@@ -85,7 +85,8 @@ class Field:
         if not self.is_uniform:
             return np.array([s.at(t, side) for s in self.signals])
         # One signal as it is: 0.0 + (-0.0) is another number.
-        return self.signals[0].at(t, side) if len(self.terms) == 1 else float(sum(s.at(t, side) for s in self.signals))
+        first = self.terms[0].t
+        return first.at(t, side) if len(self.terms) == 1 else float(sum(s.at(t, side) for s in self.signals))
 
     def shapes(self, x: Floats) -> Floats | None:
         """(n_terms, n) products of the profiles at coordinates x : (n, 2) [m]; None where it is uniform."""

@@ -36,15 +36,18 @@ TIME = {"t": [0, 100], "value": [0, 100]}
 
 @pytest.mark.parametrize("method", ["midpoint", "sdirk2", "backward_euler"])
 @pytest.mark.parametrize("T_prescribed", ["a.left", "everywhere"])
-def test_a14_through_fields(method, T_prescribed):
-    """T = 1 + x2 + 3y2 + 1.2t with T*, q* and Q_T given as fields: nodally exact."""
-    T = poly((None, None, [1.0, 0.0, 3.0]), (None, [0.0, 0.0, 1.0], None), (TIME, [1.2], None))
+@pytest.mark.parametrize("twist", [0.0, 2.0])
+def test_a14_through_fields(method, T_prescribed, twist):
+    """T = 1 + x2 + 3y2 + 1.2t (+ 2xy) with T*, q* and Q_T given as fields: nodally exact."""
+    T = poly((None, None, [1.0, 0.0, 3.0]), (None, [0.0, 0.0, 1.0], None), (TIME, [1.2], None),
+             (twist, [0.0, 1.0], [0.0, 1.0]))
     sides = ["a.left"] if T_prescribed == "a.left" else ["a.left", "a.right", "a.top", "a.bottom"]
     boundary = [{"kind": "temperature", "on": s, "value": T} for s in sides]
     if T_prescribed == "a.left":
-        boundary += [{"kind": "flux", "on": "a.right", "value": poly((None, [0.0, 2.0], None))},
-                     {"kind": "flux", "on": "a.top",
-                      "value": poly((None, [5.0, 1.0], [0.0, 1.0]), (-1.0, [-1.0, 1.0], None))}]
+        top = poly((None, [5.0, 1.0], [0.0, 1.0]), (-1.0, [-1.0, 1.0], None), (twist, [0.0, 1.0], None))
+        fluxes = {"a.right": poly((None, [0.0, 2.0], None), (twist, None, [0.0, 1.0])), "a.top": top,
+                  "a.bottom": poly((-twist, [0.0, 1.0], None))}
+        boundary += [{"kind": "flux", "on": on, "value": value} for on, value in fluxes.items()]
     mesh = scene(Box(0, 1, 0, 1, 6, 6))
     model = spec(boundary, T0=1.0, method=method)
     model["bodies"]["a"]["Q_T"] = poly((None, [-6.8, 1.5], None), (None, [0.0, -1.5], None))
@@ -52,11 +55,12 @@ def test_a14_through_fields(method, T_prescribed):
     half = load(mesh, model)
     given = inputs_of(mesh, half)
     state, _ = half.start(given, 0.0, None)
-    state = replace(state, s=1.0 + x**2 + 3.0 * y**2)
+    state = replace(state, s=1.0 + x**2 + 3.0 * y**2 + twist * x * y)
     t = 0.0
     for h in (0.1, 0.2, 0.05, 0.15):
         state, t = half.step(state, given, t, h, None).state, t + h
-    assert np.abs(state.s - (1.0 + x**2 + 3.0 * y**2 + 1.2 * t)).max() < EXPECTED["A14"]["tolerance"]
+    expected = 1.0 + x**2 + 3.0 * y**2 + 1.2 * t + twist * x * y
+    assert np.abs(state.s - expected).max() < EXPECTED["A14"]["tolerance"]
 
 
 def test_a_prescribed_field_holds_at_the_current_coordinates():
@@ -145,7 +149,8 @@ EVERY = {
 def every_term(which):
     """A model with the terms of one kind, all their factors on."""
     model = spec(EVERY[which], T0=400.0)
-    pair = {"near": {"radiation": {"emissivity_slave": EPS, "emissivity_master": 0.4, "d_near": 5e-5, "d_far": 3e-4}},
+    pair = {"near": {"radiation": {"emissivity_slave": EPS, "emissivity_master": {"polynomial": [0.9, -1e-3]},
+                                   "d_near": 5e-5, "d_far": 3e-4}},
             "exchange": {"closed": {"law": "table", "variable": "T", "x": [200, 450, 900], "h": [1e3, 4e3, 5e3]},
                          "open": {"law": "sum", "of": [
                              {"law": "gas", "k_g": 0.05, "g_m": 2e-5},
