@@ -247,7 +247,7 @@ def methods() -> Figure:
         return drive(scenario("methods", thermal=more), np.append(start, np.full(n, 112 / n))).T[-1]
 
     counts = (4, 8, 16, 32, 64)
-    exact = end("sdirk2", 2048)
+    exact = end("sdirk2", 512)
     for k, method in enumerate(METHODS):
         error = [float(np.abs(end(method, n) - exact).max()) for n in counts]
         slope = np.log2(error[-2] / error[-1])

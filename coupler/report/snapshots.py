@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 MARGIN = 0.04
+ARROWS = 150  # more are a blur
+FAINT = 1e-3  # share of the largest flux below which a direction says nothing
+LOUDEST = 0.98  # share of cells whose flux the colours tell apart
 SMOOTH_UP_TO = 40_000  # triangles; a smooth picture of more takes seconds and shows no more
 
 
@@ -52,18 +55,65 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
     if "T" not in file.point_fields:
         return []
     picks = choose(file.times, progress(file), kinks_of(results))
-    points, T = [file.points(k) for k in picks], [file.point_field("T", k) for k in picks]
+    T = [file.point_field("T", k) for k in picks]
     scale = shown("K", 0.0, results.header["temperature_unit"])
     low, high = min(float(v.min()) for v in T), max(float(v.max()) for v in T)
-    figure, panels, length = _panels(points)
-    for ax, x, value, k in zip(panels, points, T, picks, strict=False):
-        image = _paint(ax, length(x), file, scale(value), (float(scale(np.array(low))), float(scale(np.array(high)))))
-        ax.set_title(f"t = {number(float(file.times[k]), 6)} s", fontsize=10, color=INK)
-    figure.colorbar(image, ax=panels, label=f"temperature [{scale.unit}]", shrink=0.85, pad=0.01)
+    limits = (float(scale(np.array(low))), float(scale(np.array(high))))
+    figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]")
     times = ", ".join(f"{number(float(file.times[k]), 6)} s" for k in picks)
-    return [png(figure, f"Temperature of the bodies at t = {times}, from {scale.text(low)} to {scale.text(high)}.",
-                "Temperature on the bodies as they stand (deformed, not magnified), one colour scale for all. "
-                "Shown: the first and the last frame, those nearest to the kinks, and where most changes.")]
+    pictures = [png(figure, f"Temperature of the bodies at t = {times}, from {scale.text(low)} to {scale.text(high)}.",
+                    "Temperature on the bodies as they stand (deformed, not magnified), one colour scale for all. "
+                    "Shown: the first and the last frame, those nearest to the kinks, and where most changes.")]
+    if "f_s" in file.point_fields:
+        figure = _frames(file, picks, [file.point_field("f_s", k) for k in picks], (0.0, 1.0), "solid fraction [1]")
+        pictures.append(png(figure, f"Solid fraction of the bodies at t = {times}.",
+                            "Solid fraction at the same times: 1 where all is solid (bodies that do not melt, too)."))
+    return pictures + _flux(file)
+
+
+def _frames(file: FieldReader, picks: Sequence[int], values: Sequence[Array], limits: tuple[float, float],
+            label: str) -> Figure:
+    """Values on the bodies at some frames, with one colour scale."""
+    points = [file.points(k) for k in picks]
+    figure, panels, length = _panels(points)
+    for ax, x, value, k in zip(panels, points, values, picks, strict=False):
+        image = _paint(ax, length(x), file, value, limits)
+        ax.set_title(f"t = {number(float(file.times[k]), 6)} s", fontsize=10, color=INK)
+    figure.colorbar(image, ax=panels, label=label, shrink=0.85, pad=0.01)
+    return figure
+
+
+def _flux(file: FieldReader) -> list[Picture]:
+    """The heat flux where it is largest in the mean: its size in colour, its direction in arrows."""
+    if "q" not in file.cell_fields:
+        return []
+    sizes = [np.linalg.norm(file.cell_field("q", k), axis=1) for k in range(len(file.times))]
+    k = int(np.argmax([size.mean() for size in sizes]))
+    if not sizes[k].max() > 0:
+        return []
+    # A corner or a first contact may be a hundred times hotter than all else and would leave the rest dark.
+    top = float(np.quantile(sizes[k], LOUDEST)) or float(sizes[k].max())
+    scale = shown("W/m2", top)
+    x = file.points(k)
+    figure, (ax, *_), length = _panels([x])
+    image = _paint(ax, length(x), file, scale(sizes[k]), (0.0, float(scale(np.array(top)))))
+    _arrows(ax, length(x), file, file.cell_field("q", k)[:, :2])
+    figure.colorbar(image, ax=[ax], label=f"heat flux [{scale.unit}]", pad=0.02, extend="max")
+    t = number(float(file.times[k]), 6)
+    text = f"Heat flux, mean of each cell, at t = {t} s, the frame where it is largest in the mean"
+    picture = png(figure, f"{text}: up to {scale.text(float(sizes[k].max()))}.",
+                  f"{text} (up to {scale.text(float(sizes[k].max()))}). Arrows: its direction.")
+    return [replace(picture, narrow=True)]
+
+
+def _arrows(ax: Axes, x: Array, file: FieldReader, q: Array) -> None:
+    """Arrows of one length in at most some ARROWS cells; none where nothing flows."""
+    centres = np.concatenate([x[file.quads].mean(axis=1), x[file.triangles].mean(axis=1)])
+    size = np.linalg.norm(q, axis=1)
+    step = max(1, math.ceil(len(q) / ARROWS))
+    at = np.flatnonzero(size > FAINT * size.max())[::step]
+    u, v = (q[at] / size[at, None]).T
+    ax.quiver(centres[at, 0], centres[at, 1], u, v, color="white", pivot="mid", scale=32, width=0.0035)
 
 
 def _stress(results: Results, file: FieldReader) -> list[Picture]:

@@ -39,6 +39,7 @@ class Case:
     message: str = "thermal: no convergence in 25 iterations"
     text: str = "slideline: 1\ntitle: synthetic\n"
     ledger: bool = True
+    melts: bool = False  # with a solid fraction and a heat flux in its frames
 
 
 def blocks(n: int, y0: float = L + GAP) -> Interface:
@@ -94,11 +95,20 @@ def header(case: Case) -> dict:
                      "substeps": {"thermal": 1, "mechanical": 1}},
         "bodies": ["lower", "upper"], "pairs": [vars(p) for p in blocks(1 + 1).pairs],
         "probes": PROBES if case.probes else {},
-        "fields": {"thermal": {"point": ["T"], "cell": []},
+        "fields": {"thermal": {"point": ["T", *(["f_s"] if case.melts else [])], "cell": ["q"] if case.melts else []},
                    "mechanical": {"point": ["u", "p", "gap"], "cell": ["sigma_v"]}},
         "processes": False, "notes": ["a note of the run"], "machine": "somewhere",
         "versions": {"python": "3.11", "numpy": "2.0"},
     }
+
+
+def thermal_fields(case: Case, now: Level, cells: int) -> dict[str, np.ndarray]:
+    """f_s falls with T; q points up, the last cell of all ten times the others."""
+    if not case.melts:
+        return {}
+    q = np.column_stack([np.zeros(cells), np.full(cells, 1e3 + now.t)])
+    q[-1] *= 10
+    return {"f_s": np.clip((900 - now.T) / 600, 0, 1), "q": q}
 
 
 def times_of(case: Case) -> np.ndarray:
@@ -115,7 +125,7 @@ def record(out: Path, case: Case) -> Recorder:
     now, ledger = level(scene, 0.0), Ledger()
     r.start(0.0, probes_at(now, case.n)[: len(header(case)["probes"])])
     if 0 in at:
-        r.frame(now, {"sigma_v": np.zeros(cells)})
+        r.frame(now, {"sigma_v": np.zeros(cells), **thermal_fields(case, now, cells)})
     for k in range(case.windows):
         t, H = times[k], times[k + 1] - times[k]
         facts = {"t": float(t), "H": float(H), "scheme": "extrapolated", "seconds": 0.05}
@@ -132,7 +142,8 @@ def record(out: Path, case: Case) -> Recorder:
         yes = Solved(Verdict.ACCEPTED, "", state, (TERMS,), work, monitors)
         r.window(yes, facts, ledger, probes_at(now, case.n)[: len(header(case)["probes"])])
         if k + 1 in at:
-            r.frame(now, {"sigma_v": np.full(cells, -float(now.t_N.min())) * (1 + 0.1 * np.arange(cells))})
+            stress = np.full(cells, -float(now.t_N.min())) * (1 + 0.1 * np.arange(cells))
+            r.frame(now, {"sigma_v": stress, **thermal_fields(case, now, cells)})
     return r
 
 

@@ -279,3 +279,22 @@ def test_units_fit_the_size(unit: str, value: float, text: str) -> None:
 
 def test_durations() -> None:
     assert [duration(s) for s in (0.0123, 59.0, 185.0, 7800.0)] == ["0.0123 s", "59 s", "3 min 5 s", "2 h 10 min"]
+
+
+def test_solid_fraction_and_flux_are_shown_where_a_run_has_them(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(melts=True))
+    alts = [i["alt"] for i in page_of(results, tmp_path).images]
+    assert sum(alt.startswith("Solid fraction of the bodies at t = 0 s") for alt in alts) == 1
+    # The largest of all cells is ten times (1000 + t) W/m2; the frame is the last, where the mean is largest.
+    assert any("Heat flux" in alt and "t = 25000 s" in alt and alt.endswith("up to 260 kW/m².") for alt in alts)
+    plain = [i["alt"] for i in page_of(write_run(tmp_path / "plain.h5"), tmp_path).images]
+    assert not any("Heat flux" in alt or "Solid fraction" in alt for alt in plain)
+
+
+def test_heats_of_the_mechanical_half_are_told_apart(tmp_path: Path) -> None:
+    record(tmp_path / "run.h5", CASE).end("completed", "", {
+        "seconds": 1.0, "setup_seconds": 0.5, "mechanical_heat": {"made": 0.0, "delivered": 0.0, "carried": 0.0},
+        "friction_heat": {"made": 5.0, "delivered": 4.0, "carried": 1.0}})
+    page = page_of(Results(tmp_path / "run.h5"), tmp_path)
+    assert page.row("friction heat")[1] == "made 5 J, delivered 4 J, carried past the end 1 J"
+    assert not any(row and row[0] == "mechanical heat" for row in page.rows)
