@@ -17,13 +17,14 @@ Model = Mapping[str, Any]
 
 
 def thermal_notes(model: Model, pairs: Iterable[Pair]) -> list[str]:
-    """A sentence each: conductance that jumps at touch, radiation that is missing or counted twice.
+    """A sentence each: conductance that jumps at touch, radiation missing or counted twice, gaps never seen.
 
     model : model.json of the thermal half (of another package: nothing is found in it).  pairs : of the scene.
     """
     known = model.get("pairs", {})
     return [note for pair in pairs for note in (*_torn_laws(model, pair.name, known.get(pair.name, {})),
-                                                *_radiation(model, pair, known.get(pair.name, {})))]
+                                                *_radiation(model, pair, known.get(pair.name, {})),
+                                                *_out_of_sight(model, pair, known.get(pair.name, {})))]
 
 
 def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
@@ -58,3 +59,14 @@ def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
             elif (b["d_near"], b["d_far"]) != (near["d_near"], near["d_far"]):
                 notes.append(f"{what} and the radiation on {surface} fade over different gaps")
     return notes
+
+
+def _out_of_sight(model: Model, pair: Pair, spec: Model) -> list[str]:
+    """What fades over gaps that reach beyond gap_max ends there at once: nothing is faced farther off."""
+    near = spec.get("radiation") or {}
+    fading = [("near radiation", "d_far", near.get("d_far"))]
+    fading += [(f"{b['kind']} on {b['on']}", key, b.get(key)) for b in model.get("boundary", ())
+               for key in ("d_full", "d_far") if b["on"] in (pair.slave, pair.master)]
+    return [f"pair {pair.name}: {what} fades up to {key} = {far:g} m, but the surfaces see each other only up to gap_max "
+            f"= {pair.gap_max:g} m: it jumps there" for what, key, far in fading
+            if far is not None and far > pair.gap_max]
