@@ -67,6 +67,6 @@ def _out_of_sight(model: Model, pair: Pair, spec: Model) -> list[str]:
     fading = [("near radiation", "d_far", near.get("d_far"))]
     fading += [(f"{b['kind']} on {b['on']}", key, b.get(key)) for b in model.get("boundary", ())
                for key in ("d_full", "d_far") if b["on"] in (pair.slave, pair.master)]
-    return [f"pair {pair.name}: {what} fades up to {key} = {far:g} m, but the surfaces see each other only up to gap_max "
-            f"= {pair.gap_max:g} m: it jumps there" for what, key, far in fading
+    return [f"pair {pair.name}: {what} fades up to {key} = {far:g} m, but the surfaces see each other only up to "
+            f"gap_max = {pair.gap_max:g} m: it jumps there" for what, key, far in fading
             if far is not None and far > pair.gap_max]
