@@ -18,12 +18,13 @@ from thermal_fmu.exposed import Ground
 from thermal_fmu.facing import Points
 from thermal_fmu.film import HeldFilm, hold_film
 from thermal_fmu.friction import Friction, friction_power, slave_share
+from thermal_fmu.kept import KeptMatrix, KeptShapes
 from thermal_fmu.phase import Fields, Melting, melting_of
 from thermal_fmu.radiation import HeldRadiator, NearGroup, hold_radiator, near_groups
 from thermal_fmu.source import HeldSource, WarmSource, hold_sources, plain_sources
 from thermal_fmu.spec import Model
 from thermal_fmu.spec_boundary import Flux
-from thermal_fmu.volume import Reference, Shape, Volume, references_of, shapes_of, spread, turned, volume_of
+from thermal_fmu.volume import Reference, Shape, Volume, references_of, spread, volume_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -73,6 +74,16 @@ class Scene:
         return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
 
     @cached_property
+    def kept_shapes(self) -> KeptShapes:
+        """Shapes of the last coordinates."""
+        return KeptShapes()
+
+    @cached_property
+    def kept_matrix(self) -> KeptMatrix:
+        """Matrices of blocks with constant data."""
+        return KeptMatrix()
+
+    @cached_property
     def melting(self) -> tuple[Melting, ...]:
         """The bodies that melt."""
         return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
@@ -95,8 +106,9 @@ class Held:
     """Held through a substep.
 
     sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of facing points under pressure.
-    plain : (n_bodies, n) volume of each body spread over its nodes [m3].  sources, warm : where heat is made by a
-    field, or by the temperature.  flux_areas : one (n,) or, by terms, (n_terms, n) [m2] a prescribed flux.
+    plain : (n_bodies, n) volume of each body spread over its nodes [m3], None without uniform sources.  sources,
+    warm : where heat is made by a field, or by the temperature.  flux_areas : one (n,) or, by terms, (n_terms, n)
+    [m2] a prescribed flux.
     films, radiators : surfaces open to the surroundings.  groups, near : where bodies exchange heat.
     friction : [W] at nodes, None where none is made.
     """
@@ -105,7 +117,7 @@ class Held:
     shapes: tuple[Shape, ...]
     masses: tuple[Reference, ...]
     E_M: Floats
-    plain: Floats
+    plain: Floats | None
     sources: tuple[HeldSource, ...]
     warm: tuple[WarmSource, ...]
     fixed: tuple[Fixed, ...]
@@ -124,12 +136,12 @@ def hold(scene: Scene, masses: tuple[Reference, ...], x: Floats, E_M: Floats, po
     Raises InvertedCellError.
     """
     volume, model = scene.volume, scene.model
-    shapes = turned(volume, masses, shapes_of(volume, x), x)
+    shapes = scene.kept_shapes.of(volume, masses, x)
     ground = Ground(x, volume.axisymmetric, scene.surfaces, points)
     return Held(
         model.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
         plain_sources(volume, shapes, model.bodies), *hold_sources(volume, shapes, model.bodies, x),
-        tuple(Fixed(b.nodes, b.value.shapes(x[b.nodes])) for b in model.prescribed),
+        tuple(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),
         tuple(_areas(b, x, volume) for b in model.fluxes),
         tuple(hold_film(film, slots, ground) for film, slots in zip(model.films, scene.film_slots, strict=True)),
         tuple(hold_radiator(radiator, slots, ground)
@@ -169,9 +181,10 @@ def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
     points = gauss_points(flux.edges, x, volume.axisymmetric)
     nodes = flux.edges[points.edge]
     share = points.area[:, None] * points.N
-    shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
-    if shapes is None:
+    if flux.value.is_uniform:
         return _at_nodes(nodes, share, volume.n)
+    shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
+    assert shapes is not None
     return np.array([_at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
 
 

@@ -127,7 +127,7 @@ def _form(K: Floats, a: Floats, bx: float, by: float) -> float:
 
 @njit(cache=True)
 def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Floats:
-    """(ne, 2) volume means of -K grad T [W/m2], K_q : (ne, nq, 3) as xx, xy, yy."""
+    """(ne, 2) volume means of -K grad T [W/m2], K_q : (ne, nq, 3) as xx, xy, yy, or (ne, nq, 1), isotropic."""
     ne, nn = cells.shape
     flux = np.zeros((ne, 2))
     for e in range(ne):
@@ -139,7 +139,9 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
                 d = T[cells[e, i]] - T0
                 gx += G[e, q, i, 0] * d
                 gy += G[e, q, i, 1] * d
-            xx, xy, yy = K_q[e, q]
+            xx, xy, yy = (K_q[e, q, 0], 0.0, K_q[e, q, 0])
+            if K_q.shape[2] == 3:
+                xy, yy = K_q[e, q, 1], K_q[e, q, 2]
             flux[e, 0] -= dV[e, q] * (xx * gx + xy * gy)
             flux[e, 1] -= dV[e, q] * (xy * gx + yy * gy)
         flux[e] /= dV[e].sum()

@@ -11,9 +11,10 @@ from contact.half.model import Value, Variable
 from thermal_fmu import phase
 from thermal_fmu.held import Scene
 from thermal_fmu.kernels import at_points, mean_flux
+from thermal_fmu.material import Conductivity
 from thermal_fmu.phase import Fields
 from thermal_fmu.tensor import tensors
-from thermal_fmu.volume import Shape
+from thermal_fmu.volume import Block, Shape
 
 Floats = NDArray[np.float64]
 
@@ -48,8 +49,16 @@ def heat_flux(scene: Scene, shapes: Sequence[Shape], at: Fields) -> Floats:
     """(n_cells, 2) cell means of -k grad T [W/m2]."""
     q = np.empty((scene.volume.n_cells, 2))
     for block, shape in zip(scene.volume.blocks, shapes, strict=True):
-        N = block.table.N
-        f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
-        k = tensors(scene.model.bodies[block.body].material.k, at_points(at.T, block.cells, N), f_q, shape.turn)
-        q[block.numbers] = mean_flux(at.T, block.cells, shape.G, k.K, shape.dV)
+        K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
+        q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dV)
     return q
+
+
+def _conductivity(k: Conductivity, block: Block, shape: Shape, at: Fields) -> Floats:
+    """(ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
+    N = block.table.N
+    T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, N)
+    if k.is_plain:
+        return np.asarray(k.k_1(T_q)[:, :, None])
+    f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
+    return tensors(k, T_q, f_q, shape.turn).K

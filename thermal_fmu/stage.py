@@ -17,6 +17,8 @@ from thermal_fmu.volume import conduct, store
 
 Floats = NDArray[np.float64]
 
+NOTHING: frozenset[int] = frozenset()
+
 
 @dataclass(frozen=True)
 class StageProblem:
@@ -82,12 +84,14 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
         at = phase.between(phase.fields(scene.melting, problem.s_n), at, stage.theta)
     if not problem.stores:
         at = phase.sloped(at)
-    stored = np.zeros(len(model.bodies))
-    if problem.stores:
-        stored = store(volume, held.masses, model.bodies, problem.s_n, s, S, data)
     # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
     slope = stage.theta * weight
-    conduct(volume, held.shapes, model.bodies, at, f, slope, data)
+    on = tuple(zip(held.masses, held.shapes, strict=True))
+    filled = scene.kept_matrix.fill(volume, model.bodies, on, slope, problem.stores, data) if jacobian else NOTHING
+    stored = np.zeros(len(model.bodies))
+    if problem.stores:
+        stored = store(volume, held.masses, model.bodies, (problem.s_n, s), S, data, filled)
+    conduct(volume, held.shapes, model.bodies, at, f, slope, data, filled)
     boundary = boundary_flow(held, problem.loads, problem.power_M, at.T)
     inside = f + boundary.inside
     f += boundary.f

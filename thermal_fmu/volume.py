@@ -43,7 +43,7 @@ class Block:
     """The cells of one kind in one body.
 
     cells : (ne, nn) nodes.  numbers : (ne,) number e of each cell, 0-based, quads before triangles as in
-    interface.h5.  slots : (ne, nn, nn) places in the matrix data.
+    interface.h5.  slots : (ne, nn, nn) places in the matrix data.  alone : whether the body has no other block.
     """
 
     body: int
@@ -51,6 +51,17 @@ class Block:
     cells: Ints
     numbers: NDArray[np.intp]
     slots: Slots
+    alone: bool
+
+    @cached_property
+    def places(self) -> Slots:
+        """The places in the matrix data it reaches, ascending, each once."""
+        return np.unique(self.slots)
+
+    @cached_property
+    def own_slots(self) -> Slots:
+        """slots, as positions in places."""
+        return np.searchsorted(self.places, self.slots)
 
     @cached_property
     def nodes(self) -> NDArray[np.int32]:
@@ -107,25 +118,27 @@ def volume_of(interface: Interface) -> Volume:
     for kind, b, cells, numbers in found:
         nn = cells.shape[1]
         slots = pattern.slots[start:start + cells.size * nn].reshape(len(cells), nn, nn).astype(np.int64)
-        blocks.append(Block(b, table_of(kind), cells, numbers, slots))
+        blocks.append(Block(b, table_of(kind), cells, numbers, slots, [of for _, of, _, _ in found].count(b) == 1))
         start += cells.size * nn
     return Volume(n, first, interface.axisymmetric, interface.bodies, tuple(blocks), pattern)
 
 
 def shapes_of(volume: Volume, x: Floats) -> tuple[Shape, ...]:
     """Every block on coordinates x : (n, 2) [m].  Raises InvertedCellError naming cell (1-based) and body."""
-    shapes = []
-    for block in volume.blocks:
-        nq, nn = block.table.N.shape
-        shape = Shape(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
-        t = block.table
-        bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
-        if bad >= 0:
-            where = " or reaches across the axis" if volume.axisymmetric else ""
-            raise InvertedCellError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
-                                    f"turned inside out{where} by the coordinates that came in")
-        shapes.append(shape)
-    return tuple(shapes)
+    return tuple(shape_of(volume, block, x) for block in volume.blocks)
+
+
+def shape_of(volume: Volume, block: Block, x: Floats) -> Shape:
+    """One block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
+    t = block.table
+    nq, nn = t.N.shape
+    shape = Shape(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
+    bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
+    if bad >= 0:
+        where = " or reaches across the axis" if volume.axisymmetric else ""
+        raise InvertedCellError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
+                                f"turned inside out{where} by the coordinates that came in")
+    return shape
 
 
 def spread(volume: Volume, shapes: Sequence[Shape], per_volume: Sequence[Floats]) -> Floats:
@@ -146,22 +159,22 @@ def references_of(volume: Volume, bodies: Sequence[Body], X: Floats) -> tuple[Re
     return tuple(found)
 
 
-def turned(volume: Volume, references: Sequence[Reference], shapes: Sequence[Shape], x: Floats) -> tuple[Shape, ...]:
-    """The shapes on x : (n, 2) [m], with the turn of the material where its axes follow it."""
-    return tuple(shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
-                 for block, first, shape in zip(volume.blocks, references, shapes, strict=True))
+def turned(block: Block, first: Reference, shape: Shape, x: Floats) -> Shape:
+    """A shape on x : (n, 2) [m], with the turn of the material where its axes follow it."""
+    return shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
 
 
 def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at: Fields, f: Floats,
-            scale: float, data: Floats) -> None:
-    """f -= the heat that leaves each node by conduction;  data += scale * its derivative by s.
+            scale: float, data: Floats, filled: frozenset[int] = frozenset()) -> None:
+    """f -= the heat that leaves each node by conduction;  data += scale * its derivative by s, but of filled blocks.
 
     Eq. (1).  Raises BadPropertyError.
     """
-    for block, shape in zip(volume.blocks, shapes, strict=True):
+    for b, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
         material = bodies[block.body].material
+        into = data[:0] if b in filled else data
         if not material.k.is_plain or material.phase is not None:
-            _conduct_tensor(block, shape, bodies[block.body], at, f, scale, data)
+            _conduct_tensor(block, shape, bodies[block.body], at, f, scale, into)
             continue
         k = material.k.k_1.solid
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
@@ -169,7 +182,7 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at:
         if not k.is_constant:
             _demand_positive("conductivity", k_q, block, bodies[block.body].name)
         add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
-                       block.slots, scale, data)
+                       block.slots, scale, into)
 
 
 def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Floats, scale: float,
@@ -187,19 +200,22 @@ def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Float
                           scale, data)
 
 
-def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body], s0: Floats, s: Floats,
-          S: Floats, data: Floats) -> Floats:
-    """S += nodal increase of enthalpy from s0 to s : (n,) [J];  data += its derivative [J/K].
+def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body], path: tuple[Floats, Floats],
+          S: Floats, data: Floats, filled: frozenset[int] = frozenset()) -> Floats:
+    """S += nodal increase of enthalpy along path, from s0 to s : (n,) [K];  data += its derivative [J/K].
 
+    Blocks that are filled leave data alone.
     Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a cell would else make heat run
     backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the points where it is stored.
     Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
-    for block, first in zip(volume.blocks, references, strict=True):
+    s0, s = path
+    for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
         body = bodies[block.body]
+        into = data[:0] if b in filled else data
         if body.material.phase is not None:
-            total[block.body] += _store_melting(block, first.mass, body, (s0, s), S, data)
+            total[block.body] += _store_melting(block, first.mass, body, path, S, data)
             continue
         c = body.material.c.solid
         T_q = at_points(s, block.cells, block.table.N)
@@ -207,7 +223,7 @@ def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body
         c_q = c(T_q)
         if not c.is_constant:
             _demand_positive("heat capacity", c_q, block, body.name)
-        add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, data)
+        add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, into)
         total[block.body] += dE_q.sum()
     return total
 
