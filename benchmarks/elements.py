@@ -246,6 +246,7 @@ def chart(costs: list[Cost], path: Path) -> None:
 
     matplotlib.use("svg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     plt.rcParams["svg.hashsalt"] = "slideline"  # equal numbers make equal files
     figure, axes = plt.subplots(2, 3, figsize=(9.0, 5.4), layout="constrained")
@@ -264,6 +265,7 @@ def chart(costs: list[Cost], path: Path) -> None:
                                 label=f"order {order}")
             axis.set(xlabel=label, ylabel=f"{case}: error of T [K]",
                      ylim=(0.5 * min(c.error for c in own), 2.0 * max(c.error for c in own)))
+            axis.xaxis.set_minor_formatter(NullFormatter())  # its labels would lie on each other
             axis.grid(True, which="both", alpha=0.3)
             axis.legend(frameon=False, fontsize=6)
     figure.savefig(path, metadata={"Date": None})

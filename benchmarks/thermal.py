@@ -144,6 +144,7 @@ def chart(costs: list[Cost], path: Path) -> None:
 
     matplotlib.use("svg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     plt.rcParams["svg.hashsalt"] = "slideline"  # equal numbers make equal files
     figure, axis = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
@@ -158,6 +159,7 @@ def chart(costs: list[Cost], path: Path) -> None:
         axis.loglog(span, e * (span / t) ** -order, color="grey", ls=style, lw=1, label=f"order {order} in the step")
     axis.set(xlabel="CPU time of the steps [s]", ylim=(0.5 * min(c.error for c in costs), 2.0 * e),
              ylabel=f"{costs[0].case}: {'mean' if costs[0].case == 'A9' else 'largest'} error of T [K]")
+    axis.xaxis.set_minor_formatter(NullFormatter())  # its labels would lie on each other
     axis.grid(True, which="both", alpha=0.3)
     axis.legend(frameon=False, fontsize=6, ncols=2)
     figure.savefig(path, metadata={"Date": None})

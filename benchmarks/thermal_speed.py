@@ -130,6 +130,7 @@ def chart(found: list[Speed], path: Path) -> None:
 
     matplotlib.use("svg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     plt.rcParams["svg.hashsalt"] = "slideline"  # equal numbers make equal files
     figure, axis = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
@@ -144,6 +145,7 @@ def chart(found: list[Speed], path: Path) -> None:
     start = max(s.unknowns / s.factorisation for s in found)
     axis.loglog(n, start * (n / n[0]) ** -0.2, ":", color="grey", label="seconds ~ unknowns^1.2")
     axis.set(xlabel="unknowns", ylabel="unknowns a second of CPU [1/s]")
+    axis.xaxis.set_minor_formatter(NullFormatter())  # its labels would lie on each other
     axis.grid(True, which="both", alpha=0.3)
     axis.legend(frameon=False, fontsize=7)
     figure.savefig(path, metadata={"Date": None})
