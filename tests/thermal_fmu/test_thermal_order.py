@@ -68,7 +68,8 @@ def two_bodies():
     mesh = scene(Box(0, 1, 0, 1, 5, 2), Box(0.1, 1.1, 1, 2, 6, 2), pairs=(Pair("p", "b.bottom", "a.top", 0.05, 1e9),))
     law = {"law": "table", "variable": "T", "x": [100.0, 900.0], "h": [1.0, 9.0]}
     eps = {"polynomial": [0.3, 5e-4]}
-    model = spec([{"kind": "convection", "on": "b.top", "h": 0.4, "T": 1500.0, "exponent": 0.3},
+    model = spec([{"kind": "convection", "on": "b.top", "h": 0.4, "T": {"t": [0, 1], "value": [1500, 2500]},
+                   "exponent": 0.3},
                   {"kind": "radiation", "on": "a.right", "emissivity": eps, "T": 300.0},
                   {"kind": "temperature", "on": "a.left", "value": {"t": [0, 1], "value": [300, 500]}}],
                  k={"polynomial": [0.5, 2e-3]}, c={"polynomial": [1.0, 1e-3, 1e-6]}, T0=300.0, sigma_SB=5e-9,
@@ -101,8 +102,8 @@ def test_order_with_every_coefficient_a_function_of_temperature(name, expected):
 def test_theta_of_one_half_is_the_midpoint_rule_and_one_is_backward_euler():
     """To the bit, through the half, restarts included."""
     bar = scene(Box(0, 1, 0, 1, 10))
-    model = spec([{"kind": "convection", "on": "a.right", "h": 2.0, "T": 500.0, "exponent": 0.25}],
-                 k={"polynomial": [1.0, 1e-2]}, T0=300.0)
+    model = spec([{"kind": "convection", "on": "a.right", "h": 2.0, "T": {"t": [0, 1], "value": [500, 900]},
+                   "exponent": 0.25}], k={"polynomial": [1.0, 1e-2]}, T0=300.0)
     for theta, method in ((0.5, "midpoint"), (1.0, "backward_euler")):
         a = run(bar, model | {"method": "theta", "theta": theta}, 0.02, 4)
         b = run(bar, model | {"method": method}, 0.02, 4)
