@@ -6,7 +6,7 @@ Kept values are those that would be worked out, to the bit, so nothing here is p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,27 +39,47 @@ class KeptShapes:
         return self._shapes
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What the entries of a block follow from.  entries : (n_places,), once they were asked for twice."""
+
+    first: Reference
+    shape: Shape
+    slope: float
+    stores: bool
+    entries: Floats | None = None
+
+    def is_for(self, first: Reference, shape: Shape, slope: float, stores: bool) -> bool:
+        return self.first is first and self.shape is shape and (self.slope, self.stores) == (slope, stores)
+
+
 class KeptMatrix:
     """M + slope K of blocks whose c and k are constant, for the shapes and the slope last asked for."""
 
     def __init__(self) -> None:
-        self._of: dict[int, tuple[tuple[Reference, Shape], tuple[float, bool], Floats]] = {}
+        self._of: dict[int, _Asked] = {}
 
     def fill(self, volume: Volume, bodies: Sequence[Body], on: Sequence[tuple[Reference, Shape]], slope: float,
              stores: bool, data: Floats) -> frozenset[int]:
-        """Put the entries of such blocks into data; returns which blocks they are, by their place in the volume.
+        """Put the entries of blocks that were asked for before into data; returns which, by their place in the volume.
 
+        A block that moves in every step is left to the caller: to keep its entries would cost and never pay.
         on : reference and shape of every block.  stores : whether M is in it.
         """
-        found = [b for b, block in enumerate(volume.blocks) if block.alone and _is_constant(bodies[block.body])]
-        for b in found:
-            block, now, asked = volume.blocks[b], on[b], (slope, stores)
+        filled = []
+        for b, block in enumerate(volume.blocks):
+            if not (block.alone and _is_constant(bodies[block.body])):
+                continue
             kept = self._of.get(b)
-            if kept is None or kept[0][0] is not now[0] or kept[0][1] is not now[1] or kept[1] != asked:
-                kept = (now, asked, _entries(volume, block, bodies, now, slope, stores))
+            if kept is None or not kept.is_for(*on[b], slope, stores):
+                self._of[b] = _Asked(*on[b], slope, stores)
+                continue
+            if kept.entries is None:
+                kept = replace(kept, entries=_entries(volume, block, bodies, on[b], slope, stores))
                 self._of[b] = kept
-            data[block.places] = kept[2]
-        return frozenset(found)
+            data[block.places] = kept.entries
+            filled.append(b)
+        return frozenset(filled)
 
 
 def _entries(volume: Volume, block: Block, bodies: Sequence[Body], on: tuple[Reference, Shape], slope: float,
