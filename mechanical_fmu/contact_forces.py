@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from contact.half.model import Variable
 from contact.half.surfaces import ContactSurfaces
@@ -31,23 +31,17 @@ class Contact(ContactSurfaces):
 
     def dense(self, tractions: Tractions) -> Floats:
         """(2 n_s, 2 n_s) stiffness [N/m] of the touching points on the surface nodes."""
-        size = self.dofs.size
-        rows, columns = _places(tractions)
-        K = np.zeros(size * size)
-        K += np.bincount((rows * size + columns).ravel(), weights=tractions.blocks.ravel(), minlength=K.size)
-        return K.reshape(size, size)
+        return _rows(tractions, self.dofs.size).toarray()
 
     def matrix(self, tractions: Tractions) -> csr_matrix:
         """The same on all degrees of freedom of the mesh."""
-        rows, columns = _places(tractions)
+        K = _rows(tractions, self.dofs.size).tocoo()
         n = 2 * len(self.interface.nodes)
-        where = (self.dofs[rows.ravel()], self.dofs[columns.ravel()])
-        return csr_matrix((tractions.blocks.ravel(), where), shape=(n, n))
+        return csr_matrix((K.data, (self.dofs[K.row], self.dofs[K.col])), shape=(n, n))
 
 
-def _places(tractions: Tractions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    dofs = (2 * tractions.block_nodes[:, :, None].astype(np.int64) + np.arange(2)).reshape(-1, 8)
-    return np.repeat(dofs, 8, axis=1), np.tile(dofs, (1, 8))
+def _rows(tractions: Tractions, size: int) -> bsr_matrix:
+    return bsr_matrix((tractions.blocks, tractions.columns, tractions.starts), shape=(size, size))
 
 
 def contact_variables(n_s: int) -> tuple[Variable, ...]:
