@@ -70,8 +70,7 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
     nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
                                    cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
                                    points.doing)
-    force = np.zeros((r.n_nodes, 2))
-    np.add.at(force, nodes, forces)
+    force = np.stack([np.bincount(nodes.ravel(), forces[:, :, d].ravel(), r.n_nodes) for d in range(2)], axis=1)
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
     t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.p_N, points.tau, points.heat, r.n_nodes)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
@@ -163,7 +162,7 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
     nodes = np.empty((n_blocks, NODES), dtype=np.int32)
     forces, blocks = np.empty((n_blocks, NODES, 2)), np.empty((n_blocks, 2 * NODES, 2 * NODES))
     here, there = np.empty((NODES, 2)), np.empty((NODES, 2))
-    smooth, ends, moves = np.empty(2, dtype=np.bool_), np.empty(2), np.empty(2)
+    smooth, ends, moves, scratch = np.empty(2, dtype=np.bool_), np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
     b = 0
     for i in range(0, met.shape[0], 2):
         if not (doing[i] > OPEN or doing[i + 1] > OPEN):
@@ -179,8 +178,8 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
             smooth[k] = other >= 0 and (smooth[k] or parallel(normal, e, other))
         uncut = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
-        piece_stiffness(here, there, smooth, uncut, axisymmetric, moves, ends, values[i:i + 2, :4], c[i:i + 2],
-                        doing[i:i + 2], forces[b], blocks[b])
+        piece_stiffness(here, normal[e, 1:], there, smooth, uncut, axisymmetric, moves, ends, values, c, doing, i,
+                        scratch, forces[b], blocks[b])
         b += 1
     return nodes, forces, blocks
 

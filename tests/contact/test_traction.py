@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ import pytest
 from scipy.sparse import bsr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
-from contact_scenes import EPS, ask, curved, flat, mirrored, push, renumbered, scene
+from contact_scenes import EPS, ask, curved, flat, mirrored, passes, push, renumbered, scene
 
-from contact.wire import Floats, Tractions
+from contact.wire import Floats, Register, Tractions
 
 ROUND_OFF = 1e-12
 MESHES = [(3, 4), (5, 7), (24, 31)]
@@ -103,24 +104,54 @@ def dense(reply: Tractions, n: int) -> Floats:
     return bsr_matrix((reply.blocks, reply.columns, reply.starts), shape=(2 * n, 2 * n)).toarray()
 
 
-def differences(register: object, x: Floats, step: float) -> Floats:
+def differences(register: Register, x: Floats, step: float, before: Floats | None = None,
+                shear: Floats | None = None) -> Floats:
     """-d(force)/dx by central differences."""
     K = np.empty((x.size, x.size))
     for j in range(x.size):
         d = np.zeros(x.size)
         d[j] = step
         d = d.reshape(x.shape)
-        K[:, j] = -(push(register, x + d).force - push(register, x - d).force).ravel() / (2 * step)
+        up, down = (push(register, x + s * d, x_before=before, shear=shear).force for s in (1, -1))
+        K[:, j] = -(up - down).ravel() / (2 * step)
     return K
+
+
+def bent(slide: float = 0.2, axisymmetric: bool = False) -> tuple[Register, Floats]:
+    """Two surfaces that overlap, both bent, so that nothing is parallel."""
+    register, x = flat(3, 4, slide=slide + 1.0, gap=-0.02, axisymmetric=axisymmetric)
+    x[4:, 0] += 1.0
+    x[:, 1] += 0.02 * np.sin(3.0 * x[:, 0])
+    return register, x
 
 
 @pytest.mark.parametrize("slide", [0.2, -0.55])
 @pytest.mark.parametrize("axisymmetric", [False, True])
 def test_stiffness_is_the_derivative_of_the_forces(slide: float, axisymmetric: bool) -> None:
-    """Normals, cuts and areas move too: against central differences, on bent and penetrating surfaces."""
-    register, x = flat(3, 4, slide=slide + 1.0, gap=-0.02, axisymmetric=axisymmetric)
-    x[4:, 0] += 1.0
-    x[:, 1] += 0.02 * np.sin(3.0 * x[:, 0])
+    """Normals, cuts and areas move too."""
+    register, x = bent(slide, axisymmetric)
+    K, B = differences(register, x, 1e-7), dense(push(register, x), len(x))
+    assert abs(B - K).max() <= 1e-7 * abs(K).max()
+
+
+@pytest.mark.parametrize(("mu", "slipping"), [(10.0, 0), (0.05, 12)])
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_stiffness_of_friction_is_the_derivative_of_the_forces(mu: float, slipping: int, axisymmetric: bool) -> None:
+    """Sticking (with a shear from before) and slipping; the second is not symmetric."""
+    register, x = bent(axisymmetric=axisymmetric)
+    register = replace(register, passes=passes((0, 1), mu=mu))
+    before, shear = x.copy(), np.where(np.arange(len(x)) < 4, 1e6, 0.0)
+    before[:4] += [3e-3, 1e-3]
+    reply = push(register, x, x_before=before, shear=shear)
+    assert reply.n_slipping == slipping
+    K, B = differences(register, x, 1e-7, before, shear), dense(reply, len(x))
+    assert abs(B - K).max() <= 2e-7 * abs(K).max()
+
+
+@pytest.mark.parametrize("by_node", [False, True])
+def test_stiffness_of_one_point_a_node(by_node: bool) -> None:
+    register, x = bent()
+    register = replace(register, passes=passes((0, 1), by_node=by_node))
     K, B = differences(register, x, 1e-7), dense(push(register, x), len(x))
     assert abs(B - K).max() <= 1e-7 * abs(K).max()
 
@@ -138,3 +169,65 @@ def test_stiffness_of_tilted_edges(angle: float) -> None:
     assert reply.n_touching == 1
     K, B = differences(register, x, 1e-7), dense(reply, len(x))
     assert abs(B - K).max() <= 1e-7 * abs(K).max()
+
+
+def test_a_dragged_block_sticks_then_slips_and_heats() -> None:
+    """C6: below mu N it holds, at mu N it slides, and mu N s becomes heat; history goes in and comes out."""
+    mu, p, step = 0.3, 1e-4 * EPS, 1e-5
+    register, x = flat(5, 7, gap=-1e-4)
+    register = replace(register, passes=passes((0, 1), mu=mu))
+    shear, drag, heat = np.zeros(len(x)), [], []
+    slave = np.arange(len(x)) < 6
+    for _ in range(10):
+        moved = x + np.where(slave, step, 0.0)[:, None] * [1.0, 0.0]
+        reply = push(register, moved, x_before=x, shear=shear)
+        drag.append(reply.force[slave, 0].sum())
+        heat.append(reply.E_friction.sum())
+        x, shear = moved, reply.shear
+        assert not reply.E_friction[~slave].any()
+    width = 1.0 - np.arange(1, 11) * step  # covered
+    sticks = np.array(drag[:3])
+    np.testing.assert_allclose(sticks, -EPS * step * np.arange(1, 4) * width[:3], rtol=2e-5)
+    np.testing.assert_allclose(drag[3:], -mu * p * width[3:], rtol=1e-9)
+    # The fourth step slips what the spring of sticking does not take; then every step slips its whole length.
+    np.testing.assert_allclose(heat[4:], mu * p * step * width[4:], rtol=1e-9)
+    np.testing.assert_allclose(sum(heat), mu * p * (10 * step - mu * p / EPS), rtol=1e-4)
+
+
+def test_a_common_motion_is_no_slip() -> None:
+    """Both bodies turned by 30 degrees and moved away: no shear, no heat."""
+    register, x = bent()
+    register = replace(register, passes=passes((0, 1), mu=1e3))
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    reply = push(register, x @ np.array([[c, s], [-s, c]]) + [3.0, -1.0], x_before=x, shear=np.zeros(len(x)))
+    still = push(register, x)
+    # The gap itself turns, so what is seen is of its size: 2 sin(15 degrees) of 0.02.
+    assert abs(reply.shear).max() <= 0.52 * abs(still.t_N).max()
+    assert reply.E_friction.sum() == 0.0
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_two_passes_press_as_one_where_the_pressure_is_uniform(mesh: tuple[int, int]) -> None:
+    """Half the weight from either side: the same resultants, and every node wholly covered."""
+    register, x = flat(*mesh, gap=-1e-4)
+    both = replace(register, passes=passes((0, 1), (1, 0), weight=0.5))
+    one, two = push(register, x), push(both, x)
+    np.testing.assert_allclose(two.force, one.force, atol=1e-10 * abs(one.force).max())
+    np.testing.assert_allclose(two.node_covered, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(two.t_N, one.t_N, rtol=1e-10)
+    assert ask(both, x).area.sum() == pytest.approx(ask(register, x).area.sum(), rel=1e-12)
+
+
+def test_a_surface_that_folds_meets_itself() -> None:
+    """A slit closed from both sides: each lip pushes the other, once in all, and its neighbours do not count."""
+    lower = np.column_stack([np.linspace(1.0, 0.0, 6), np.zeros(6)])
+    upper = np.column_stack([np.linspace(0.0, 1.0, 8), np.full(8, -1e-4)])
+    tip = np.array([[-0.05, 0.0]])
+    x = np.concatenate([lower, tip, upper])
+    n = len(x) - 1
+    edges = np.column_stack([np.arange(n), np.arange(1, n + 1)]).astype(np.int32)
+    register = Register(n + 1, edges, np.zeros(n, dtype=np.int32), False, passes((0, 0), weight=0.5, gap_max=0.2))
+    reply = push(register, x)
+    up, down = reply.force[:6].sum(axis=0), reply.force[7:].sum(axis=0)
+    np.testing.assert_allclose(abs(up[1]), 1e-4 * EPS, rtol=0.1)
+    assert abs(up + down + reply.force[6]).max() <= 1e-9 * abs(up[1])
