@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from contact.half.model import Variable
+from contact.half.model import Value, Variable
 from contact.half.surfaces import ContactSurfaces
 from contact.wire import Tractions
 
@@ -17,6 +17,11 @@ Floats = NDArray[np.float64]
 
 class Contact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
+
+    @cached_property
+    def slips(self) -> bool:
+        """Whether a pair has friction."""
+        return any(pair.mu > 0.0 for pair in self.interface.pairs)
 
     @cached_property
     def dofs(self) -> NDArray[np.intp]:
@@ -44,9 +49,25 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
     return bsr_matrix((tractions.blocks, tractions.columns, tractions.starts), shape=(size, size))
 
 
-def contact_variables(n_s: int) -> tuple[Variable, ...]:
-    """What both mechanical halves say of contact; n_s : surface nodes."""
-    return (Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0"),
-            Variable("contact.gap", (n_s,), unit="m", description="normal gap"),
-            Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced"),
-            Variable("contact.touching", description="facing points that touch"))
+def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
+    """What both mechanical halves say of contact; n_s : surface nodes.  slips : whether a pair has friction."""
+    variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0"),
+                 Variable("contact.gap", (n_s,), unit="m", description="normal gap"),
+                 Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced"),
+                 Variable("contact.touching", description="facing points that touch")]
+    if slips:
+        variables += [Variable("contact.t_T", (n_s,), unit="Pa", description="shear traction of slave nodes"),
+                      Variable("contact.E_friction", (n_s,), unit="J", description="friction heat of the substep"),
+                      Variable("contact.slipping", description="facing points that slip")]
+    return tuple(variables)
+
+
+def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Value]:
+    """Their values."""
+    outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
+                                 "contact.covered": tractions.node_covered,
+                                 "contact.touching": float(tractions.n_touching)}
+    if slips:
+        outputs |= {"contact.t_T": tractions.shear, "contact.E_friction": tractions.E_friction,
+                    "contact.slipping": float(tractions.n_slipping)}
+    return outputs

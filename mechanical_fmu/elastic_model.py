@@ -13,7 +13,7 @@ from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.surfaces import History
 from contact.wire import Tractions
-from mechanical_fmu.contact_forces import contact_variables
+from mechanical_fmu.contact_forces import contact_outputs, contact_variables
 from mechanical_fmu.elastic_spec import parse_elastic
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings, solve
@@ -158,10 +158,7 @@ class ElasticHalf:
         for i, name in enumerate(system.interface.bodies):
             outputs[f"reaction.{name}"] = held[system.interface.node_body == i].sum(axis=0)
         if balance.tractions is not None:
-            tractions = balance.tractions
-            outputs.update({"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
-                            "contact.covered": tractions.node_covered,
-                            "contact.touching": float(tractions.n_touching)})
+            outputs |= contact_outputs(balance.tractions, system.contact.slips)
         return outputs
 
 
@@ -188,4 +185,4 @@ def _variables(system: System) -> tuple[Variable, ...]:
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment")]
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
                 for name in interface.bodies]
-    return (*inputs, *outputs, *(contact_variables(n_s) if n_s else ()))
+    return (*inputs, *outputs, *(contact_variables(n_s, system.contact.slips) if n_s else ()))
