@@ -24,16 +24,17 @@ from coupler import Results, load_scenario, run
 ROOT = Path(__file__).resolve().parents[2]
 RANGE, CLOSE = 1000.0, 1e-9
 INCH, RANKINE = 1.0 / 0.0254, 1.8
+TOUCH = 10000.0  # s
 Tree = dict[str, Any]
 
 
 def scene() -> Tree:
     """The sliding blocks on a coarse mesh with fewer windows, and an elastic half that leaves nothing out of balance."""
     tree = YAML(typ="safe").load((ROOT / "scenarios/sliding_blocks.yaml").read_text(encoding="utf-8"))
-    for body, cells in (("lower", [6, 5]), ("upper", [7, 4])):
+    for body, cells in (("lower", [6, 5]), ("upper", [8, 4])):
         tree["bodies"][body]["mesh"]["rectangle"]["cells"] = cells
     tree["coupling"]["windows"] = [{"until": 2500, "size": 500}, {"until": 10000, "first": 1000, "last": 20},
-                                   {"until": 12500, "size": 250}, {"until": 15000, "size": 20},
+                                   {"until": 12500, "size": 250}, {"until": 15000, "size": 40},
                                    {"until": 25000, "size": 2500}]
     tree["mechanical"]["elastic"]["tolerance"] = 1e-12
     return tree
@@ -132,9 +133,9 @@ def solve(folder: Path, tree: Tree, half: str) -> Results:
     return run(load_scenario(path), out=folder / "run.h5")
 
 
-@pytest.fixture(scope="module", params=["rigid", "elastic"])
-def original(request, tmp_path_factory) -> tuple[str, Results]:
-    return request.param, solve(tmp_path_factory.mktemp("original"), scene(), request.param)
+@pytest.fixture(scope="module")
+def original(tmp_path_factory) -> Results:
+    return solve(tmp_path_factory.mktemp("original"), scene(), "elastic")
 
 
 def assert_same(one: Results, other: Results, scale: float = 1.0) -> None:
@@ -142,20 +143,23 @@ def assert_same(one: Results, other: Results, scale: float = 1.0) -> None:
     for name in (n for n in one.probe_names if n.endswith(("left", "centre", "right"))):
         T, copied = one.probe(name, unit="degC")[1], other.probe(name, unit="degC")[1] / scale
         assert np.abs(T - copied).max() <= CLOSE * RANGE, name
-    np.testing.assert_array_equal(one.windows.touching, other.windows.touching)
+    # At the very instant of touch the gap is zero to round-off, and either answer is right.
+    settled = np.abs(one.t[1:] - TOUCH) > 1e-6
+    np.testing.assert_array_equal(one.windows.touching[settled], other.windows.touching[settled])
 
 
 @pytest.mark.parametrize("change", [moved, mirrored, turned, in_inches], ids=lambda f: f.__name__)
 def test_a_copy_of_the_scene_is_the_scene(original, change: Callable[[Tree], Tree], tmp_path):
-    half, results = original
-    if half == "rigid" and change is turned:
-        pytest.skip("its motion is written by bodies, not on the places that are turned")
-    copied = solve(tmp_path, change(copy.deepcopy(scene())), half)
-    assert_same(results, copied, RANKINE if change is in_inches else 1.0)
+    copied = solve(tmp_path, change(copy.deepcopy(scene())), "elastic")
+    assert_same(original, copied, RANKINE if change is in_inches else 1.0)
+
+
+def test_a_rigid_scene_in_a_mirror(tmp_path):
+    (tmp_path / "one").mkdir()
+    assert_same(solve(tmp_path / "one", scene(), "rigid"), solve(tmp_path, mirrored(scene()), "rigid"))
 
 
 def test_renumbered(original, monkeypatch, tmp_path):
-    half, results = original
     scene_of = loading.scene_of
 
     def other(*given: Any) -> Any:
@@ -163,4 +167,4 @@ def test_renumbered(original, monkeypatch, tmp_path):
         return replace(found, interface=renumbered(found.interface))
 
     monkeypatch.setattr(loading, "scene_of", other)
-    assert_same(results, solve(tmp_path, scene(), half))
+    assert_same(original, solve(tmp_path, scene(), "elastic"))
