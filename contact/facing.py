@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from contact.geometry import face_pair
+from contact.geometry import face_pass
 from contact.normals import edge_frames
 from contact.surfaces import Surfaces, checked_reals
 from contact.wire import Facing, Floats, Ints
@@ -20,13 +20,13 @@ BEHIND_AXIS = 1e-9  # an axisymmetric node may lie this share of the scene's rad
 class Cut:
     """All facing points of a scene, in one table, and what was worked out on the way.
 
-    pair : (n_p,).  met : (n_p, 2) slave and master edge.
+    number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
     values : (n_p, 5) xi_s, xi_m, gap [m], area, area_m [m2].
     normal : (n_edges, 3, 2) as from contact.normals.  node_gap, node_covered : (n_s,) as in Facing.
     The two points of a piece are neighbours.
     """
 
-    pair: Ints
+    number: Ints
     met: Ints
     values: Floats
     normal: Floats
@@ -39,43 +39,47 @@ def project(surfaces: Surfaces, x: Floats) -> Facing:
     c = cut_surfaces(surfaces, x)
     slave_edge, master_edge = np.ascontiguousarray(c.met.T)
     xi_s, xi_m, gap, area, area_m = np.ascontiguousarray(c.values.T)
-    return Facing(c.pair, slave_edge, master_edge, xi_s, xi_m, gap, area, area_m, c.node_gap, c.node_covered)
+    return Facing(surfaces.passes.pair[c.number], slave_edge, master_edge, xi_s, xi_m, gap, area, area_m, c.node_gap,
+                  c.node_covered)
 
 
 def cut_surfaces(surfaces: Surfaces, x: Floats) -> Cut:
-    """Cut the slave edges of every pair at x : (n_s, 2) [m].  Raises ValueError."""
+    """Cut the slave edges of every pass at x : (n_s, 2) [m].  Raises ValueError."""
     r = surfaces.register
     x = checked_reals("x", x, (r.n_nodes, 2))
     length, normal = edge_frames(x, r.edges, surfaces.previous, surfaces.following)
     _check_geometry(surfaces, x, length)
-    node_gap = np.full(r.n_nodes, r.gap_max.max(initial=0.0))
-    tables = [_pair(surfaces, x, length, normal, p, node_gap) for p in range(r.pair_slave.size)]
+    passes = surfaces.passes
+    node_gap = np.full(r.n_nodes, passes.gap_max.max(initial=0.0))
+    tables = [_pass(surfaces, x, length, normal, i, node_gap) for i in range(passes.slave.size)]
     counts = [len(values) for _, values in tables]
-    pair = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
+    number = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
     if len(tables) == 1:
         met, values = tables[0]
     else:
         met = np.concatenate([np.empty((0, 2), dtype=np.int32), *(m for m, _ in tables)])
         values = np.concatenate([np.empty((0, 5)), *(v for _, v in tables)])
     covered = covered_shares(x, r.edges, length, surfaces.in_pair, r.axisymmetric, met, values)
-    return Cut(pair, met, values, normal, node_gap, covered)
+    return Cut(number, met, values, normal, node_gap, covered)
 
 
-def _pair(surfaces: Surfaces, x: Floats, length: Floats, normal: Floats, p: int,
+def _pass(surfaces: Surfaces, x: Floats, length: Floats, normal: Floats, i: int,
           node_gap: Floats) -> tuple[Ints, Floats]:
-    """Facing points of pair p, (n, 2) edges and (n, 5) values; lowers node_gap where the pair's is less."""
-    r, start = surfaces.register, surfaces.start
-    slave, master = r.pair_slave[p], r.pair_master[p]
+    """Facing points of pass i, (n, 2) edges and (n, 5) values; lowers node_gap where the pass's is less."""
+    r, p, start = surfaces.register, surfaces.passes, surfaces.start
+    slave, master = p.slave[i], p.master[i]
     first, last = int(start[slave]), int(start[slave + 1])
     masters = surfaces.chain[start[master] : start[master + 1]]
     capacity = 4 * (last - first + masters.size)
     near = np.full(r.n_nodes, np.inf)
+    form = (r.axisymmetric, bool(slave == master), bool(p.by_node[i]))
     while True:
         met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, 5))
-        n = face_pair(x, r.edges, length, normal, (first, last), masters, float(r.gap_max[p]), r.axisymmetric,
-                      met, values, near)
+        n = face_pass(x, r.edges, length, normal, (first, last), masters, float(p.gap_max[i]), form, met, values, near)
         if n <= capacity:
             np.minimum(node_gap, near, out=node_gap)
+            if p.weight[i] != 1.0:
+                values[:n, 3:] *= p.weight[i]
             return met[:n], values[:n]
         capacity = n
 

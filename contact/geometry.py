@@ -24,6 +24,7 @@ NODE_SEES = 1e-3
 SLIVER = 1e-13  # cuts closer than this share of an edge are one cut: round-off, not geometry
 STRAIGHT = 1e-6  # master pieces shorter than this share of their edge are weighted as if the map were linear
 REACH = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
+ITSELF_BACK = 0.25  # a surface that folds onto itself is followed this share of an edge into the body
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
@@ -271,15 +272,56 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
 
 
 @njit(cache=True, error_model="numpy")
-def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tuple[int, int], masters: Ints,
-              gap_max: float, axisymmetric: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
-    """Facing points of one pair.
+def drop_neighbours(edges: Ints, e: int, found: Ints, count: int) -> int:
+    """Take the edge e itself and the edges that share a node with it out of found; returns how many are left."""
+    left = 0
+    for k in range(count):
+        m = found[k]
+        shares = False
+        for i in range(2):
+            for j in range(2):
+                shares = shares or edges[e, i] == edges[m, j]
+        if not shares:
+            found[left] = m
+            left += 1
+    return left
 
-    slaves : first and last + 1 of the slave's edges.  masters : the master's edges as a chain.  Fills
-    met_edges : (capacity, 2), slave and master edge, and values : (capacity, 5), xi_s, xi_m, gap, area, area_m,
-    two rows a piece, and near : (n_s,), the nearest gap of each node.  Returns how many points there are, which
-    may be more than the capacity.
+
+@njit(cache=True, error_model="numpy")
+def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, found: Ints, count: int, end: int,
+               reach: tuple[float, float], axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
+    """The point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
+
+    So a piece has two rows in this form too.  reach : how far behind and ahead of the node [m].  False: it faces
+    nothing.
     """
+    best, best_m, best_xi = np.inf, -1, 0.0
+    for k in range(count):
+        xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
+        if -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS and -reach[0] <= g < reach[1]:
+            if best_m < 0 or nearer(g, found[k], best, best_m, ON_NODE * length_s):
+                best, best_m, best_xi = g, found[k], min(max(xi_m, 0.0), 1.0)
+    if best_m < 0:
+        return False
+    for q in range(2):
+        met_edges[i + q, 1] = best_m
+        values[i + q, 0], values[i + q, 1], values[i + q, 2] = float(end), best_xi, best
+        values[i + q, 3] = 0.5 * length_s * ring(frame[0], frame[2], float(end), axisymmetric) if q == 0 else 0.0
+        values[i + q, 4] = values[i + q, 3]
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tuple[int, int], masters: Ints,
+              gap_max: float, form: tuple[bool, bool, bool], met_edges: Ints, values: Floats, near: Floats) -> int:
+    """Facing points of one pass.
+
+    slaves : first and last + 1 of the slave's edges.  masters : the master's edges as a chain.  form : axisymmetric,
+    onto itself, by node.  Fills met_edges : (capacity, 2), slave and master edge, and values : (capacity, 5), xi_s,
+    xi_m, gap, area, area_m, two rows a piece, and near : (n_s,), the nearest gap of each node.  Returns how many points
+    there are, which may be more than the capacity.
+    """
+    axisymmetric, itself, by_node = form
     boxes, longest = box_tree(x, edges, masters), 0.0
     for m in masters:
         longest = max(longest, length[m])
@@ -288,15 +330,28 @@ def face_pair(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tu
     met = np.empty(4 * masters.size + 2, dtype=np.int32)
     n_points: Any = np.int64(0)  # typed: a bare 0 would have every kernel it is passed to compiled twice
     for e in range(slaves[0], slaves[1]):
-        back = max(length[e], longest)
+        # A body thinner than its edges are long must not meet its own far side.
+        back = ITSELF_BACK * length[e] if itself else max(length[e], longest)
         frame = frame_of(x, edges, normal, e)
         count = candidates(boxes, masters, normal, frame, back, gap_max, found)
+        if itself:
+            count = drop_neighbours(edges, e, found, count)
         n_cuts = cut_edge(x, edges, frame, found, count, cuts, spans, near, back, gap_max)
         for k in range(count):
             for end in range(2):
                 xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
                 if -NODE_SEES <= xi_m <= 1.0 + NODE_SEES and facing < -FACING_COS:
                     note_node(near, edges[e, end], g, back, gap_max)
+        if by_node:
+            for end in range(2):
+                if n_points + 2 <= values.shape[0]:
+                    met_edges[n_points, 0], met_edges[n_points + 1, 0] = e, e
+                    if place_node(x, edges, frame, length[e], found, count, end, (back, gap_max), axisymmetric,
+                                  met_edges, values, n_points):
+                        n_points += 2
+                else:
+                    n_points += 2
+            continue
         meet(x, edges, frame, found, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:

@@ -47,4 +47,4 @@ class ContactService:
         self._scenes.move_to_end(request.surfaces)
         if isinstance(request, Project):
             return project(known, request.x)
-        return traction(known, request.x, request.multipliers)
+        return traction(known, request)

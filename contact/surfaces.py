@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.wire import Floats, Ints, Register
+from contact.wire import Floats, Ints, Passes, Register
 
 LIMIT = 1e100  # [m, Pa]: no number beyond this is meant; products of smaller ones do not overflow
 
@@ -20,7 +20,7 @@ LIMIT = 1e100  # [m, Pa]: no number beyond this is meant; products of smaller on
 class Surfaces:
     """Registered surfaces.
 
-    register : the message, in canonical dtypes.  key : content hash.
+    register : the message, in canonical dtypes.  passes : its passes.  key : content hash.
     start : (n_surfaces + 1,) the edges of surface k are start[k]..start[k+1]-1.
     chain : (n_edges,) edge numbers, surface by surface, in the order in which one walks along the surface.
     previous, following : (n_edges,) neighbour within the surface at the edge's first, second node; -1: none.
@@ -28,6 +28,7 @@ class Surfaces:
     """
 
     register: Register
+    passes: Passes
     key: str
     start: Ints
     chain: Ints
@@ -42,29 +43,31 @@ def surfaces_of(message: Register) -> Surfaces:
     r = _canonical(message)
     _check_edges(r)
     n_surfaces = int(r.edge_surface[-1]) + 1 if r.edge_surface.size else 0
-    _check_pairs(r, n_surfaces)
+    p = r.passes
+    _check_passes(p, n_surfaces)
     previous, following = _neighbours(r)
     start = np.searchsorted(r.edge_surface, np.arange(n_surfaces + 1)).astype(np.int32)
-    in_pair = np.isin(r.edge_surface, np.concatenate([r.pair_slave, r.pair_master]))
+    in_pair = np.isin(r.edge_surface, np.concatenate([p.slave, p.master]))
     on_slave = np.zeros(r.n_nodes, dtype=bool)
-    on_slave[r.edges[np.isin(r.edge_surface, r.pair_slave)]] = True
-    return Surfaces(r, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
+    on_slave[r.edges[np.isin(r.edge_surface, p.slave)]] = True
+    return Surfaces(r, p, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
 
 
 def _canonical(m: Register) -> Register:
-    pairs = np.shape(m.pair_slave)
-    if len(pairs) != 1:
-        raise ValueError(f"pair_slave has shape {pairs}, expected (n_pairs,)")
+    shape = np.shape(m.passes.slave)
+    if len(shape) != 1:
+        raise ValueError(f"passes.slave has shape {shape}, expected (n_passes,)")
     n_edges = np.shape(m.edges)[0] if np.ndim(m.edges) else 0
+    numbers = {name: _integers(f"passes.{name}", getattr(m.passes, name), shape)
+               for name in ("pair", "slave", "master", "by_node")}
+    reals = {name: checked_reals(f"passes.{name}", getattr(m.passes, name), shape)
+             for name in ("weight", "gap_max", "eps_N", "eps_T", "mu")}
     return Register(
         n_nodes=_count(m.n_nodes),
         edges=_integers("edges", m.edges, (n_edges, 2)),
         edge_surface=_integers("edge_surface", m.edge_surface, (n_edges,)),
-        pair_slave=_integers("pair_slave", m.pair_slave, pairs),
-        pair_master=_integers("pair_master", m.pair_master, pairs),
-        gap_max=checked_reals("gap_max", m.gap_max, pairs),
-        eps_N=checked_reals("eps_N", m.eps_N, pairs),
         axisymmetric=bool(m.axisymmetric),
+        passes=Passes(**numbers, **reals),
     )
 
 
@@ -109,17 +112,19 @@ def _check_edges(r: Register) -> None:
         raise ValueError("edge_surface must number the surfaces from 0, the edges of one surface consecutive")
 
 
-def _check_pairs(r: Register, n_surfaces: int) -> None:
-    for p, (slave, master) in enumerate(zip(r.pair_slave, r.pair_master, strict=True)):
+def _check_passes(p: Passes, n_surfaces: int) -> None:
+    for i, (slave, master) in enumerate(zip(p.slave, p.master, strict=True)):
         if max(slave, master) >= n_surfaces:
-            raise ValueError(f"pair {p} names surface {max(slave, master)}, but there are {n_surfaces}")
-        if slave == master:
-            raise ValueError(f"pair {p} pairs surface {slave} with itself, which is not supported: "
-                             "split the surface")
-        if not r.gap_max[p] > 0:
-            raise ValueError(f"gap_max of pair {p} must be > 0, got {r.gap_max[p]}")
-        if not r.eps_N[p] >= 0:
-            raise ValueError(f"eps_N of pair {p} must be >= 0, got {r.eps_N[p]}")
+            raise ValueError(f"pass {i} names surface {max(slave, master)}, but there are {n_surfaces}")
+        if not p.gap_max[i] > 0:
+            raise ValueError(f"gap_max of pass {i} must be > 0, got {p.gap_max[i]}")
+        if not 0 < p.weight[i] <= 1:
+            raise ValueError(f"weight of pass {i} must be in (0, 1], got {p.weight[i]}")
+        if p.by_node[i] not in (0, 1):
+            raise ValueError(f"by_node of pass {i} must be 0 or 1, got {p.by_node[i]}")
+        for name in ("eps_N", "eps_T", "mu"):
+            if not getattr(p, name)[i] >= 0:
+                raise ValueError(f"{name} of pass {i} must be >= 0, got {getattr(p, name)[i]}")
 
 
 def _neighbours(r: Register) -> tuple[Ints, Ints]:
@@ -166,7 +171,8 @@ def _chain(previous: Ints, following: Ints) -> Ints:
 
 def _key(r: Register) -> str:
     digest = hashlib.sha256(f"{r.n_nodes} {r.axisymmetric}".encode())
-    for a in (r.edges, r.edge_surface, r.pair_slave, r.pair_master, r.gap_max, r.eps_N):
+    p = r.passes
+    for a in (r.edges, r.edge_surface, *vars(p).values()):
         digest.update(f"{a.dtype.str}{a.shape}".encode())
         digest.update(a.tobytes())
     return digest.hexdigest()[:32]

@@ -1,118 +1,217 @@
-"""Frictionless contact forces at the facing points: the reply to a Traction request.  Eqs. (17)-(20).
+"""Contact forces at the facing points: the reply to a Traction request.  Eqs. (17)-(20), Coulomb's law.
 
 p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the slave's nodes; a point touches where
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
-points, so forces and moments balance to round-off.
-
-The stiffness keeps what is of order eps_N: d(g_N) with the normals held, by which a point slides along a tilted
-master edge (hence n_m/(n . n_m), not symmetric there; forgetting it is an error of eps_N tan(tilt), which a stiff
-penalty does not forgive).  Left out are the terms of order p_N: turning of the normals, change of the areas, of the
-cuts, and of the master coordinate.  Against what is kept they are |g_N|/edge length.
+points, so forces and moments balance to round-off.  A touching point with friction drags along t (n turned to the
+left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from contact.facing import cut_surfaces
+from contact.facing import Cut, cut_surfaces
+from contact.geometry import feet, frame_of
+from contact.pieces import (
+    EPS_N,
+    EPS_T,
+    FIXED,
+    GAUSS,
+    LAMBDA_1,
+    LAMBDA_2,
+    MU,
+    N_CONSTANTS,
+    NODES,
+    OPEN,
+    SHEAR_1,
+    SHEAR_2,
+    SLIPS_BACK,
+    SLIPS_FORWARD,
+    STICKS,
+    piece_stiffness,
+)
+from contact.rows import rows_of
 from contact.surfaces import Surfaces, checked_reals
-from contact.wire import Floats, Ints, Tractions
+from contact.wire import Floats, Ints, Traction, Tractions
+
+SAME_CUT = 1e-9  # a cut this near to a node's foot was made by that node
 
 
-def traction(surfaces: Surfaces, x: Floats, multipliers: Floats) -> Tractions:
-    """Contact forces at x : (n_s, 2) [m] with multipliers : (n_s,) [Pa], <= 0.  Raises ValueError."""
+@dataclass(frozen=True)
+class Points:
+    """What the facing points do.
+
+    c : (n_p, N_CONSTANTS) of contact.pieces.  doing : (n_p,) open, sticks or slips.  p_N, tau : (n_p,) [Pa].
+    heat : (n_p,) [J].
+    """
+
+    c: Floats
+    doing: Floats
+    p_N: Floats
+    tau: Floats
+    heat: Floats
+
+
+def traction(surfaces: Surfaces, request: Traction) -> Tractions:
+    """Contact forces at request.x.  Raises ValueError."""
     r = surfaces.register
-    multipliers = checked_reals("multipliers", multipliers, (r.n_nodes,))
+    multipliers = checked_reals("multipliers", request.multipliers, (r.n_nodes,))
     if multipliers.size and multipliers.max() > 0.0:
         raise ValueError(f"multipliers must be <= 0, got {multipliers.max()!r} at node {multipliers.argmax()}")
+    before = checked_reals("x_before", request.x_before, (r.n_nodes, 2))
+    shear = checked_reals("shear", request.shear, (r.n_nodes,))
+    x = checked_reals("x", request.x, (r.n_nodes, 2))
     cut = cut_surfaces(surfaces, x)
-    eps_N = r.eps_N[cut.pair]
-    p_N = pressures(r.edges, cut.met, cut.values, eps_N, multipliers)
-    force, t_N = nodal_forces(r.edges, cut.met, cut.values, cut.normal, p_N, r.n_nodes)
-    nodes, blocks = stiffness(r.edges, cut.met, cut.values, cut.normal, p_N, eps_N)
-    new = np.where(surfaces.on_slave, t_N, 0.0)
-    return Tractions(force, nodes, blocks, t_N, cut.node_gap, cut.node_covered, new, int(np.count_nonzero(p_N)))
+    points = _points(surfaces, cut, x, before, multipliers, shear)
+    nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
+                                   cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
+                                   points.doing)
+    force = np.stack([np.bincount(nodes.ravel(), forces[:, :, d].ravel(), r.n_nodes) for d in range(2)], axis=1)
+    starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
+    t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.p_N, points.tau, points.heat, r.n_nodes)
+    return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
+                     np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, int(np.count_nonzero(points.p_N)),
+                     int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
+
+
+def _points(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats, shear: Floats) -> Points:
+    p, edges = surfaces.passes, surfaces.register.edges
+    ends = edges[cut.met[:, 0]]
+    c = np.zeros((len(cut.met), N_CONSTANTS))
+    c[:, LAMBDA_1:LAMBDA_2 + 1] = multipliers[ends]
+    c[:, SHEAR_1:SHEAR_2 + 1] = shear[ends]
+    c[:, EPS_N], c[:, EPS_T], c[:, MU] = p.eps_N[cut.number], p.eps_T[cut.number], p.mu[cut.number]
+    n = len(cut.met)
+    points = Points(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    judge(x, before, edges, cut.met, cut.values, cut.normal, c, points.doing, points.p_N, points.tau, points.heat)
+    return points
 
 
 @njit(cache=True, error_model="numpy")
-def pressures(edges: Ints, met: Ints, values: Floats, eps_N: Floats, multipliers: Floats) -> Floats:
-    """p_N : (n_p,) [Pa] = max(-lambda - eps_N g_N, 0)."""
-    p_N = np.empty(met.shape[0])
+def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats, doing: Floats,
+          p_N: Floats, tau: Floats, heat: Floats) -> None:
+    """Fill what every point does: doing, p_N [Pa], tau [Pa], and the heat of its slip [J].
+
+    slip is how far the slave's point has moved along t past the point it faces, since `before`: the two material
+    points are those that face each other now, so a motion of both together is none.
+    """
     for i in range(met.shape[0]):
-        a, b, xi = edges[met[i, 0], 0], edges[met[i, 0], 1], values[i, 0]
-        given = (1.0 - xi) * multipliers[a] + xi * multipliers[b]
-        p_N[i] = max(-given - eps_N[i] * values[i, 2], 0.0)
-    return p_N
+        xi, eta, area = values[i, 0], values[i, 1], values[i, 3]
+        p = -(c[i, LAMBDA_1] + xi * (c[i, LAMBDA_2] - c[i, LAMBDA_1])) - c[i, EPS_N] * values[i, 2]
+        doing[i] = OPEN
+        if not (p > 0.0 and area > 0.0):
+            continue
+        p_N[i], doing[i] = p, STICKS
+        if not c[i, MU] > 0.0:
+            continue
+        a, b, d, e = edges[met[i, 0], 0], edges[met[i, 0], 1], edges[met[i, 1], 0], edges[met[i, 1], 1]
+        slips = np.empty(2)
+        for k in range(2):
+            slips[k] = ((1.0 - xi) * (x[a, k] - before[a, k]) + xi * (x[b, k] - before[b, k])
+                        - (1.0 - eta) * (x[d, k] - before[d, k]) - eta * (x[e, k] - before[e, k]))
+        # Plus how the two present points, d and M, differ: nothing but the gap, which has no tangential part.
+        nx = (1.0 - xi) * normal[met[i, 0], 1, 0] + xi * normal[met[i, 0], 2, 0]
+        ny = (1.0 - xi) * normal[met[i, 0], 1, 1] + xi * normal[met[i, 0], 2, 1]
+        slip = (-ny * slips[0] + nx * slips[1]) / np.sqrt(nx * nx + ny * ny)
+        trial = c[i, SHEAR_1] + xi * (c[i, SHEAR_2] - c[i, SHEAR_1]) - c[i, EPS_T] * slip
+        bound = c[i, MU] * p
+        tau[i] = trial
+        if abs(trial) > bound:
+            doing[i] = SLIPS_FORWARD if trial > 0.0 else SLIPS_BACK
+            tau[i] = bound if trial > 0.0 else -bound
+            heat[i] = tau[i] * (trial - tau[i]) / c[i, EPS_T] * area
 
 
 @njit(cache=True, error_model="numpy")
-def nodal_forces(edges: Ints, met: Ints, values: Floats, normal: Floats, p_N: Floats,
-                 n_nodes: int) -> tuple[Floats, Floats]:
-    """force : (n_nodes, 2) [N], and t_N : (n_nodes,) [Pa] = -sum(A N p_N)/sum(A N) over what each node faces."""
-    force, pushed, faced = np.zeros((n_nodes, 2)), np.zeros(n_nodes), np.zeros(n_nodes)
+def nodal_means(edges: Ints, met: Ints, values: Floats, p_N: Floats, tau: Floats, heat: Floats,
+                n_nodes: int) -> tuple[Floats, Floats, Floats]:
+    """t_N : (n_nodes,) [Pa] = -sum(A N p_N)/sum(A N) over what each node faces, both sides; shear : (n_nodes,) [Pa],
+    the mean over what it touches, and E_friction : (n_nodes,) [J], both of slave nodes."""
+    pushed, faced, dragged = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
+    touched, made = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):
-        n_x, n_y = _ray_normal(normal[met[i, 0]], values[i, 0])
         for side in range(2):
             for end in range(2):
                 s = edges[met[i, side], end]
                 N = values[i, side] if end == 1 else 1.0 - values[i, side]
                 weight = N * values[i, 3]
-                load = weight * p_N[i]
-                sign = -1.0 if side == 0 else 1.0
-                force[s, 0] += sign * load * n_x
-                force[s, 1] += sign * load * n_y
-                pushed[s] += load
+                pushed[s] += weight * p_N[i]
                 faced[s] += weight
+                if side == 0 and p_N[i] > 0.0:
+                    dragged[s] += weight * tau[i]
+                    touched[s] += weight
+                    made[s] += N * heat[i]
     for s in range(n_nodes):
         pushed[s] = -pushed[s] / faced[s] if pushed[s] > 0.0 else 0.0
-    return force, pushed
+        dragged[s] = dragged[s] / touched[s] if touched[s] > 0.0 else 0.0
+    return pushed, dragged, made
 
 
 @njit(cache=True, error_model="numpy")
-def stiffness(edges: Ints, met: Ints, values: Floats, normal: Floats, p_N: Floats,
-              eps_N: Floats) -> tuple[Ints, Floats]:
-    """block_nodes : (n_b, 4) and blocks : (n_b, 8, 8) [N/m], one block a touching piece.
-
-    eps_N A (G n)(G n_m/(n . n_m))^T with G = (-N_1, -N_2, M_1, M_2): symmetric where the two edges are parallel.
-    """
+def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats,
+           normal: Floats, by_node: Ints, axisymmetric: bool, c: Floats,
+           doing: Floats) -> tuple[Ints, Floats, Floats]:
+    """nodes : (n_b, 6), forces : (n_b, 6, 2) [N] and blocks : (n_b, 12, 12) [N/m] of the touching pieces."""
     n_blocks = 0
     for i in range(0, met.shape[0], 2):
-        n_blocks += p_N[i] > 0.0 or p_N[i + 1] > 0.0
-    nodes, blocks = np.empty((n_blocks, 4), dtype=np.int32), np.zeros((n_blocks, 8, 8))
+        n_blocks += doing[i] > OPEN or doing[i + 1] > OPEN
+    nodes = np.empty((n_blocks, NODES), dtype=np.int32)
+    forces, blocks = np.empty((n_blocks, NODES, 2)), np.empty((n_blocks, 2 * NODES, 2 * NODES))
+    here, there = np.empty((NODES, 2)), np.empty((NODES, 2))
+    smooth, ends, moves, scratch = np.empty(2, dtype=np.bool_), np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
     b = 0
     for i in range(0, met.shape[0], 2):
-        if not (p_N[i] > 0.0 or p_N[i + 1] > 0.0):
+        if not (doing[i] > OPEN or doing[i + 1] > OPEN):
             continue
-        for k in range(4):
-            nodes[b, k] = edges[met[i, k // 2], k % 2]
-        for q in range(i, i + 2):
-            if p_N[q] > 0.0:
-                _add_point(blocks[b], values[q], normal[met[q, 0]], normal[met[q, 1], 0], eps_N[q])
+        e, m = met[i, 0], met[i, 1]
+        piece_nodes(edges, previous, following, e, m, nodes[b])
+        for k in range(NODES):
+            for d in range(2):
+                here[k, d], there[k, d] = x[nodes[b, k], d], before[nodes[b, k], d]
+        for k in range(2):
+            smooth[k] = normal[e, 1 + k, 0] != normal[e, 0, 0] or normal[e, 1 + k, 1] != normal[e, 0, 1]
+            other = previous[e] if k == 0 else following[e]
+            smooth[k] = other >= 0 and (smooth[k] or parallel(normal, e, other))
+        uncut = by_node[i] == 1
+        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
+        piece_stiffness(here, normal[e, 1:], there, smooth, uncut, axisymmetric, moves, ends, values, c, doing, i,
+                        scratch, forces[b], blocks[b])
         b += 1
-    return nodes, blocks
+    return nodes, forces, blocks
 
 
 @njit(cache=True, error_model="numpy")
-def _ray_normal(normal: Floats, xi: float) -> tuple[float, float]:
-    """Unit normal at xi of an edge whose field normals are normal[1] and normal[2]."""
-    n_x = normal[1, 0] + xi * (normal[2, 0] - normal[1, 0])
-    n_y = normal[1, 1] + xi * (normal[2, 1] - normal[1, 1])
-    size = np.sqrt(n_x * n_x + n_y * n_y)
-    return n_x / size, n_y / size
+def parallel(normal: Floats, e: int, other: int) -> bool:
+    """Whether two neighbours' own normals are the same, so that their mean is too."""
+    return normal[e, 0, 0] == normal[other, 0, 0] and normal[e, 0, 1] == normal[other, 0, 1]
 
 
 @njit(cache=True, error_model="numpy")
-def _add_point(block: Floats, value: Floats, normal: Floats, n_m: Floats, eps_N: float) -> None:
-    """Add eps_N A (G n)(G n_m/(n . n_m))^T of one point to its block : (8, 8)."""
-    n_x, n_y = _ray_normal(normal, value[0])
-    facing = n_x * n_m[0] + n_y * n_m[1]
-    k_N = eps_N * value[3] / facing
-    G = (value[0] - 1.0, -value[0], 1.0 - value[1], value[1])
-    for j in range(4):
-        for k in range(4):
-            K = k_N * G[j] * G[k]
-            block[2 * j, 2 * k] += K * n_x * n_m[0]
-            block[2 * j, 2 * k + 1] += K * n_x * n_m[1]
-            block[2 * j + 1, 2 * k] += K * n_y * n_m[0]
-            block[2 * j + 1, 2 * k + 1] += K * n_y * n_m[1]
+def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, nodes: Ints) -> None:
+    """Fill nodes : (6,), as contact.pieces numbers them; where there is no neighbour, the edge's own node."""
+    nodes[0], nodes[1] = edges[e, 0], edges[e, 1]
+    nodes[2] = edges[previous[e], 0] if previous[e] >= 0 else edges[e, 0]
+    nodes[3] = edges[following[e], 1] if following[e] >= 0 else edges[e, 1]
+    nodes[4], nodes[5] = edges[m, 0], edges[m, 1]
+
+
+@njit(cache=True, error_model="numpy")
+def piece_cuts(frame: tuple[float, float, float, float, float, float, float, float], here: Floats, xi_1: float,
+               xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
+    """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows."""
+    half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
+    ends[0], ends[1] = (0.0, 1.0) if uncut else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)
+    moves[:] = FIXED
+    if uncut:
+        return
+    for k in range(2):
+        if abs(ends[k] - k) <= SAME_CUT:
+            continue
+        for node in range(4, NODES):
+            first, second = feet(frame, here[node, 0], here[node, 1])
+            if abs(first - ends[k]) <= SAME_CUT or abs(second - ends[k]) <= SAME_CUT:
+                moves[k] = node

@@ -14,7 +14,28 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 1
+WIRE_VERSION = 2
+
+
+@dataclass(frozen=True)
+class Passes:
+    """A pair of surfaces is searched once, or in two passes of half the weight with the sides exchanged.
+
+    Arrays of (n_passes,).  pair : number of the pair.  slave, master : surface numbers, the same one for a surface
+    that may fold onto itself.  weight : share of the area that counts.  by_node : 0 for points on pieces of edges cut
+    at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
+    faced [m].  eps_N, eps_T : penalties [Pa/m].  mu : Coulomb's coefficient.
+    """
+
+    pair: Ints
+    slave: Ints
+    master: Ints
+    weight: Floats
+    by_node: Ints
+    gap_max: Floats
+    eps_N: Floats
+    eps_T: Floats
+    mu: Floats
 
 
 @dataclass(frozen=True)
@@ -23,19 +44,15 @@ class Register:
 
     n_nodes : n_s.  edges : (n_edges, 2) indices s; the body lies on the left going from first to second.
     edge_surface : (n_edges,) number of the surface each edge belongs to; the edges of one surface are consecutive.
-    pair_slave, pair_master : (n_pairs,) surface numbers.
-    gap_max : (n_pairs,) [m].  eps_N : (n_pairs,) penalty [Pa/m].
     axisymmetric : areas are weighted by 2 pi r (r = x), else unit depth.
+    passes : which surface is searched from which, and how what is found there pushes.
     """
 
     n_nodes: int
     edges: Ints
     edge_surface: Ints
-    pair_slave: Ints
-    pair_master: Ints
-    gap_max: Floats
-    eps_N: Floats
     axisymmetric: bool
+    passes: Passes
 
 
 @dataclass(frozen=True)
@@ -57,7 +74,7 @@ class Project:
 class Facing:
     """Facing points (n_p of them) and the gap of every surface node.
 
-    pair, slave_edge, master_edge : (n_p,) numbers as registered.  xi_s, xi_m : (n_p,) in [0, 1] along the edge, from
+    pair : (n_p,) number of the pair.  slave_edge, master_edge : (n_p,) numbers as registered.  xi_s, xi_m : (n_p,) in [0, 1] along the edge, from
     its first node.  gap : (n_p,) g_N [m].  area : (n_p,) A [m2], the common area of the exchange, measured on the
     slave.  area_m : (n_p,) [m2], the same piece measured on the master (for the share of the master's film).
     node_gap : (n_s,) [m], g_N of every surface node, both sides; gap_max where nothing is faced (the least over the
@@ -78,32 +95,44 @@ class Facing:
 
 @dataclass(frozen=True)
 class Traction:
-    """Contact forces at x : (n_s, 2) [m], given the multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty)."""
+    """Contact forces at x : (n_s, 2) [m], given what was before.
+
+    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  x_before : (n_s, 2) [m], where the surfaces were when their
+    shear tractions were shear : (n_s,) [Pa] along the slave, its body on the left; only friction asks for them.
+    """
 
     surfaces: str
     x: Floats
     multipliers: Floats
+    x_before: Floats
+    shear: Floats
 
 
 @dataclass(frozen=True)
 class Tractions:
-    """Frictionless contact forces.
+    """Contact forces.
 
     force : (n_s, 2) [N] on the nodes (per metre depth when plane); both sides, adding up to zero.
-    block_nodes : (n_b, 4) indices s: slave edge's two, master edge's two.  blocks : (n_b, 8, 8) [N/m] stiffness
-    -d(force)/dx on (node, component) row-major, consistent to the order said in docs/theory.md.
+    starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
+    row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
     t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : as in Facing.
-    multipliers : (n_s,) [Pa], the new history (t_N after augmentation).  n_touching : facing points with p_N > 0.
+    multipliers : (n_s,) [Pa], t_N on slave sides, and shear : (n_s,) [Pa]: the new history.
+    E_friction : (n_s,) [J] of slave nodes, what slipping made since x_before.
+    n_touching, n_slipping : facing points with p_N > 0, and those of them at Coulomb's bound.
     """
 
     force: Floats
-    block_nodes: Ints
+    starts: Ints
+    columns: Ints
     blocks: Floats
     t_N: Floats
     node_gap: Floats
     node_covered: Floats
     multipliers: Floats
+    shear: Floats
+    E_friction: Floats
     n_touching: int
+    n_slipping: int
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
-from contact.half.model import Variable
+from contact.half.model import Value, Variable
 from contact.half.surfaces import ContactSurfaces
 from contact.wire import Tractions
 
@@ -17,6 +17,11 @@ Floats = NDArray[np.float64]
 
 class Contact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
+
+    @cached_property
+    def slips(self) -> bool:
+        """Whether a pair has friction."""
+        return any(pair.mu > 0.0 for pair in self.interface.pairs)
 
     @cached_property
     def dofs(self) -> NDArray[np.intp]:
@@ -31,28 +36,38 @@ class Contact(ContactSurfaces):
 
     def dense(self, tractions: Tractions) -> Floats:
         """(2 n_s, 2 n_s) stiffness [N/m] of the touching points on the surface nodes."""
-        size = self.dofs.size
-        rows, columns = _places(tractions)
-        K = np.zeros(size * size)
-        K += np.bincount((rows * size + columns).ravel(), weights=tractions.blocks.ravel(), minlength=K.size)
-        return K.reshape(size, size)
+        return _rows(tractions, self.dofs.size).toarray()
 
     def matrix(self, tractions: Tractions) -> csr_matrix:
         """The same on all degrees of freedom of the mesh."""
-        rows, columns = _places(tractions)
+        K = _rows(tractions, self.dofs.size).tocoo()
         n = 2 * len(self.interface.nodes)
-        where = (self.dofs[rows.ravel()], self.dofs[columns.ravel()])
-        return csr_matrix((tractions.blocks.ravel(), where), shape=(n, n))
+        return csr_matrix((K.data, (self.dofs[K.row], self.dofs[K.col])), shape=(n, n))
 
 
-def _places(tractions: Tractions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    dofs = (2 * tractions.block_nodes[:, :, None].astype(np.int64) + np.arange(2)).reshape(-1, 8)
-    return np.repeat(dofs, 8, axis=1), np.tile(dofs, (1, 8))
+def _rows(tractions: Tractions, size: int) -> bsr_matrix:
+    return bsr_matrix((tractions.blocks, tractions.columns, tractions.starts), shape=(size, size))
 
 
-def contact_variables(n_s: int) -> tuple[Variable, ...]:
-    """What both mechanical halves say of contact; n_s : surface nodes."""
-    return (Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0"),
-            Variable("contact.gap", (n_s,), unit="m", description="normal gap"),
-            Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced"),
-            Variable("contact.touching", description="facing points that touch"))
+def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
+    """What both mechanical halves say of contact; n_s : surface nodes.  slips : whether a pair has friction."""
+    variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0"),
+                 Variable("contact.gap", (n_s,), unit="m", description="normal gap"),
+                 Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced"),
+                 Variable("contact.touching", description="facing points that touch")]
+    if slips:
+        variables += [Variable("contact.t_T", (n_s,), unit="Pa", description="shear traction of slave nodes"),
+                      Variable("contact.E_friction", (n_s,), unit="J", description="friction heat of the substep"),
+                      Variable("contact.slipping", description="facing points that slip")]
+    return tuple(variables)
+
+
+def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Value]:
+    """Their values."""
+    outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
+                                 "contact.covered": tractions.node_covered,
+                                 "contact.touching": float(tractions.n_touching)}
+    if slips:
+        outputs |= {"contact.t_T": tractions.shear, "contact.E_friction": tractions.E_friction,
+                    "contact.slipping": float(tractions.n_slipping)}
+    return outputs

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.surfaces import History
 from contact.wire import Tractions
-from mechanical_fmu.contact_forces import contact_variables
+from mechanical_fmu.contact_forces import contact_outputs, contact_variables
 from mechanical_fmu.elastic_spec import parse_elastic
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings, solve
@@ -32,7 +33,7 @@ KEPT_ANCHORS = 2
 
 @dataclass(frozen=True)
 class ElasticState:
-    """All that evolves.  u : (n_nodes, 2) [m] at time t [s].  multipliers : (n_s,) [Pa] of contact.
+    """All that evolves.  u : (n_nodes, 2) [m] at time t [s].  contact : its history.
 
     anchor_u, anchor_T : where the stiffness was last taken, (n_nodes, 2) [m] and (n_nodes,) [K].
     anchored : whether its factor is in use.
@@ -40,7 +41,7 @@ class ElasticState:
 
     t: float
     u: Floats
-    multipliers: Floats
+    contact: History
     anchor_u: Floats
     anchor_T: Floats
     anchored: bool
@@ -58,11 +59,11 @@ class ElasticHalf:
         """Equilibrium at t from the reference, all at once.  Raises ArithmeticError where there is none."""
         n, T = self.system.volume.n_nodes, _array(inputs["T"])
         u = np.zeros((n, 2))
-        multipliers = np.zeros(self.system.interface.contact_nodes.size)
-        loading = self._loading(inputs, t, 1, multipliers, link)
+        history = self.system.contact.no_history(self.system.interface.nodes)
+        loading = self._loading(inputs, t, 1, history, link)
         first = self._predicted(u, loading)
         found = solve(self.system, loading, first, None, self.settings)
-        state = ElasticState(t, found.balance.u, multipliers, found.balance.u, T, False)
+        state = ElasticState(t, found.balance.u, self._history(found.balance, history), found.balance.u, T, False)
         return state, self._outputs(found, loading, u)
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -77,13 +78,14 @@ class ElasticHalf:
 
     def _step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done:
         u, T = _array(state.u), _array(inputs["T"])
-        loading = self._loading(inputs, t + h, -1, state.multipliers, link)
+        loading = self._loading(inputs, t + h, -1, state.contact, link)
         anchor = self._anchor(state)
         first = self._predicted(u, loading, tangent=not state.anchored)
         anchored = state.anchored or self._adopts(anchor, first)
         found = self._solved(loading, first, anchor if anchored else None)
         fits = anchored and not found.fresh and found.iterations <= MOST_ANCHORED
-        after = replace(state, t=t + h, u=found.balance.u, anchored=fits)
+        after = replace(state, t=t + h, u=found.balance.u, contact=self._history(found.balance, state.contact),
+                        anchored=fits)
         if not fits:
             after = replace(after, anchor_u=found.balance.u, anchor_T=T)
         return Done(after, self._outputs(found, loading, u))
@@ -113,17 +115,23 @@ class ElasticHalf:
             moved.ravel()[fixed] = loading.target
         return self.system.balance(moved, loading, tangent)
 
-    def _loading(self, inputs: Values, t: float, side: int, multipliers: Floats, link: Link) -> Loading:
+    def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:
         spec = self.system.spec
         factors = {name: float(inputs[f"load.{name}"]) for name in spec.load_names}
         target = self.system.constraints.values(t, side, factors)
         pressure = np.array([p.value.at(t, side) * (factors[p.name] if p.name else 1.0) for p in spec.pressures])
-        return Loading(self.system.moduli(_array(inputs["T"])), target, pressure, self._asker(multipliers, link))
+        return Loading(self.system.moduli(_array(inputs["T"])), target, pressure, self._asker(history, link))
 
-    def _asker(self, multipliers: Floats, link: Link) -> Callable[[Floats], Tractions] | None:
+    def _asker(self, history: History, link: Link) -> Callable[[Floats], Tractions] | None:
         if not self.system.interface.pairs:
             return None
-        return lambda x: self.system.contact.tractions(link, x, multipliers)
+        return lambda x: self.system.contact.tractions(link, x, history)
+
+    def _history(self, balance: Balance, before: History) -> History:
+        if balance.tractions is None:
+            return before
+        at = self.system.interface.contact_nodes
+        return History(before.multipliers, (self.system.interface.nodes + balance.u)[at], balance.tractions.shear)
 
     def _anchor(self, state: ElasticState) -> Anchor:
         key = state.anchor_u.tobytes() + state.anchor_T.tobytes()
@@ -150,10 +158,7 @@ class ElasticHalf:
         for i, name in enumerate(system.interface.bodies):
             outputs[f"reaction.{name}"] = held[system.interface.node_body == i].sum(axis=0)
         if balance.tractions is not None:
-            tractions = balance.tractions
-            outputs.update({"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
-                            "contact.covered": tractions.node_covered,
-                            "contact.touching": float(tractions.n_touching)})
+            outputs |= contact_outputs(balance.tractions, system.contact.slips)
         return outputs
 
 
@@ -180,4 +185,4 @@ def _variables(system: System) -> tuple[Variable, ...]:
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment")]
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
                 for name in interface.bodies]
-    return (*inputs, *outputs, *(contact_variables(n_s) if n_s else ()))
+    return (*inputs, *outputs, *(contact_variables(n_s, system.contact.slips) if n_s else ()))

@@ -24,6 +24,8 @@ class Pair:
     """A contact pair: slave and master are names of surfaces.
 
     gap_max : farther than this [m] nothing is faced.  eps_N : penalty stiffness [Pa/m], 0 where no half needs it.
+    mu : Coulomb's coefficient.  eps_T : stiffness of sticking [Pa/m], 0 for that of the penalty.  two_pass : searched
+    from either side with half the weight.  by_node : one point a slave node, not points on cut edges.
     """
 
     name: str
@@ -31,6 +33,10 @@ class Pair:
     master: str
     gap_max: float
     eps_N: float
+    mu: float = 0.0
+    eps_T: float = 0.0
+    two_pass: bool = False
+    by_node: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from contact.half.interface import Interface
-from contact.wire import Register
+from contact.wire import Passes, Register
 
 
 def surface_names(interface: Interface) -> list[str]:
@@ -26,9 +28,22 @@ def register_message(interface: Interface) -> Register:
         n_nodes=len(nodes),
         edges=np.concatenate([np.empty((0, 2), dtype=np.int32), *edges]).astype(np.int32),
         edge_surface=np.repeat(np.arange(len(names)), [len(e) for e in edges]).astype(np.int32),
-        pair_slave=np.array([number[p.slave] for p in interface.pairs], dtype=np.int32),
-        pair_master=np.array([number[p.master] for p in interface.pairs], dtype=np.int32),
-        gap_max=np.array([p.gap_max for p in interface.pairs], dtype=np.float64),
-        eps_N=np.array([p.eps_N for p in interface.pairs], dtype=np.float64),
         axisymmetric=interface.axisymmetric,
+        passes=passes_of(interface, number),
     )
+
+
+def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
+    """How the pairs are searched: once, twice from either side, or a surface from itself; number : of surfaces."""
+    rows = []
+    for i, pair in enumerate(interface.pairs):
+        slave, master = number[pair.slave], number[pair.master]
+        # A surface that meets itself finds every place from both sides in one search.
+        weight = 0.5 if pair.two_pass or slave == master else 1.0
+        rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu)
+        rows.append((i, slave, master, *rest))
+        if pair.two_pass and slave != master:
+            rows.append((i, master, slave, *rest))
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 9
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 4]
+    return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +28,19 @@ from contact.wire import (
 
 class ContactRefusedError(ArithmeticError):
     """The contact service will not answer for these coordinates."""
+
+
+@dataclass(frozen=True)
+class History:
+    """What contact remembers, and the mechanical state keeps.
+
+    multipliers : (n_s,) [Pa].  x : (n_s, 2) [m], where the surfaces were when their shear tractions were
+    shear : (n_s,) [Pa].
+    """
+
+    multipliers: Floats
+    x: Floats
+    shear: Floats
 
 
 class ContactSurfaces:
@@ -64,13 +78,18 @@ class ContactSurfaces:
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
 
-    def tractions(self, link: Link, x: Floats, multipliers: Floats) -> Tractions:
-        """Contact forces at x : (n_nodes, 2) [m], multipliers : (n_s,) [Pa].  Raises ContactRefusedError, LinkError."""
+    def tractions(self, link: Link, x: Floats, history: History) -> Tractions:
+        """Contact forces at x : (n_nodes, 2) [m].  Raises ContactRefusedError, LinkError."""
         at = self._at_surfaces(x)
-        reply = self._ask(link, lambda name: Traction(name, at, multipliers))
+        reply = self._ask(link, lambda name: Traction(name, at, history.multipliers, history.x, history.shear))
         if not isinstance(reply, Tractions):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
+
+    def no_history(self, x: Floats) -> History:
+        """Nothing has pressed or slipped yet; the surfaces are at x : (n_nodes, 2) [m]."""
+        zeros = np.zeros(self.interface.contact_nodes.size)
+        return History(zeros, self._at_surfaces(x), zeros)
 
     def _at_surfaces(self, x: Floats) -> Floats:
         return np.ascontiguousarray(x[self.interface.contact_nodes])

@@ -10,7 +10,7 @@ import numpy as np
 
 from contact.service import ContactService
 from contact.surfaces import Surfaces, surfaces_of
-from contact.wire import Facing, Floats, Ints, Project, Register, Registered, Traction, Tractions
+from contact.wire import Facing, Floats, Ints, Passes, Project, Register, Registered, Traction, Tractions
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 GAP_MAX, EPS = 0.5, 1e9
@@ -21,13 +21,23 @@ def chain(n: int, first: int) -> Ints:
     return np.column_stack([np.arange(n), np.arange(1, n + 1)]) + first
 
 
+def passes(*sides: tuple[int, int], weight: float = 1.0, by_node: bool = False, mu: float = 0.0,
+           gap_max: float = GAP_MAX) -> Passes:
+    """Passes of one pair, each (slave, master)."""
+    def ints(*values: int) -> Ints:
+        return np.array(values, dtype=np.int32)
+
+    n = len(sides)
+    return Passes(ints(*[0] * n), ints(*(s for s, _ in sides)), ints(*(m for _, m in sides)), np.full(n, weight),
+                  ints(*[int(by_node)] * n), np.full(n, gap_max), np.full(n, EPS), np.full(n, EPS), np.full(n, mu))
+
+
 def scene(slave: Floats, master: Floats, *, axisymmetric: bool = False) -> tuple[Register, Floats]:
     """One pair from the nodes along each surface, body on the left."""
     n_s, n_m = len(slave) - 1, len(master) - 1
     edges = np.concatenate([chain(n_s, 0), chain(n_m, n_s + 1)]).astype(np.int32)
-    register = Register(n_s + n_m + 2, edges, np.repeat([0, 1], [n_s, n_m]).astype(np.int32),
-                        np.array([0], dtype=np.int32), np.array([1], dtype=np.int32), np.array([GAP_MAX]),
-                        np.array([EPS]), axisymmetric)
+    register = Register(n_s + n_m + 2, edges, np.repeat([0, 1], [n_s, n_m]).astype(np.int32), axisymmetric,
+                        passes((0, 1)))
     return register, np.concatenate([slave, master])
 
 
@@ -60,13 +70,15 @@ def ask(register: Register, x: Floats) -> Facing:
     return facing
 
 
-def push(register: Register, x: Floats, multipliers: Floats | None = None) -> Tractions:
+def push(register: Register, x: Floats, multipliers: Floats | None = None, x_before: Floats | None = None,
+         shear: Floats | None = None) -> Tractions:
     """Tractions of a scene through the service."""
     service = ContactService()
     registered = service.handle(register)
     assert isinstance(registered, Registered), registered
     zeros = np.zeros(len(x))
-    reply = service.handle(Traction(registered.surfaces, x, zeros if multipliers is None else multipliers))
+    reply = service.handle(Traction(registered.surfaces, x, zeros if multipliers is None else multipliers,
+                                    x if x_before is None else x_before, zeros if shear is None else shear))
     assert isinstance(reply, Tractions), reply
     return reply
 

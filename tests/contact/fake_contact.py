@@ -7,15 +7,16 @@ import time
 
 import numpy as np
 
-from contact.wire import Facing, Project, Refused, Register, Registered, Reply, Request, Traction, Tractions
+from contact.wire import Facing, Passes, Project, Refused, Register, Registered, Reply, Request, Traction, Tractions
 
 SLOW, BUG, DIE = -1.0, -2.0, -3.0  # x[0, 0] of a Project that is to take 3 s, raise, or end the process
 
 
 def register(n: int = 4) -> Register:
     edges = np.array([[0, 1], [2, 3]], dtype=np.int32)
-    return Register(n, edges, np.array([0, 1], dtype=np.int32), np.zeros(1, np.int32), np.ones(1, np.int32),
-                    np.array([0.1]), np.array([1e12]), axisymmetric=False)
+    zero, one = np.zeros(1, np.int32), np.ones(1, np.int32)
+    passes = Passes(zero, zero, one, np.ones(1), zero, np.array([0.1]), np.array([1e12]), np.ones(1), np.zeros(1))
+    return Register(n, edges, np.array([0, 1], dtype=np.int32), axisymmetric=False, passes=passes)
 
 
 class FakeContact:
@@ -51,8 +52,9 @@ def facing(request: Project) -> Facing:
 
 def tractions(request: Traction) -> Tractions:
     n = len(request.x)
-    return Tractions(request.x * 3, np.zeros((0, 4), np.int32), np.zeros((0, 8, 8)), -np.abs(request.multipliers),
-                     np.full(n, np.inf), np.zeros(n), request.multipliers, 2)
+    return Tractions(request.x * 3, np.zeros(n + 1, np.int32), np.zeros(0, np.int32), np.zeros((0, 2, 2)),
+                     -np.abs(request.multipliers), np.full(n, np.inf), np.zeros(n), request.multipliers, request.shear,
+                     np.zeros(n), 2, 1)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from contact_scenes import GAP_MAX, ask, curved, flat, mirrored, renumbered, scene
+from contact_scenes import GAP_MAX, ask, curved, flat, mirrored, passes, renumbered, scene
 
 from contact.wire import Facing, Floats, Register
 
@@ -257,8 +257,9 @@ def test_two_pairs_on_one_surface() -> None:
     half = np.array([[0.5, 0.0], [0.0, 0.0], [1.0, -0.1], [0.5, -0.1]])
     x = np.concatenate([x[:5], half])
     register = Register(9, np.array([[0, 1], [1, 2], [2, 3], [3, 4], [5, 6], [7, 8]], dtype=np.int32),
-                        np.array([0, 0, 0, 0, 1, 2], dtype=np.int32), np.array([0, 0], dtype=np.int32),
-                        np.array([1, 2], dtype=np.int32), np.array([0.5, 0.4]), np.zeros(2), False)
+                        np.array([0, 0, 0, 0, 1, 2], dtype=np.int32), False,
+                        replace(passes((0, 1), (0, 2)), pair=np.arange(2, dtype=np.int32),
+                                gap_max=np.array([0.5, 0.4])))
     facing = ask(register, x)
     np.testing.assert_allclose(facing.gap, np.where(facing.pair == 0, 0.01, 0.11), atol=ROUND_OFF)
     np.testing.assert_allclose(np.bincount(facing.pair, facing.area), 0.5, atol=ROUND_OFF)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from contact_scenes import flat
+from contact_scenes import flat, passes
 
 import contact.service
 from contact.service import KEPT, ContactService
@@ -43,7 +43,7 @@ def spoiled(value: float) -> np.ndarray:
 def test_wrong_coordinates_are_refused(x: Any) -> None:
     service = ContactService()
     key = registered(service)
-    for request in (Project(key, x), Traction(key, x, np.zeros(len(X)))):
+    for request in (Project(key, x), replace(traction(key, X), x=x)):
         reply = refusal(service, request)
         assert reply.code == "bad_request"
         assert "x" in reply.message
@@ -52,7 +52,7 @@ def test_wrong_coordinates_are_refused(x: Any) -> None:
 @pytest.mark.parametrize("multipliers", [np.full(len(X), np.nan), np.zeros(3), np.ones(len(X)), None])
 def test_wrong_multipliers_are_refused(multipliers: Any) -> None:
     service = ContactService()
-    reply = refusal(service, Traction(registered(service), X, multipliers))
+    reply = refusal(service, traction(registered(service), X, multipliers=multipliers))
     assert reply.code == "bad_request"
     assert "multipliers" in reply.message
 
@@ -78,7 +78,7 @@ def test_a_node_beyond_the_axis_is_refused() -> None:
 
 def test_unknown_surfaces_are_named() -> None:
     service = ContactService()
-    for request in (Project("nobody", X), Traction("nobody", X, np.zeros(len(X)))):
+    for request in (Project("nobody", X), traction("nobody", X)):
         reply = refusal(service, request)
         assert reply.code == "unknown_surfaces"
         assert "nobody" in reply.message
@@ -87,7 +87,16 @@ def test_unknown_surfaces_are_named() -> None:
 
 
 def changed(**fields: Any) -> Register:
-    return replace(REGISTER, **fields)
+    """The scene with other fields, of its passes where they have them."""
+    own = {name: value for name, value in fields.items() if hasattr(REGISTER, name)}
+    others = {name: value for name, value in fields.items() if name not in own}
+    return replace(REGISTER, **own, passes=replace(REGISTER.passes, **others))
+
+
+def traction(key: str, x: Any, **given: Any) -> Traction:
+    """A Traction request without history but for what is given."""
+    zeros = np.zeros(len(x))
+    return Traction(**{"surfaces": key, "x": x, "multipliers": zeros, "x_before": x, "shear": zeros, **given})
 
 
 @pytest.mark.parametrize(("register", "word"), [
@@ -101,10 +110,12 @@ def changed(**fields: Any) -> Register:
     (changed(edges=np.concatenate([REGISTER.edges[:1, ::-1], REGISTER.edges[1:]])), "same way"),
     (changed(edge_surface=REGISTER.edge_surface[:-1]), "edge_surface"),
     (changed(edge_surface=REGISTER.edge_surface[::-1]), "consecutive"),
-    (changed(pair_master=np.array([2])), "surface 2"),
-    (changed(pair_master=np.array([0])), "itself"),
-    (changed(pair_master=np.array([1, 1])), "pair_master"),
-    (changed(pair_slave=np.array([[0]])), "pair_slave"),
+    (changed(master=np.array([2])), "surface 2"),
+    (changed(weight=np.array([0.0])), "weight"),
+    (changed(by_node=np.array([2])), "by_node"),
+    (changed(mu=np.array([-0.1])), "mu"),
+    (changed(master=np.array([1, 1])), "passes.master"),
+    (changed(slave=np.array([[0]])), "passes.slave"),
     (changed(gap_max=np.array([0.0])), "gap_max"),
     (changed(gap_max=np.array([np.nan])), "gap_max"),
     (changed(eps_N=np.array([-1.0])), "eps_N"),
@@ -130,11 +141,11 @@ def test_the_key_is_the_content() -> None:
 def test_a_reply_does_not_depend_on_what_was_asked_before() -> None:
     service = ContactService()
     key = registered(service)
-    before = service.handle(Traction(key, X - [0, 0.011] * (X[:, 1:] > 0), np.zeros(len(X))))
+    before = service.handle(traction(key, X - [0, 0.011] * (X[:, 1:] > 0)))
     service.handle(Project(key, X + 0.1 * np.arange(2)))
     service.handle(Project(key, spoiled(np.nan)))
     registered(service, changed(axisymmetric=True))
-    after = service.handle(Traction(key, X - [0, 0.011] * (X[:, 1:] > 0), np.zeros(len(X))))
+    after = service.handle(traction(key, X - [0, 0.011] * (X[:, 1:] > 0)))
     assert isinstance(before, Tractions)
     assert before.n_touching > 0
     assert all(np.asarray(a).tobytes() == np.asarray(b).tobytes()
@@ -145,15 +156,15 @@ def test_replies_have_the_types_of_the_wire() -> None:
     """int32 and float64, C-ordered: what the codec carries."""
     service = ContactService()
     key = registered(service)
-    replies = (service.handle(Project(key, X)), service.handle(Traction(key, X, np.zeros(len(X)))),
-               service.handle(Traction(key, X[::1] - [0, 0.011] * (X[:, 1:] > 0), np.zeros(len(X)))))
+    replies = (service.handle(Project(key, X)), service.handle(traction(key, X)),
+               service.handle(traction(key, X[::1] - [0, 0.011] * (X[:, 1:] > 0))))
     for reply in replies:
         assert isinstance(reply, (Facing, Tractions))
         for name, value in vars(reply).items():
-            if name == "n_touching":
+            if name.startswith("n_"):
                 assert type(value) is int
                 continue
-            whole = name in ("pair", "slave_edge", "master_edge", "block_nodes")
+            whole = name in ("pair", "slave_edge", "master_edge", "starts", "columns")
             assert value.dtype == (np.int32 if whole else np.float64), name
             assert value.flags.c_contiguous, name
             assert np.isfinite(value).all(), name
@@ -161,12 +172,12 @@ def test_replies_have_the_types_of_the_wire() -> None:
 
 def test_a_scene_without_pairs_or_nodes_is_answered() -> None:
     service = ContactService()
-    none, real = np.empty(0, dtype=np.int32), np.empty(0)
-    key = registered(service, Register(0, np.empty((0, 2), dtype=np.int32), none, none, none, real, real, False))
+    none = np.empty(0, dtype=np.int32)
+    key = registered(service, Register(0, np.empty((0, 2), dtype=np.int32), none, False, passes()))
     facing = service.handle(Project(key, np.empty((0, 2))))
     assert isinstance(facing, Facing)
     assert facing.area.size == 0
-    assert isinstance(service.handle(Traction(key, np.empty((0, 2)), np.empty(0))), Tractions)
+    assert isinstance(service.handle(traction(key, np.empty((0, 2)))), Tractions)
 
 
 def test_scenes_unused_longest_are_forgotten() -> None:

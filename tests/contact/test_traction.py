@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import bsr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
-from contact_scenes import EPS, ask, curved, flat, mirrored, push, renumbered, scene
+from contact_scenes import EPS, ask, curved, flat, mirrored, passes, push, renumbered, scene
 
-from contact.wire import Floats, Tractions
+from contact.wire import Floats, Register, Tractions
 
 ROUND_OFF = 1e-12
 MESHES = [(3, 4), (5, 7), (24, 31)]
@@ -73,7 +75,7 @@ def test_nothing_pulls() -> None:
     assert reply.n_touching == 0
     assert not reply.force.any()
     assert not reply.t_N.any()
-    assert reply.blocks.shape == (0, 8, 8)
+    assert reply.blocks.shape == (0, 2, 2)
     lagrange = np.where(np.arange(len(x)) <= 5, -3e5, 0.0)
     np.testing.assert_allclose(push(register, x, lagrange).t_N, -(3e5 - 1e-4 * EPS), rtol=1e-9)
     assert push(register, x, lagrange / 4).n_touching == 0
@@ -98,116 +100,134 @@ def test_axisymmetric_forces_are_on_whole_rings() -> None:
 
 
 def dense(reply: Tractions, n: int) -> Floats:
-    """The blocks as one matrix : (2 n, 2 n)."""
-    K = np.zeros((2 * n, 2 * n))
-    for nodes, block in zip(reply.block_nodes, reply.blocks, strict=True):
-        dofs = (2 * nodes[:, None] + np.arange(2)).ravel()
-        K[np.ix_(dofs, dofs)] += block
-    return K
+    """The rows as one matrix : (2 n, 2 n)."""
+    return bsr_matrix((reply.blocks, reply.columns, reply.starts), shape=(2 * n, 2 * n)).toarray()
 
 
-def differences(register: object, x: Floats, step: float) -> Floats:
+def differences(register: Register, x: Floats, step: float, before: Floats | None = None,
+                shear: Floats | None = None) -> Floats:
     """-d(force)/dx by central differences."""
     K = np.empty((x.size, x.size))
     for j in range(x.size):
         d = np.zeros(x.size)
         d[j] = step
         d = d.reshape(x.shape)
-        K[:, j] = -(push(register, x + d).force - push(register, x - d).force).ravel() / (2 * step)
+        up, down = (push(register, x + s * d, x_before=before, shear=shear).force for s in (1, -1))
+        K[:, j] = -(up - down).ravel() / (2 * step)
     return K
 
 
+def bent(slide: float = 0.2, axisymmetric: bool = False) -> tuple[Register, Floats]:
+    """Two surfaces that overlap, both bent, so that nothing is parallel."""
+    register, x = flat(3, 4, slide=slide + 1.0, gap=-0.02, axisymmetric=axisymmetric)
+    x[4:, 0] += 1.0
+    x[:, 1] += 0.02 * np.sin(3.0 * x[:, 0])
+    return register, x
+
+
 @pytest.mark.parametrize("slide", [0.2, -0.55])
-def test_stiffness_of_flat_contact_agrees_with_differences_to_order_gap(slide: float) -> None:
-    """What is left out is of order p_N: the disagreement is g/L of the whole, no more, and falls with g."""
-    for g in (1e-3, 1e-4, 1e-5):
-        register, x = flat(3, 4, slide=slide, gap=-g)
-        K, B = differences(register, x, 1e-8), dense(push(register, x), len(x))
-        assert abs(B - K).max() <= 5 * g * abs(K).max()
-        np.testing.assert_allclose(B, B.T, atol=1e-9 * abs(B).max())
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_stiffness_is_the_derivative_of_the_forces(slide: float, axisymmetric: bool) -> None:
+    """Normals, cuts and areas move too."""
+    register, x = bent(slide, axisymmetric)
+    K, B = differences(register, x, 1e-7), dense(push(register, x), len(x))
+    assert abs(B - K).max() <= 1e-7 * abs(K).max()
+
+
+@pytest.mark.parametrize(("mu", "slipping"), [(10.0, 0), (0.05, 12)])
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_stiffness_of_friction_is_the_derivative_of_the_forces(mu: float, slipping: int, axisymmetric: bool) -> None:
+    """Sticking (with a shear from before) and slipping; the second is not symmetric."""
+    register, x = bent(axisymmetric=axisymmetric)
+    register = replace(register, passes=passes((0, 1), mu=mu))
+    before, shear = x.copy(), np.where(np.arange(len(x)) < 4, 1e6, 0.0)
+    before[:4] += [3e-3, 1e-3]
+    reply = push(register, x, x_before=before, shear=shear)
+    assert reply.n_slipping == slipping
+    K, B = differences(register, x, 1e-7, before, shear), dense(reply, len(x))
+    assert abs(B - K).max() <= 2e-7 * abs(K).max()
+
+
+@pytest.mark.parametrize("by_node", [False, True])
+def test_stiffness_of_one_point_a_node(by_node: bool) -> None:
+    register, x = bent()
+    register = replace(register, passes=passes((0, 1), by_node=by_node))
+    K, B = differences(register, x, 1e-7), dense(push(register, x), len(x))
+    assert abs(B - K).max() <= 1e-7 * abs(K).max()
 
 
 @pytest.mark.parametrize("angle", [10.0, 40.0, -40.0])
-def test_stiffness_of_tilted_edges_agrees_with_differences(angle: float) -> None:
-    """A point slides along its tilted master edge: an error of order eps_N tan(angle) if that is forgotten.
-
-    One Gauss point touches by 1e-6, the other is open, so what is left out is of order 1e-6.
-    """
+def test_stiffness_of_tilted_edges(angle: float) -> None:
+    """A point slides along its tilted master edge; one Gauss point touches, the other is open."""
     slope = np.tan(np.radians(angle))
     touching = 0.5 - np.sign(slope) * np.sqrt(1 / 12)
     slave = np.array([[0.0, 0.0], [1.0, 0.0]])
     ends = np.array([1.2, -0.2])
-    master = np.column_stack([ends, 1e-6 - slope * (ends - touching)])
+    master = np.column_stack([ends, 1e-4 - slope * (ends - touching)])
     register, x = scene(slave, master)
     reply = push(register, x)
     assert reply.n_touching == 1
-    K, B = differences(register, x, 1e-9), dense(reply, len(x))
-    assert abs(B - K).max() <= 1e-5 * abs(K).max()
+    K, B = differences(register, x, 1e-7), dense(reply, len(x))
+    assert abs(B - K).max() <= 1e-7 * abs(K).max()
 
 
-@pytest.mark.parametrize("make", [lambda: flat(5, 7, slide=0.3, gap=-1e-3), lambda: curved(24, 31, gap=-0.01)])
-class TestInvariance:
-    """Forces turn, move, mirror and renumber with the scene, to 1e-12."""
-
-    def close(self, one: Floats, other: Floats) -> None:
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-11 * abs(one).max())
-
-    def test_quarter_turn_and_translation(self, make: object) -> None:
-        register, x = make()
-        x_turned = np.column_stack([0.5 - x[:, 1], x[:, 0] - 0.25])
-        reply, turned = push(register, x), push(register, x_turned)
-        self.close(np.column_stack([-reply.force[:, 1], reply.force[:, 0]]), turned.force)
-        self.close(reply.t_N, turned.t_N)
-
-    def test_mirror(self, make: object) -> None:
-        register, x = make()
-        reply, other = push(register, x), push(*mirrored(register, x))
-        self.close(reply.force * [-1.0, 1.0], other.force)
-        self.close(reply.t_N, other.t_N)
-
-    def test_renumbering(self, make: object) -> None:
-        register, x = make()
-        register_new, x_new, node, _ = renumbered(register, x)
-        reply, other = push(register, x), push(register_new, x_new)
-        self.close(reply.force, other.force[node])
-        self.close(reply.t_N, other.t_N[node])
-
-    def test_same_input_same_bits(self, make: object) -> None:
-        register, x = make()
-        one, other = push(register, x), push(register, x.copy())
-        assert all(np.asarray(a).tobytes() == np.asarray(b).tobytes()
-                   for a, b in zip(vars(one).values(), vars(other).values(), strict=True))
+def test_a_dragged_block_sticks_then_slips_and_heats() -> None:
+    """C6: below mu N it holds, at mu N it slides, and mu N s becomes heat; history goes in and comes out."""
+    mu, p, step = 0.3, 1e-4 * EPS, 1e-5
+    register, x = flat(5, 7, gap=-1e-4)
+    register = replace(register, passes=passes((0, 1), mu=mu))
+    shear, drag, heat = np.zeros(len(x)), [], []
+    slave = np.arange(len(x)) < 6
+    for _ in range(10):
+        moved = x + np.where(slave, step, 0.0)[:, None] * [1.0, 0.0]
+        reply = push(register, moved, x_before=x, shear=shear)
+        drag.append(reply.force[slave, 0].sum())
+        heat.append(reply.E_friction.sum())
+        x, shear = moved, reply.shear
+        assert not reply.E_friction[~slave].any()
+    width = 1.0 - np.arange(1, 11) * step  # covered
+    sticks = np.array(drag[:3])
+    np.testing.assert_allclose(sticks, -EPS * step * np.arange(1, 4) * width[:3], rtol=2e-5)
+    np.testing.assert_allclose(drag[3:], -mu * p * width[3:], rtol=1e-9)
+    # The fourth step slips what the spring of sticking does not take; then every step slips its whole length.
+    np.testing.assert_allclose(heat[4:], mu * p * step * width[4:], rtol=1e-9)
+    np.testing.assert_allclose(sum(heat), mu * p * (10 * step - mu * p / EPS), rtol=1e-4)
 
 
-def test_a_common_motion_changes_no_force() -> None:
-    """Blocks have no force against moving both sides alike: rows and columns of the stiffness add up to zero."""
-    register, x = curved(24, 31, gap=-0.01)
-    B = dense(push(register, x), len(x))
-    for axis in (0, 1):
-        together = np.zeros(2 * len(x))
-        together[axis::2] = 1.0
-        assert abs(B @ together).max() <= ROUND_OFF * abs(B).max()
-        assert abs(together @ B).max() <= ROUND_OFF * abs(B).max()
+def test_a_common_motion_is_no_slip() -> None:
+    """Both bodies turned by 30 degrees and moved away: no shear, no heat."""
+    register, x = bent()
+    register = replace(register, passes=passes((0, 1), mu=1e3))
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    reply = push(register, x @ np.array([[c, s], [-s, c]]) + [3.0, -1.0], x_before=x, shear=np.zeros(len(x)))
+    still = push(register, x)
+    # The gap itself turns, so what is seen is of its size: 2 sin(15 degrees) of 0.02.
+    assert abs(reply.shear).max() <= 0.52 * abs(still.t_N).max()
+    assert reply.E_friction.sum() == 0.0
 
 
-def test_random_rough_surfaces_never_upset_the_service() -> None:
-    """Crumpled, interpenetrating, turned at random: finite replies, areas >= 0, balance to round-off."""
-    random = np.random.default_rng(0)
-    touched = 0
-    for _ in range(150):
-        n_s, n_m = random.integers(1, 30, 2)
-        rough, turn = random.choice([1e-3, 0.05, 0.3]), random.random() * 2 * np.pi
-        slave = np.column_stack([np.sort(random.random(n_s + 1)), rough * random.standard_normal(n_s + 1)])
-        master = np.column_stack([np.sort(random.random(n_m + 1))[::-1], rough * random.standard_normal(n_m + 1)])
-        register, x = scene(slave, master)
-        x = x @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-        facing, reply = ask(register, x), push(register, x)
-        for value in (*vars(facing).values(), *vars(reply).values()):
-            assert np.isfinite(value).all()
-        assert (facing.area > 0).all()
-        assert (facing.area_m >= 0).all()
-        assert ((facing.xi_m >= 0) & (facing.xi_m <= 1)).all()
-        if reply.n_touching:
-            touched += 1
-            assert max(imbalance(reply, x)) <= ROUND_OFF
-    assert touched > 50
+@pytest.mark.parametrize("mesh", MESHES)
+def test_two_passes_press_as_one_where_the_pressure_is_uniform(mesh: tuple[int, int]) -> None:
+    """Half the weight from either side: the same resultants, and every node wholly covered."""
+    register, x = flat(*mesh, gap=-1e-4)
+    both = replace(register, passes=passes((0, 1), (1, 0), weight=0.5))
+    one, two = push(register, x), push(both, x)
+    np.testing.assert_allclose(two.force, one.force, atol=1e-10 * abs(one.force).max())
+    np.testing.assert_allclose(two.node_covered, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(two.t_N, one.t_N, rtol=1e-10)
+    assert ask(both, x).area.sum() == pytest.approx(ask(register, x).area.sum(), rel=1e-12)
+
+
+def test_a_surface_that_folds_meets_itself() -> None:
+    """A slit closed from both sides: each lip pushes the other, once in all, and its neighbours do not count."""
+    lower = np.column_stack([np.linspace(1.0, 0.0, 6), np.zeros(6)])
+    upper = np.column_stack([np.linspace(0.0, 1.0, 8), np.full(8, -1e-4)])
+    tip = np.array([[-0.05, 0.0]])
+    x = np.concatenate([lower, tip, upper])
+    n = len(x) - 1
+    edges = np.column_stack([np.arange(n), np.arange(1, n + 1)]).astype(np.int32)
+    register = Register(n + 1, edges, np.zeros(n, dtype=np.int32), False, passes((0, 0), weight=0.5, gap_max=0.2))
+    reply = push(register, x)
+    up, down = reply.force[:6].sum(axis=0), reply.force[7:].sum(axis=0)
+    np.testing.assert_allclose(abs(up[1]), 1e-4 * EPS, rtol=0.1)
+    assert abs(up + down + reply.force[6]).max() <= 1e-9 * abs(up[1])

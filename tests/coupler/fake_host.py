@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from contact.link import LinkError, open_link
-from contact.wire import Project, Register, Registered
+from contact.wire import Passes, Project, Register, Registered
 from coupler.errors import HalfError
 from coupler.half import Advance, Block, Status
 from coupler.host import main
@@ -32,8 +32,9 @@ class Toy:
     def initialise(self, t_start, t_end, parameters, inputs, outputs):
         self.link = open_link(parameters.get("contact.link", "direct"))
         self.x = inputs["x"]
-        reply = self.link.ask(Register(4, np.array([[0, 1], [2, 3]], np.int32), np.array([0, 1], np.int32),
-                                       np.zeros(1, np.int32), np.ones(1, np.int32), np.ones(1), np.ones(1), False))
+        zero, one, real = np.zeros(1, np.int32), np.ones(1, np.int32), np.ones(1)
+        reply = self.link.ask(Register(4, np.array([[0, 1], [2, 3]], np.int32), np.array([0, 1], np.int32), False,
+                                       Passes(zero, zero, one, real, zero, real, real, real, real)))
         assert isinstance(reply, Registered)
         self.surfaces = reply.surfaces
         return self.read(outputs)

@@ -66,7 +66,7 @@ def test_two_blocks_squeezed_by_d_press_as_the_closed_form_says(link, lower, upp
     assert up[1] == pytest.approx(-p * width, rel=1e-8)
     # Frictionless flanks held by symmetry carry nothing: the block is free sideways.
     assert np.abs(up[0]) <= 1e-8 * np.abs(up[1])
-    force = half.system.contact.tractions(link, outputs["x"], state.multipliers).force
+    force = half.system.contact.tractions(link, outputs["x"], state.contact).force
     assert np.abs(force.sum(axis=0)).max() <= 1e-12 * np.abs(force).sum()
     assert np.abs(force).sum() == pytest.approx(2 * p * width, rel=1e-8)
 
@@ -182,9 +182,11 @@ def test_sliding_off_takes_few_iterations_and_never_pulls(link):
 
 
 def test_sliding_with_old_factors_is_sliding_with_fresh_ones(link):
-    fresh = sliding()
-    fresh.settings = replace(fresh.settings, adopt=-1.0)
-    old_run, fresh_run = drive(sliding(), link), drive(fresh, link)
+    old, fresh = sliding(), sliding()
+    # What the two ways leave out of balance is not the same: both are told to leave little.
+    old.settings = replace(old.settings, tolerance=1e-10)
+    fresh.settings = replace(old.settings, adopt=-1.0)
+    old_run, fresh_run = drive(old, link), drive(fresh, link)
     assert sum(s.anchored for s, _ in old_run) > 0.8 * len(old_run)
     assert not any(s.anchored for s, _ in fresh_run)
     for (_, a), (_, b) in zip(old_run, fresh_run, strict=True):

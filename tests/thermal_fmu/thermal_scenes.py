@@ -84,9 +84,9 @@ class FlatContact:
             return Refused("unknown_surfaces", "nothing is registered")
         x, m = request.x, self.surfaces
         found = []
-        for pair in range(len(m.pair_slave)):
-            for s in np.flatnonzero(m.edge_surface == m.pair_slave[pair]):
-                for f in np.flatnonzero(m.edge_surface == m.pair_master[pair]):
+        for pair in range(len(m.passes.slave)):
+            for s in np.flatnonzero(m.edge_surface == m.passes.slave[pair]):
+                for f in np.flatnonzero(m.edge_surface == m.passes.master[pair]):
                     found += self._overlap(pair, s, f, x)
         pair, s, f, xi_s, xi_m, gap, area = (list(v) for v in zip(*found, strict=True)) if found else ([],) * 7
         zeros = np.zeros(m.n_nodes)

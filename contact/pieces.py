@@ -1,0 +1,185 @@
+"""The forces of one piece of contact and their exact derivative.  Eqs. (17)-(20), and Coulomb's law.
+
+A piece's cuts, normals, gaps and areas all move with its six nodes: 0, 1 of the slave edge, 2 before it, 3 after it
+(they turn the normals), 4, 5 of the master edge.  What is called d_a : (12,) is the derivative of a by their
+coordinates, node by node, x before y.
+
+In the plane a unit vector can only turn: n' = phi' t with t = n turned to the left, and the normalised mean of two
+unit vectors turns by the mean of their angles.  That is all the product rules need.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from contact.wire import Floats
+
+Flags = NDArray[np.bool_]
+
+GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
+NODES = 6
+FIXED = -1  # a cut that moves with the edge; else the number of the node whose foot it is
+# Columns of a point's constants: multipliers and shear tractions at the slave's nodes [Pa], penalties [Pa/m], friction.
+LAMBDA_1, LAMBDA_2, SHEAR_1, SHEAR_2, EPS_N, EPS_T, MU, N_CONSTANTS = 0, 1, 2, 3, 4, 5, 6, 7
+# What a point does.
+OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
+
+Vector = tuple[float, float]
+
+
+@njit(cache=True, error_model="numpy")
+def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:
+    """Add share times the derivative of the direction of the edge from node a to node b."""
+    tx, ty = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1]
+    scale = share / (tx * tx + ty * ty)
+    d_phi[2 * b] -= scale * ty
+    d_phi[2 * b + 1] += scale * tx
+    d_phi[2 * a] += scale * ty
+    d_phi[2 * a + 1] -= scale * tx
+
+
+@njit(cache=True, error_model="numpy")
+def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
+    """Fill d_phi : (2, 12), how the normals at the slave's two nodes turn."""
+    d_phi[:] = 0.0
+    for k in range(2):
+        add_turn(x, 0, 1, 0.5 if smooth[k] else 1.0, d_phi[k])
+    if smooth[0]:
+        add_turn(x, 2, 0, 0.5, d_phi[0])
+    if smooth[1]:
+        add_turn(x, 1, 3, 0.5, d_phi[1])
+
+
+@njit(cache=True, error_model="numpy")
+def field_normal(n: Floats, xi: float) -> tuple[float, float, float, float, float]:
+    """The unit normal at xi, and what of the turns of n : (2, 2) and of xi makes it turn."""
+    ex, ey = n[1, 0] - n[0, 0], n[1, 1] - n[0, 1]
+    mx, my = n[0, 0] + xi * ex, n[0, 1] + xi * ey
+    size = mx * mx + my * my
+    length = np.sqrt(size)
+    return (mx / length, my / length, (1.0 - xi) * (mx * n[0, 0] + my * n[0, 1]) / size,
+            xi * (mx * n[1, 0] + my * n[1, 1]) / size, (mx * ey - my * ex) / size)
+
+
+@njit(cache=True, error_model="numpy")
+def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut: Floats) -> None:
+    """Fill d_cut : (12,) of the slave coordinate xi whose ray passes through `node`: (x_node - x(xi)) x n(xi) = 0."""
+    nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
+    ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
+    g = (x[node, 0] - x[0, 0] - xi * ex) * nx + (x[node, 1] - x[0, 1] - xi * ey) * ny
+    scale = 1.0 / (ex * ny - ey * nx - g * by_xi)
+    for j in range(2 * NODES):
+        d_cut[j] = scale * g * (by_0 * d_phi[0, j] + by_1 * d_phi[1, j])
+    for k in range(3):
+        i, share = (node, 1.0) if k == 2 else (k, -xi if k == 1 else xi - 1.0)
+        d_cut[2 * i] += scale * share * ny
+        d_cut[2 * i + 1] -= scale * share * nx
+
+
+@njit(cache=True, error_model="numpy")
+def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node: bool, axisymmetric: bool,
+                    moves: Floats, ends: Floats, points: Floats, c: Floats, doing: Floats, first: int, scratch: Floats,
+                    force: Floats, block: Floats) -> None:
+    """Fill force : (6, 2) [N] and block : (12, 12) [N/m] = -d(force)/dx of a piece whose nodes are at x : (6, 2) [m].
+
+    n : (2, 2) the normals at the slave's nodes, and smooth : (2,) whether the neighbouring edge turns them.  before :
+    (6, 2) [m], where the nodes were when the shear tractions were those of c.  ends : (2,) the cuts, and moves : (2,)
+    the node each follows.  points : (n_p, >= 4) xi, eta, gap, area, c : (n_p, N_CONSTANTS) and doing : (n_p,), the
+    piece's two points in rows first, first + 1.  by_node : the points are the edge's ends, uncut.  scratch : (6, 12).
+    """
+    force[:] = 0.0
+    block[:] = 0.0
+    d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
+    turns(x, smooth, d_phi)
+    for k in range(2):
+        if int(moves[k]) == FIXED:
+            d_cut[k] = 0.0
+        else:
+            cut_change(x, n, d_phi, int(moves[k]), ends[k], d_cut[k])
+    for q in range(first, first + 2):
+        if int(doing[q]) == OPEN:
+            continue
+        share = 0.0 if by_node else 2.0 * (q - first) - 1.0
+        half = 0.0 if by_node else 0.5
+        per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
+        for j in range(2 * NODES):
+            spread = d_cut[1, j] - d_cut[0, j]
+            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + share * GAUSS * spread
+            d_area[j] = per_cut * spread
+        add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
+        add_point(x, n, before, points, c, doing, q, d_phi, d_xi, d_area, force, block)
+
+
+@njit(cache=True, error_model="numpy")
+def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Floats, d_area: Floats) -> None:
+    """Add to d_area what comes of the edge's length, and of the distance from the axis."""
+    tx, ty = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
+    scale = area / (tx * tx + ty * ty)
+    d_area[0] -= scale * tx
+    d_area[1] -= scale * ty
+    d_area[2] += scale * tx
+    d_area[3] += scale * ty
+    r = x[0, 0] + xi * tx
+    if axisymmetric and r > 0.0:
+        d_area[0] += area / r * (1.0 - xi)
+        d_area[2] += area / r * xi
+        for j in range(2 * NODES):
+            d_area[j] += area / r * tx * d_xi[j]
+
+
+@njit(cache=True, error_model="numpy")
+def add_point(x: Floats, n: Floats, before: Floats, points: Floats, c: Floats, doing: Floats, q: int, d_phi: Floats,
+              d_xi: Floats, d_area: Floats, force: Floats, block: Floats) -> None:
+    """Add the forces of point q to force : (6, 2) and their derivative to block : (12, 12)."""
+    xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
+    nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
+    sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
+    bsx, bsy = before[1, 0] - before[0, 0], before[1, 1] - before[0, 1]
+    bex, bey = before[5, 0] - before[4, 0], before[5, 1] - before[4, 1]
+    cross = nx * ey - ny * ex
+    slope = c[q, LAMBDA_2] - c[q, LAMBDA_1]
+    p = -(c[q, LAMBDA_1] + xi * slope) - c[q, EPS_N] * g
+    # The shear is tau = drag p where it slips, else tau_before - eps_T slip.
+    drag, eps_T, shear_slope, tau = 0.0, 0.0, 0.0, 0.0
+    ux = -g * nx - (before[0, 0] + xi * bsx) + before[4, 0] + eta * bex
+    uy = -g * ny - (before[0, 1] + xi * bsy) + before[4, 1] + eta * bey
+    if int(doing[q]) >= SLIPS_FORWARD:
+        drag = c[q, MU] if int(doing[q]) == SLIPS_FORWARD else -c[q, MU]
+        tau = drag * p
+    elif c[q, MU] > 0.0:
+        eps_T, shear_slope = c[q, EPS_T], c[q, SHEAR_2] - c[q, SHEAR_1]
+        tau = c[q, SHEAR_1] + xi * shear_slope - eps_T * (-ny * ux + nx * uy)
+    fx, fy = -p * nx - tau * ny, -p * ny + tau * nx
+    N, M = (1.0 - xi, xi), (1.0 - eta, eta)
+    for j in range(2 * NODES):
+        i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
+        own = N[i] if i < 2 else 0.0
+        other = M[i - 4] if i >= 4 else 0.0
+        turn = by_0 * d_phi[0, j] + by_1 * d_phi[1, j] + by_xi * d_xi[j]
+        # P + g n = M(eta): what its two sides do for fixed eta and g, then eta and g follow.
+        dpx, dpy = own * along_x + d_xi[j] * sx, own * along_y + d_xi[j] * sy
+        wx = dpx - g * turn * ny - other * along_x
+        wy = dpy + g * turn * nx - other * along_y
+        dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
+        dp = -d_xi[j] * slope - c[q, EPS_N] * dg
+        vx = dpx - other * along_x - deta * ex - d_xi[j] * bsx + deta * bex
+        vy = dpy - other * along_y - deta * ey - d_xi[j] * bsy + deta * bey
+        dtau = drag * dp + shear_slope * d_xi[j] - eps_T * (nx * vy - ny * vx - turn * (nx * ux + ny * uy))
+        dfx = d_area[j] * fx + area * (-dp * nx - dtau * ny - turn * fy)
+        dfy = d_area[j] * fy + area * (-dp * ny + dtau * nx + turn * fx)
+        gx, gy = area * fx, area * fy
+        block[0, j] -= N[0] * dfx - d_xi[j] * gx
+        block[1, j] -= N[0] * dfy - d_xi[j] * gy
+        block[2, j] -= N[1] * dfx + d_xi[j] * gx
+        block[3, j] -= N[1] * dfy + d_xi[j] * gy
+        block[8, j] += M[0] * dfx - deta * gx
+        block[9, j] += M[0] * dfy - deta * gy
+        block[10, j] += M[1] * dfx + deta * gx
+        block[11, j] += M[1] * dfy + deta * gy
+    for k in range(2):
+        force[k, 0] += N[k] * area * fx
+        force[k, 1] += N[k] * area * fy
+        force[4 + k, 0] -= M[k] * area * fx
+        force[4 + k, 1] -= M[k] * area * fy
