@@ -58,8 +58,8 @@ def main() -> None:
     grows = np.polyfit(np.log([c.surface_nodes for c in costs]), np.log([c.traction for c in costs]), 1)[0]
     print(f"traction grows as n^{grows:.2f}")
     direct, codec, zenoh = transports(450)
-    print(f"traction at {costs[0].surface_nodes} surface nodes, elapsed: direct {direct:.2f} ms, codec +{codec - direct:.2f} "
-          f"ms, zenoh +{zenoh - direct:.2f} ms")
+    print(f"traction at {costs[0].surface_nodes} surface nodes, elapsed: direct {direct:.2f} ms, "
+          f"codec +{codec - direct:.2f} ms, zenoh +{zenoh - direct:.2f} ms")
     if options.chart:
         draw(costs, options.chart)
     if options.json:

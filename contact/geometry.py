@@ -298,9 +298,9 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, found: Int
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
         xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
-        if -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS and -reach[0] <= g < reach[1]:
-            if best_m < 0 or nearer(g, found[k], best, best_m, ON_NODE * length_s):
-                best, best_m, best_xi = g, found[k], min(max(xi_m, 0.0), 1.0)
+        hit = -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS and -reach[0] <= g < reach[1]
+        if hit and (best_m < 0 or nearer(g, found[k], best, best_m, ON_NODE * length_s)):
+            best, best_m, best_xi = g, found[k], min(max(xi_m, 0.0), 1.0)
     if best_m < 0:
         return False
     for q in range(2):

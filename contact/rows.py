@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from contact.wire import Floats, Ints
 
@@ -45,7 +46,18 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
 
 
 @njit(cache=True, error_model="numpy")
-def _insert(row: Ints, filled: Ints, s: int, column: int) -> None:
+def added_up(n: int, nodes: Ints, values: Floats) -> Floats:
+    """(n, 2) sums of values : (n_pieces, m, 2) at nodes : (n_pieces, m)."""
+    total = np.zeros((n, 2))
+    for p in range(nodes.shape[0]):
+        for i in range(nodes.shape[1]):
+            for d in range(2):
+                total[nodes[p, i], d] += values[p, i, d]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _insert(row: Ints, filled: NDArray[np.int64], s: int, column: int) -> None:
     """Put a column into its place in a sorted row, unless it is there; rows have a dozen columns."""
     k = filled[s]
     while k > 0 and row[k - 1] > column:

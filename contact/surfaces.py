@@ -58,16 +58,19 @@ def _canonical(m: Register) -> Register:
     if len(shape) != 1:
         raise ValueError(f"passes.slave has shape {shape}, expected (n_passes,)")
     n_edges = np.shape(m.edges)[0] if np.ndim(m.edges) else 0
-    numbers = {name: _integers(f"passes.{name}", getattr(m.passes, name), shape)
-               for name in ("pair", "slave", "master", "by_node")}
-    reals = {name: checked_reals(f"passes.{name}", getattr(m.passes, name), shape)
-             for name in ("weight", "gap_max", "eps_N", "eps_T", "mu")}
+    p = m.passes
+    passes = Passes(
+        *(_integers(f"passes.{name}", getattr(p, name), shape) for name in ("pair", "slave", "master")),
+        checked_reals("passes.weight", p.weight, shape),
+        _integers("passes.by_node", p.by_node, shape),
+        *(checked_reals(f"passes.{name}", getattr(p, name), shape) for name in ("gap_max", "eps_N", "eps_T", "mu")),
+    )
     return Register(
         n_nodes=_count(m.n_nodes),
         edges=_integers("edges", m.edges, (n_edges, 2)),
         edge_surface=_integers("edge_surface", m.edge_surface, (n_edges,)),
         axisymmetric=bool(m.axisymmetric),
-        passes=Passes(**numbers, **reals),
+        passes=passes,
     )
 
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from contact.facing import Cut, cut_surfaces
 from contact.geometry import feet, frame_of
@@ -34,7 +33,7 @@ from contact.pieces import (
     STICKS,
     piece_stiffness,
 )
-from contact.rows import rows_of
+from contact.rows import added_up, rows_of
 from contact.surfaces import Surfaces, checked_reals
 from contact.wire import Floats, Ints, Traction, Tractions
 
@@ -70,7 +69,7 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
     nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
                                    cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
                                    points.doing)
-    force = np.stack([np.bincount(nodes.ravel(), forces[:, :, d].ravel(), r.n_nodes) for d in range(2)], axis=1)
+    force = added_up(r.n_nodes, nodes, forces)
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
     t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.p_N, points.tau, points.heat, r.n_nodes)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,

@@ -11,7 +11,7 @@ import pytest
 from scipy.sparse import bsr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
-from contact_scenes import EPS, ask, curved, flat, mirrored, passes, push, renumbered, scene
+from contact_scenes import EPS, ask, curved, flat, passes, push, scene
 
 from contact.wire import Floats, Register, Tractions
 

@@ -73,7 +73,7 @@ def test_it_sticks_below_mu_n_slides_at_mu_n_and_mu_n_s_becomes_heat():
 
 @pytest.mark.parametrize("two_pass", [False, True])
 def test_sliding_along_facets_at_constant_pressure_is_smooth(two_pass):
-    """C7: over 1.5 of 10 edges of the other's surface: force and shear do not feel the nodes; the status never flips."""
+    """C7: over 1.5 of 10 edges of the other's surface force and shear do not feel the nodes; no status flips."""
     slides = np.linspace(0.0, 0.15, 31)[1:]
     outputs = dragged(0.2, slides, lower=10, upper=7, two_pass=two_pass)[2:]
     normal = np.array([-o["reaction.upper"][1] for o in outputs])

@@ -29,7 +29,7 @@ Tree = dict[str, Any]
 
 
 def scene() -> Tree:
-    """The sliding blocks on a coarse mesh with fewer windows, and an elastic half that leaves nothing out of balance."""
+    """The sliding blocks on a coarse mesh with fewer windows, an elastic half that leaves nothing out of balance."""
     tree = YAML(typ="safe").load((ROOT / "scenarios/sliding_blocks.yaml").read_text(encoding="utf-8"))
     for body, cells in (("lower", [6, 5]), ("upper", [8, 4])):
         tree["bodies"][body]["mesh"]["rectangle"]["cells"] = cells
