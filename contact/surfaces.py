@@ -60,10 +60,15 @@ def _canonical(m: Register) -> Register:
     n_edges = np.shape(m.edges)[0] if np.ndim(m.edges) else 0
     p = m.passes
     passes = Passes(
-        *(_integers(f"passes.{name}", getattr(p, name), shape) for name in ("pair", "slave", "master")),
-        checked_reals("passes.weight", p.weight, shape),
-        _integers("passes.by_node", p.by_node, shape),
-        *(checked_reals(f"passes.{name}", getattr(p, name), shape) for name in ("gap_max", "eps_N", "eps_T", "mu")),
+        pair=_integers("passes.pair", p.pair, shape),
+        slave=_integers("passes.slave", p.slave, shape),
+        master=_integers("passes.master", p.master, shape),
+        weight=checked_reals("passes.weight", p.weight, shape),
+        by_node=_integers("passes.by_node", p.by_node, shape),
+        gap_max=checked_reals("passes.gap_max", p.gap_max, shape),
+        eps_N=checked_reals("passes.eps_N", p.eps_N, shape),
+        eps_T=checked_reals("passes.eps_T", p.eps_T, shape),
+        mu=checked_reals("passes.mu", p.mu, shape),
     )
     return Register(
         n_nodes=_count(m.n_nodes),

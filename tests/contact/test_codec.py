@@ -120,7 +120,8 @@ def test_lies_about_an_array_are_refused(row):
 
 
 @pytest.mark.parametrize("header", [
-    [], None, 7, b"\xc1", b"\x81\xa1", b"\xdd\xff\xff\xff\xff", b"\x81\xa1\xff\x01", {}, {**GOOD, "version": WIRE_VERSION + 1},
+    [], None, 7, b"\xc1", b"\x81\xa1", b"\xdd\xff\xff\xff\xff", b"\x81\xa1\xff\x01", {},
+    {**GOOD, "version": WIRE_VERSION + 1},
     {**GOOD, "name": 3}, {**GOOD, "meta": []}, {**GOOD, "arrays": {}}, {**GOOD, "arrays": GOOD["arrays"] * 2},
     {1: 2}, b"\x91" * 3000])
 def test_nonsense_headers_are_refused(header):
