@@ -18,6 +18,9 @@ from mechanical_fmu.material import Material
 Ints = NDArray[np.int32]
 
 DEFAULT_TOLERANCE = 1e-8
+# The first of each is the default.  "plane_strain" is also what an axisymmetric scene has.
+ELEMENTS = ("mean_dilatation", "enhanced")
+STATES = ("plane_strain", "plane_stress")
 
 
 @dataclass(frozen=True)
@@ -43,13 +46,18 @@ class Pressure:
 
 @dataclass(frozen=True)
 class ElasticSpec:
-    """All of model.json.  body_material : (n_bodies,) index into materials, in the order of interface.bodies."""
+    """All of model.json.  body_material : (n_bodies,) index into materials, in the order of interface.bodies.
+
+    body_element : (n_bodies,) names of ELEMENTS.  plane_stress : no stress through the thickness (plane geometry).
+    """
 
     tolerance: float
     materials: tuple[Material, ...]
     body_material: NDArray[np.intp]
     displacements: tuple[Displacement, ...]
     pressures: tuple[Pressure, ...]
+    body_element: tuple[str, ...]
+    plane_stress: bool
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -60,15 +68,19 @@ class ElasticSpec:
 
 def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     """The model a model.json describes.  Raises ValueError naming the key, the value and what would do."""
-    keys(spec, "", {"half", "format", "materials", "bodies"}, {"tolerance", "boundary", "pairs"})
+    keys(spec, "", {"half", "format", "materials", "bodies"},
+         {"tolerance", "boundary", "pairs", "element", "state"})
     if spec["half"] != "elastic" or spec["format"] != 1:
         raise ValueError(f"model.json: half {spec['half']!r}, format {spec['format']!r} is not elastic, 1")
     tolerance = number(spec.get("tolerance", DEFAULT_TOLERANCE), "tolerance", 0.0, 1.0)
     materials = {name: _material(name, m) for name, m in keys(spec["materials"], "materials", set(),
                                                               spec["materials"]).items()}
     bodies = keys(spec["bodies"], "bodies", set(interface.bodies))
-    names = [known(keys(bodies[b], f"bodies.{b}", {"material"})["material"], f"bodies.{b}.material", materials)
-             for b in interface.bodies]
+    names = [known(keys(bodies[b], f"bodies.{b}", {"material"}, {"element"})["material"], f"bodies.{b}.material",
+                   materials) for b in interface.bodies]
+    element = known(spec.get("element", ELEMENTS[0]), "element", ELEMENTS)
+    elements = tuple(known(bodies[b].get("element", element), f"bodies.{b}.element", ELEMENTS)
+                     for b in interface.bodies)
     for name, pair in keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs]).items():
         keys(pair, f"pairs.{name}", set())
     for contact in interface.pairs:
@@ -79,7 +91,14 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     return ElasticSpec(tolerance, tuple(materials.values()),
                        np.array([list(materials).index(n) for n in names], dtype=np.intp),
                        tuple(b for b in boundary if isinstance(b, Displacement)),
-                       tuple(b for b in boundary if isinstance(b, Pressure)))
+                       tuple(b for b in boundary if isinstance(b, Pressure)), elements, _plane_stress(interface, spec))
+
+
+def _plane_stress(interface: Interface, spec: Mapping[str, Any]) -> bool:
+    state = known(spec.get("state", STATES[0]), "state", STATES)
+    if state == "plane_stress" and interface.axisymmetric:
+        raise ValueError("model.json: state plane_stress is of plane geometry, and this scene is axisymmetric")
+    return state == "plane_stress"
 
 
 def _material(name: str, spec: Any) -> Material:
