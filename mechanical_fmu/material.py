@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.property import Property
+from mechanical_fmu.points import N_P
 
 Floats = NDArray[np.float64]
 
@@ -25,14 +26,25 @@ class Material:
     alpha: Property
     T_ref: float
 
+    @property
+    def kind(self) -> int:
+        """What its points do (points.py); 0 : elastic, neo-Hookean."""
+        return 0
+
 
 @dataclass(frozen=True)
 class Moduli:
-    """Per cell: mu, kappa : (n_e,) [Pa]; e_th : (n_e,) = 3 ln(1 + alpha (T - T_ref))."""
+    """Per cell: mu, kappa : (n_e,) [Pa]; e_th : (n_e,) = 3 ln(1 + alpha (T - T_ref)).
+
+    p : (n_e, N_P) parameters of inelastic points (points.py), (0, N_P) where all cells are elastic.
+    tables : (n_t,) their hardening curves.
+    """
 
     mu: Floats
     kappa: Floats
     e_th: Floats
+    p: Floats = field(default_factory=lambda: np.empty((0, N_P)))
+    tables: Floats = field(default_factory=lambda: np.empty(0))
 
 
 class MaterialRangeError(ArithmeticError):
