@@ -14,8 +14,9 @@ g is analytic, so equal eigenvalues are no special case: nothing is divided by t
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mechanical_fmu.compiled import kernel
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ SERIES_BELOW = 0.05
 SHORT_BELOW = 1e-3
 
 
-@njit(cache=True)
+@kernel
 def shape(y: float) -> tuple[float, float, float]:
     """g(y) = atanh(sqrt y)/sqrt y, g'(y), g''(y) for 0 <= y < 1: the sum of y^k/(2k + 1)."""
     if y >= SERIES_BELOW:
@@ -44,7 +45,7 @@ def shape(y: float) -> tuple[float, float, float]:
     return (g * y + 1.0 / 3.0) * y + 1.0, g1 * y + 1.0 / 3.0, g2
 
 
-@njit(cache=True)
+@kernel
 def log_strain(F: Floats, E: Floats) -> None:
     """Fill E : (4,) = (11, 22, 12, 33) of F : (5,) with J > 0 in the plane and F33 > 0."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -58,7 +59,7 @@ def log_strain(F: Floats, E: Floats) -> None:
     E[3] = np.log(F[4])
 
 
-@njit(cache=True)
+@kernel
 def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
     """Fill E : (4,) and L : (4, 5) = dE/dF."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -85,7 +86,7 @@ def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
     L[3, 4] = 1.0 / F[4]
 
 
-@njit(cache=True)
+@kernel
 def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
     """Fill H : (5, 5) = S : d2E/dFdF of S : (4,), symmetric [Pa]."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -128,14 +129,14 @@ def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
     H[4, 4] = -S[3] / (F[4] * F[4])
 
 
-@njit(cache=True)
+@kernel
 def piola(L: Floats, S: Floats, P: Floats) -> None:
     """Fill P : (5,) = S : dE/dF [Pa], conjugate to F."""
     for i in range(5):
         P[i] = S[0] * L[0, i] + S[1] * L[1, i] + 2.0 * S[2] * L[2, i] + S[3] * L[3, i]
 
 
-@njit(cache=True)
+@kernel
 def piola_tangent(F: Floats, L: Floats, S: Floats, D: Floats, A: Floats) -> None:
     """Fill A : (5, 5) = dP/dF [Pa] of S : (4,) and D : (4, 4) = dS/dE (plain components on both sides)."""
     log_strain_curvature(F, S, A)
