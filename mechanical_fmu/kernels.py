@@ -10,14 +10,14 @@ F = 1 + du/dX in the plane and F_33 = 1 (plane strain) or r/R (axisymmetric).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from mechanical_fmu.compiled import kernel
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
-@njit(cache=True)
+@kernel
 def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
     """F = (F11, F12, F21, F22, F33) of one point from its cell's u : (nn, 2) [m]; returns J = det F."""
     F[0] = 1.0
@@ -34,7 +34,7 @@ def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
     return (F[0] * F[3] - F[1] * F[2]) * F[4]
 
 
-@njit(cache=True)
+@kernel
 def dilatation(B: Floats, N_over_R: Floats, weight: Floats, u: Floats, F: Floats, J: Floats) -> float:
     """Fill F : (nq, 5) and J : (nq,) of one cell; returns its current volume v [m3], or -1 where a J or F_33 <= 0."""
     v = 0.0
@@ -46,7 +46,7 @@ def dilatation(B: Floats, N_over_R: Floats, weight: Floats, u: Floats, F: Floats
     return v
 
 
-@njit(cache=True)
+@kernel
 def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume: Floats, mu: Floats, kappa: Floats,
                 e_th: Floats, u: Floats, tangent: bool, f: Floats, K: Floats) -> int:
     """Add the internal forces to f : (n_nodes, 2) [N]; with tangent, fill K : (n_e, 2 nn, 2 nn) [N/m], symmetric.
@@ -101,7 +101,7 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
     return -1
 
 
-@njit(cache=True)
+@kernel
 def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: float, g: Floats, h: Floats,
                 k: Floats, K: Floats) -> None:
     """Add one point's lower triangle: c dF:dF - 2c/3 (h k' + k h') + n h h' + m (F^-T dF' F^-T):dF."""
@@ -121,7 +121,7 @@ def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: 
             K[2 * a + 1, 2 * b + 1] += along + h[a, 1] * x1 - k[a, 1] * y1 + g[a, 1] * g1
 
 
-@njit(cache=True)
+@kernel
 def close_tangent(factor: float, d: Floats, K: Floats) -> None:
     """Add factor d d' and mirror the lower triangle."""
     for a in range(d.shape[0]):
@@ -135,7 +135,7 @@ def close_tangent(factor: float, d: Floats, K: Floats) -> None:
                         K[column, row] = K[row, column]
 
 
-@njit(cache=True)
+@kernel
 def cell_stress(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume: Floats, mu: Floats, kappa: Floats,
                 e_th: Floats, u: Floats, stress: Floats, strain: Floats) -> None:
     """Fill stress : (n_e, nq, 4) Cauchy (11, 22, 12, 33) [Pa] and strain : (n_e, nq, 4) Green-Lagrange, same order."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,10 @@ from contact.wire import Tractions
 from mechanical_fmu.constraints import Constraints, constraints_of
 from mechanical_fmu.contact_forces import Contact
 from mechanical_fmu.elastic_spec import ElasticSpec, Pressure
-from mechanical_fmu.elements import cells_of
+from mechanical_fmu.elements import Treatment, cells_of
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.material import Moduli, moduli
-from mechanical_fmu.volume import Volume
+from mechanical_fmu.volume import Step, Volume
 
 Floats = NDArray[np.float64]
 
@@ -36,12 +36,14 @@ class Loading:
 
     moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
     ask : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
+    step : time and memory of inelastic points, history as System.start_history gives it or the last Balance.
     """
 
     moduli: tuple[Moduli, ...]
     target: Floats
     pressure: Floats
     ask: Callable[[Floats], Tractions] | None
+    step: Step = field(default_factory=Step)
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Balance:
 
     r : (n_nodes, 2) [N], internal less external; on prescribed components, what has to hold them.
     external : (n_nodes, 2) [N], pressure and contact.  entries : of the volume tangent where it was asked for.
+    history : (n_history,) of points and cells if the step ended here.  heat : (n_cells,) [J] they made in it, empty
+        where none can.
     """
 
     u: Floats
@@ -57,6 +61,8 @@ class Balance:
     external: Floats
     tractions: Tractions | None
     entries: Floats | None
+    history: Floats = field(default_factory=lambda: np.empty(0))
+    heat: Floats = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,10 @@ class System:
     @cached_property
     def pattern(self) -> Pattern:
         return pattern_of(2 * self.volume.n_nodes, *(cells.dofs for cells in self.volume.kinds))
+
+    def start_history(self) -> Floats:
+        """(n_history,) of virgin points, for the Step of a first Loading."""
+        return self.volume.start_history()
 
     @cached_property
     def can_be_loose(self) -> bool:
@@ -98,12 +108,8 @@ class System:
                      for cells, mean in zip(self.volume.kinds, self.volume.means(T), strict=True))
 
     def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> Balance:
-        """Forces at u.  Raises InvertedCellError, ContactRefusedError."""
-        entries = None
-        if tangent:
-            internal, entries = self.volume.tangent(u, loading.moduli)
-        else:
-            internal = self.volume.forces(u, loading.moduli)
+        """Forces at u.  Raises InvertedCellError, CellError, ContactRefusedError."""
+        internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
         external = np.zeros_like(u)
         for load, p in zip(self.loads, loading.pressure, strict=True):
@@ -114,7 +120,7 @@ class System:
         if loading.ask is not None:
             tractions = loading.ask(x)
             external += self.contact.force(tractions)
-        return Balance(u, internal - external, external, tractions, entries)
+        return Balance(u, internal.f - external, external, tractions, internal.entries, internal.history, internal.heat)
 
     def load_matrix(self, u: Floats, loading: Loading) -> csr_matrix:
         """Stiffness of the follower pressures."""
@@ -152,7 +158,9 @@ class System:
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:
     """Everything about a scene that does not change while it runs.  Raises ValueError for a bad mesh or constraints."""
-    kinds = cells_of(interface)
+    kinds = cells_of(interface, tuple(
+        Treatment(spec.materials[material].kind, element == "enhanced", spec.plane_stress)
+        for material, element in zip(spec.body_material, spec.body_element, strict=True)))
     bodies = np.concatenate([cells.body for cells in kinds]) if kinds else np.empty(0)
     for i, name in enumerate(interface.bodies):
         if i not in bodies:
