@@ -11,9 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from mechanical_fmu.compiled import kernel
 from numpy.typing import NDArray
 
+from mechanical_fmu.compiled import kernel
 from mechanical_fmu.enhanced import MODE_ROUND_OFF, MODE_TOLERANCE, MOST_LOCAL, back, eliminate
 from mechanical_fmu.kernels import dilatation
 from mechanical_fmu.response import Law, Work, add_dilatation_curvature, dilatation_gradient, respond

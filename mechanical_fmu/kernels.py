@@ -10,8 +10,9 @@ F = 1 + du/dX in the plane and F_33 = 1 (plane strain) or r/R (axisymmetric).
 from __future__ import annotations
 
 import numpy as np
-from mechanical_fmu.compiled import kernel
 from numpy.typing import NDArray
+
+from mechanical_fmu.compiled import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

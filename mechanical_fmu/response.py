@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from mechanical_fmu.compiled import kernel
 from numpy.typing import NDArray
 
+from mechanical_fmu.compiled import kernel
 from mechanical_fmu.logstrain import log_strain_gradient, piola, piola_tangent
 from mechanical_fmu.points import update
 

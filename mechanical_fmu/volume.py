@@ -22,7 +22,7 @@ REASONS = {**CODES, NO_THICKNESS: "no thickness makes the stress through it vani
 
 
 class CellError(ArithmeticError):
-    """A cell that cannot be computed.  cell : its number in interface order, 0-based.  body : index.  why : in words."""
+    """A cell that cannot be computed.  cell : number in interface order, 0-based.  body : index.  why : in words."""
 
     def __init__(self, cell: int, body: int, why: str) -> None:
         super().__init__(f"cell {cell + 1}: {why}")
