@@ -20,7 +20,7 @@ from mechanical_fmu.point_layout import (
     H_PLASTIC,
     H_SOLID,
     H_STRAIN,
-    P_CHI_VISCOUS,
+    P_CHI_LIQUID,
     P_ETA,
     P_G,
     P_SOLID,
@@ -61,4 +61,4 @@ def mix(p: Floats, e: Floats, dt: float, h_n: Floats, h: Floats, S: Floats, D: F
         if f <= 0.0:
             h[H_INELASTIC + i] = e[i]
     h[H_SOLID] = f
-    return (1.0 - f) * p[P_CHI_VISCOUS] * work if dt > 0.0 else 0.0
+    return (1.0 - f) * p[P_CHI_LIQUID] * work if dt > 0.0 else 0.0

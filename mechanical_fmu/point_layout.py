@@ -1,7 +1,7 @@
 """What stands where in a point's parameters and history, and the parts its kind is a sum of.
 
 p : (N_P,) by the names P_..., all at the point's temperature:
-    G shear modulus [Pa]; CHI, CHI_VISCOUS fractions of plastic and viscous work that become heat;
+    G shear modulus [Pa]; CHI, CHI_VISCOUS, CHI_LIQUID : shares of plastic, creep and liquid work that become heat;
     YIELD, Q, B, H : R = YIELD + Q (1 - exp(-B e)) + H e [Pa] (with a table: YIELD multiplies it);
     C [Pa], GAMMA of the backstress; LOG_A, N : creep rate = exp(LOG_A) q^N [1/s]; K [Pa s^M], M of the overstress;
     SOLID fraction, ETA viscosity of the liquid [Pa s];
@@ -19,8 +19,8 @@ PLASTIC, CREEP, KINEMATIC, OVERSTRESS, LIQUID = 1, 2, 4, 8, 16
 H_INELASTIC, H_PLASTIC, H_CREEP, H_BACK, H_STRAIN, H_SOLID = 0, 4, 5, 6, 10, 14
 
 (P_G, P_CHI, P_CHI_VISCOUS, P_YIELD, P_Q, P_B, P_H, P_C, P_GAMMA, P_LOG_A, P_N, P_K, P_M, P_SOLID, P_ETA,
- P_TABLE, P_KNOTS, P_ROW, P_SHARE, P_FORM) = range(20)
-N_P = 20
+ P_TABLE, P_KNOTS, P_ROW, P_SHARE, P_FORM, P_CHI_LIQUID) = range(21)
+N_P = 21
 
 # A table is cubic between its knots (else straight), and goes on with its last slope (else flat).
 CUBIC, SLOPED = 1, 2

@@ -12,7 +12,7 @@ dt : [s], 0 where nothing can flow yet (equilibrium at the start).
 h_n, h : (n_h,) history at the start and at the end, all 0 for a virgin point; h is written whole, h_n never.
 p : (N_P,) parameters of the point at its temperature and solid fraction (point_layout.py).
 tables : (n_t,) the hardening curves of all materials, one behind the other (hardening.py).
-heat : [J/m3 of reference volume] made in the step, AFTER the fractions chi (plastic) and chi_viscous (creep, liquid).
+heat : [J/m3 of reference volume] made in the step, AFTER the shares of plastic, creep and liquid work that become heat.
 code : 0 well; else CODES says why not, and S, D, h are unusable: a smaller step may do.
 """
 
