@@ -2,8 +2,8 @@
 
     F = 1 + du/dX + sum_m a_m (x) e_m,   e_m = (R_0 j_0)/(R j) J_0^-T dM_m/dxi,   M_1 = xi^2 / 2, M_2 = eta^2 / 2,
 Wilson's modes with the map of the cell's middle (index 0; R = 1 in the plane), so that the integral of e_m over the
-cell vanishes and constant stress does no work on them: the patch test.  A mode is a vector a_m [m] in space, like a node
-with gradients e_m; it turns with the body.  About an axis a fifth number enters the hoop stretch alone,
+cell vanishes and constant stress does no work on them: the patch test.  A mode is a vector a_m [m] in space, like a
+node with gradients e_m; it turns with the body.  About an axis a fifth number enters the hoop stretch alone,
 F_33 += a_5 (R_0 j_0)/(R j) xi eta / R_0.  The modes are found from zero out-of-balance inside each cell.
 """
 
