@@ -20,7 +20,7 @@ LARGEST = 700.0
 @kernel
 def relaxed(Q: float, G: float, dt: float, log_a: float, n: float) -> tuple[float, float]:
     """q [Pa] at the end of the step and the creep strain made in it, from the trial stress Q > 0 [Pa]."""
-    lc = np.log(3.0 * G * dt) + log_a + (n - 1.0) * np.log(Q)
+    lc = np.log(3.0 * G) + np.log(dt) + log_a + (n - 1.0) * np.log(Q)
     v = -max(lc, 0.0) / n
     for _ in range(MOST):
         other = lc + n * v

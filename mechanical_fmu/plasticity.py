@@ -109,6 +109,8 @@ def _amounts(kind: int, p: Floats, tables: Floats, dt: float, h: Floats,
     R_n, R_slope = flow_stress(p, tables, h[H_PLASTIC])
     if q <= R_n:
         return 0, (1.0, 0.0, dc, q, Q, 0.0, 0.0)
+    if 3.0 * p[P_G] + p[P_C] + R_slope <= 0.0:
+        return 2, (1.0, 0.0, dc, q, Q, 0.0, 0.0)
     dp = plastic_strain(kind, p, tables, dt, h[H_PLASTIC], (R_n, R_slope, aa, ab, bb))
     if dp <= 0.0:
         return (0 if dp == 0.0 else 1), (1.0, 0.0, dc, q, Q, 0.0, 0.0)
