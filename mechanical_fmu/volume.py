@@ -65,10 +65,12 @@ class Volume:
 
     kinds: tuple[Cells, ...]
     n_nodes: int
+    all_cells: int = 0
 
     @property
     def n_cells(self) -> int:
-        return sum(len(cells.nodes) for cells in self.kinds)
+        """Cells of the mesh, those of rigid bodies (in no kind) too."""
+        return self.all_cells or sum(len(cells.nodes) for cells in self.kinds)
 
     @property
     def elastic(self) -> bool:
