@@ -124,7 +124,7 @@ def test_backstress_saturates_at_c_over_gamma():
 
 
 def test_steady_flow_stresses():
-    """At a steady rate Norton's q = (rate/A)^(1/n), superplastic K rate^m, overstress R + K rate^m, liquid 3 eta rate."""
+    """At a steady rate: Norton (rate/A)^(1/n), superplastic K rate^m, overstress R + K rate^m, liquid 3 eta rate."""
     rate = 1e-3
     wanted = {"creep": (rate / 1e-40) ** 0.25, "superplastic": 1e9 * rate**0.5,
               "overstress": 3e8 + 5e7 * rate**0.1, "liquid": 3e6 * rate}
@@ -171,7 +171,7 @@ def test_plastic_flow_caps_what_creep_leaves():
 
 
 def test_heat_is_the_share_of_what_is_dissipated():
-    """Linear hardening: chi (s0 p + H p^2/2) in one step; a Prager backstress stores its part; creep gives all of q dc."""
+    """Linear hardening: chi (s0 p + H p^2/2) in one step; a Prager backstress stores its part; creep gives q dc."""
     E = np.array([0.1, -0.05, 0.0, -0.05])
     point = strained(virgin(material(plastic={"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}})), E)
     p = point.h[4]
@@ -183,7 +183,7 @@ def test_heat_is_the_share_of_what_is_dissipated():
 
 
 def test_work_is_what_is_stored_and_what_is_lost():
-    """A closed cycle with a backstress that forgets: work in = chi-less heat + elastic and backstress energy, order 1."""
+    """A cycle with a backstress that forgets, chi = 1: work = heat + elastic and backstress energy, of order 1."""
     left = []
     for n in (200, 400):
         m = material(plastic={"yield": 250e6, "chi": 1.0, **AF})
