@@ -11,6 +11,7 @@ from contact.half.sparse import factorise
 from mechanical_fmu.inertia import Inertia
 from mechanical_fmu.masses import Masses
 from mechanical_fmu.method_spec import Dynamics
+from mechanical_fmu.rigid_bodies import with_diagonal
 from mechanical_fmu.system import Balance, System
 from mechanical_fmu.tangent import held
 
@@ -74,5 +75,5 @@ def first_motion(system: System, found: Balance, lumped: bool) -> Motion:
         m = system.masses.lumped
         a = np.divide(b, m, out=np.zeros_like(b), where=m > 0.0)
     else:
-        a = factorise(held(system, system.masses.matrix(False)))(b) * free
+        a = factorise(held(system, with_diagonal(system.masses.matrix(False))))(b) * free
     return Motion(found.u, v, a.reshape(v.shape), found.r)

@@ -19,7 +19,8 @@ class Dynamics:
     """Inertia by the generalised-alpha method (Chung & Hulbert 1993); alpha_m = alpha_f = 0 is Newmark's.
 
     M ((1 - alpha_m) a_{n+1} + alpha_m a_n) + (1 - alpha_f) f_{n+1} + alpha_f f_n = 0, f internal less external,
-    u_{n+1} = u_n + dt v_n + dt2 ((1/2 - beta) a_n + beta a_{n+1}), v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1}).
+    u_{n+1} = u_n + dt v_n + dt2 ((1/2 - beta) a_n + beta a_{n+1}),
+    v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1}).
     lumped : whether the mass matrix is diagonal.
     """
 

@@ -115,9 +115,7 @@ class RigidBodies:
         product = G.T @ K @ G
         diagonal = np.zeros(K.shape[0])
         diagonal[2 * self.turn_rows] = turning
-        # A sum of sparse matrices drops exact zeros.
-        diagonal[product.diagonal() + diagonal == 0.0] = np.finfo(float).tiny
-        return csr_matrix(product + diags_array(diagonal, format="csr"))
+        return with_diagonal(csr_matrix(product + diags_array(diagonal, format="csr")))
 
     def spread(self, d: Floats, u: Floats) -> Floats:
         """G d : (2 n_rows,) [m]: a direction with the nodes of rigid bodies following, to first order."""
@@ -136,6 +134,12 @@ class RigidBodies:
                                                                  "volume", "mean")}
                 out.append(replace(cells, **per_cell, modes=(cells.modes[0][keep], cells.modes[1][keep])))
         return tuple(out)
+
+
+def with_diagonal(K: csr_matrix) -> csr_matrix:
+    """K with every diagonal entry in its pattern (a sum of sparse matrices drops exact zeros)."""
+    missing = np.where(K.diagonal() == 0.0, np.finfo(float).tiny, 0.0)
+    return csr_matrix(K + diags_array(missing, format="csr"))
 
 
 def rigid_bodies(interface: Interface, reference: Mapping[int, tuple[float, float] | None],

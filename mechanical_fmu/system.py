@@ -13,9 +13,9 @@ from scipy.sparse import csr_matrix
 from contact.half.interface import Interface
 from contact.half.sparse import Pattern, pattern_of
 from contact.wire import Tractions
+from mechanical_fmu.boundary_spec import Pressure
 from mechanical_fmu.constraints import Constraints, constraints_of
 from mechanical_fmu.contact_forces import Contact
-from mechanical_fmu.boundary_spec import Pressure
 from mechanical_fmu.elastic_spec import ElasticSpec
 from mechanical_fmu.elements import Treatment, cells_of
 from mechanical_fmu.inertia import Inertia
@@ -92,7 +92,9 @@ class System:
 
     @cached_property
     def pattern(self) -> Pattern:
-        return pattern_of(2 * self.volume.n_nodes, *(cells.dofs for cells in self.volume.kinds))
+        # Where all bodies are rigid there is no cell at all.
+        dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
+        return pattern_of(2 * self.volume.n_nodes, *dofs)
 
     def start_history(self) -> Floats:
         """(n_history,) of virgin points, for the Step of a first Loading."""
