@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanical_fmu.compiled import kernel
-from mechanical_fmu.enhanced import MODE_ROUND_OFF, MODE_TOLERANCE, MOST_LOCAL, back, eliminate
+from mechanical_fmu.enhanced import (
+    LONGEST_MODE,
+    MODE_ROUND_OFF,
+    MODE_TOLERANCE,
+    MOST_LOCAL,
+    SHORTEST,
+    back,
+    eliminate,
+)
 from mechanical_fmu.kernels import dilatation
 from mechanical_fmu.response import Law, Work, add_dilatation_curvature, dilatation_gradient, respond
 
@@ -101,7 +109,7 @@ def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) 
 def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
     """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
     nn, nm = shape.nodes.shape[1], shape.n_modes
-    before = np.inf
+    before, share = np.inf, 1.0
     for _ in range(MOST_LOCAL):
         code, heat = at_points(shape, law, e, cell, work, h_n, h)
         if code != 0 or nm == 0:
@@ -120,9 +128,11 @@ def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, 
         strain = largest * np.abs(cell.a).max()
         if strain <= MODE_TOLERANCE or (before <= MODE_ROUND_OFF and strain >= 0.5 * before):
             return 0, heat
+        # Yielding that changes hands can make whole steps go round in a circle.
+        share = max(0.5 * share, SHORTEST) if strain >= before else min(2.0 * share, 1.0)
         before = strain
         for m in range(nm):
-            cell.u[nn + m // 2, m % 2] -= cell.a[m]
+            cell.u[nn + m // 2, m % 2] -= min(share, LONGEST_MODE / strain) * cell.a[m]
     return NO_MODES, 0.0
 
 

@@ -20,7 +20,9 @@ Floats = NDArray[np.float64]
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # Newton's method inside a cell: found when the modes strain it by less than this, or by no less than before.
 MODE_TOLERANCE, MODE_ROUND_OFF = 1e-14, 1e-7
-MOST_LOCAL = 25
+MOST_LOCAL = 60
+# Its steps strain the cell by no more than LONGEST_MODE, and are shortened to no less than SHORTEST of themselves.
+LONGEST_MODE, SHORTEST = 0.3, 0.1
 
 
 def mode_count(axisymmetric: bool) -> int:
