@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse.linalg import splu
@@ -14,6 +16,7 @@ from mechanical_fmu.material import Moduli
 from mechanical_fmu.point_layout import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
 from mechanical_fmu.volume import Step, Volume
 
+EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 MOST = 40
 NO_TRIANGLES = np.empty((0, 3), np.int32)
 # The formulations of a plane scene, each with the cells it exists for.
