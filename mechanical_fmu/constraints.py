@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from contact.half.model import Values
 from contact.half.signal import Signal
-from mechanical_fmu.elastic_spec import Displacement
+from mechanical_fmu.boundary_spec import Displacement
 from mechanical_fmu.loads import driven
 from mechanical_fmu.rigid_bodies import RigidBodies
 

@@ -49,7 +49,7 @@ def fly(system: System, start: Motion, history: Floats, dt: float,
     """
     now, heat, share, pieces = start, np.empty(0), 0.0, 0
     m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
-    limit, balance, drift, largest = 0.0, None, 0.0, np.finfo(float).tiny
+    limit, balance, drift, largest = 0.0, None, 0.0, float(np.finfo(float).tiny)
     while share < 1.0:
         if pieces % RECHECK == 0:
             limit = stable_step(system, now.u, loading_at(share, 0.0, history))

@@ -11,28 +11,39 @@ from pydantic import BeforeValidator, StrictBool, model_validator
 from contact.laws import parse_law
 from coupler.scenario.base import Part, PropertySpec, PropertyTable, SignalSpec, exactly_one
 from coupler.scenario.quantity import Name, Number, Positive, Text, Whole, number, problem
+from coupler.scenario.schema_material import Creep, Liquid, Plastic
 
 MAX_CELLS = 4_000_000
 
 
 class Material(Part):
-    """Each half needs its own share: thermal rho, k, c; elastic E, nu, alpha, T_ref."""
+    """Each half needs its own share: thermal rho, k, c; elastic E, nu, alpha, T_ref, and how it flows."""
 
     rho: Positive | None = None
     k: PropertySpec | None = None
     c: PropertySpec | None = None
     E: PropertySpec | None = None
-    nu: Number | None = None
+    nu: PropertySpec | None = None
     alpha: PropertySpec | None = None
     T_ref: Number | None = None
+    plastic: Plastic | None = None
+    creep: Creep | None = None
+    liquid: Liquid | None = None
 
     @model_validator(mode="after")
     def _physical(self) -> Material:
         for key in ("k", "c", "E"):
             _all_positive(getattr(self, key), key)
-        if self.nu is not None and not -1.0 < self.nu < 0.5:
-            raise problem("Poisson's ratio lies between -1 and 0.5, both excluded",
-                          "For a nearly incompressible material write 0.4999.", at=("nu",))
+        table = isinstance(self.nu, PropertyTable)
+        for i, nu in enumerate(self.nu.value if isinstance(self.nu, PropertyTable) else
+                               (self.nu,) if isinstance(self.nu, float) else ()):
+            if not -1.0 < nu < 0.5:
+                raise problem("Poisson's ratio lies between -1 and 0.5, both excluded",
+                              "For a nearly incompressible material write 0.4999.",
+                              at=("nu", "value", i) if table else ("nu",))
+        if self.creep is not None and self.plastic is not None and self.plastic.kinematic is not None:
+            raise problem("creep does not go with a kinematic backstress, which would have to creep too",
+                          "Give plastic.overstress instead of creep, or leave plastic.kinematic out.", at=("creep",))
         return self
 
 

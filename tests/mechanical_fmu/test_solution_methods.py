@@ -112,7 +112,7 @@ def test_plastic_heat_is_the_same_in_one_step_and_in_pieces_of_it():
                        [hold("block.left", 0), hold("block.bottom", 1), hold("block.top", 1),
                         hold("block.right", 0, {"t": [0, 1], "value": [0, 0.02]})], {"plastic": {"yield": 250e6}})
         state, _ = half.start(inputs_of(half), 0.0, NoLink())
-        total, work = 0.0, 0.0
+        total = 0.0
         for i in range(n):
             before = state
             state, outputs = done(half.step(state, inputs_of(half), i / n, 1.0 / n, NoLink()))
