@@ -40,7 +40,7 @@ from mechanical_fmu.point_layout import (
 
 Floats = NDArray[np.float64]
 
-MOST = 100
+MOST, PATIENCE = 200, 6
 # The yield condition is met to this share of the trial stress: some units of its round-off.
 CLOSE = 4e-15
 
@@ -170,14 +170,16 @@ def plastic_strain(kind: int, p: Floats, tables: Floats, dt: float, e_p: float,
     R_n, R_slope, aa, ab, bb = start
     G, C, gamma, creeps = p[P_G], p[P_C], p[P_GAMMA], kind & CREEP
     powers = kind & (CREEP | OVERSTRESS)
-    Q0 = np.sqrt(aa - 2.0 * ab + bb)
+    Q0 = np.sqrt(max(aa - 2.0 * ab + bb, 0.0))
+    # A power by n multiplies the round-off of its base by n.
+    close = CLOSE * Q0 * (1.0 + (p[P_N] if creeps else 0.0))
     c_n = crept(R_n, dt, p[P_LOG_A], p[P_N]) if creeps else 0.0
     excess = Q0 - R_n - 3.0 * G * c_n
     low, high = 0.0, (np.sqrt(aa) + np.sqrt(bb)) / (3.0 * G)
     dp = excess / (3.0 * G + C + max(R_slope, 0.0))
     if kind & OVERSTRESS:
         dp = min(dp, dt * np.exp(np.log(excess / p[P_K]) / p[P_M])) if p[P_K] > 0.0 else dp
-    for _ in range(MOST):
+    for i in range(MOST):
         if dp <= 0.0:
             # Flow too slow to be a number: none.
             return 0.0
@@ -193,7 +195,7 @@ def plastic_strain(kind: int, p: Floats, tables: Floats, dt: float, e_p: float,
             Q = np.sqrt(max(aa - 2.0 * theta * ab + theta * theta * bb, 0.0))
             rise += Q0 - Q
             grow += gamma * theta * theta * (theta * bb - ab) / Q if Q > 0.0 else 0.0
-        if abs(rise - excess) <= CLOSE * Q0:
+        if abs(rise - excess) <= close:
             return dp
         if rise > excess:
             high = dp
@@ -204,9 +206,10 @@ def plastic_strain(kind: int, p: Floats, tables: Floats, dt: float, e_p: float,
             new = dp * np.exp(-np.log(rise / excess) * rise / (grow * dp))
         elif grow > 0.0:
             new = dp + (excess - rise) / grow
-        if not low < new < high:
+        # Newton's method may hop between two sides of a bend: from time to time the bracket is halved.
+        if not low < new < high or i % PATIENCE == PATIENCE - 1:
             new = np.sqrt(max(low, 1e-6 * high)) * np.sqrt(high) if low < 1e-3 * high else 0.5 * (low + high)
-        if abs(new - dp) <= 1e-15 * dp:
+        if abs(new - dp) <= 1e-15 * dp or high - low <= 1e-15 * high:
             return new
         dp = new
     return -1.0

@@ -170,6 +170,19 @@ def test_plastic_flow_caps_what_creep_leaves():
     assert long.h[4] == 0.0
 
 
+def test_creep_beside_hardening_that_bends_is_found():
+    """n = 20 and Voce: Newton's method alone hops for ever between the two sides of the bend."""
+    s0, Q, b = 1022314371.1884116, 3376405683.190754, 1.4120055918414174
+    m = material(E=2.6 * 78383065386.88814, plastic={"yield": s0, "hardening": {"law": "voce", "Q": Q, "b": b}},
+                 creep={"A": np.exp(-443.0337171124942), "n": 20.0})
+    S, D, h, _ = step(m, np.array([1.08840173, 1.55657012, -1.94226521, -0.16377704]), 44.28837039437646, np.zeros(6),
+                      parameters(m))
+    q = np.sqrt(1.5 * (S @ W @ S))
+    assert q == pytest.approx(s0 + Q * (1 - np.exp(-b * h[4])), rel=1e-9)
+    assert h[4] == pytest.approx(0.955, abs=1e-3)
+    assert np.isfinite(D).all()
+
+
 def test_heat_is_the_share_of_what_is_dissipated():
     """Linear hardening: chi (s0 p + H p^2/2) in one step; a Prager backstress stores its part; creep gives q dc."""
     E = np.array([0.1, -0.05, 0.0, -0.05])

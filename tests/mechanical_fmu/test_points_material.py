@@ -80,7 +80,8 @@ def test_curves_at_temperatures_between_beyond_and_past_their_ends(form):
             for e, cold in ((0.0, 2e8), (0.1, 3e8), (0.2, 3.5e8)):
                 assert flow_stress(p, tables, e)[0] == pytest.approx(0.5 * cold * (1 - 0.5 * share), rel=1e-12)
             if form == "linear":
-                assert flow_stress(p, tables, 0.04)[0] == pytest.approx(0.5 * 2.4e8 * (1 - 0.5 * share), rel=1e-12)
+                for e, cold in ((0.04, 2.4e8), (0.15, 3.25e8)):
+                    assert flow_stress(p, tables, e)[0] == pytest.approx(0.5 * cold * (1 - 0.5 * share), rel=1e-12)
             for e in (0.05, 0.13, 0.19, 1.5):
                 found = (flow_stress(p, tables, e + 1e-6)[0] - flow_stress(p, tables, e - 1e-6)[0]) / 2e-6
                 assert flow_stress(p, tables, e)[1] == pytest.approx(found, rel=1e-5, abs=1.0)
