@@ -20,7 +20,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def kernel(function: F) -> F:
     """The function compiled by numba, and cached until any file with such functions changes."""
-    dispatcher: Any = njit(cache=True)(function)
+    # Division as in numpy: checks that could raise cost a tenth, and nothing may raise out of a half's loop.
+    dispatcher: Any = njit(cache=True, error_model="numpy")(function)
     # numba has no public way to say this; test_points_cache.py notices if it moves.
     dispatcher._cache._cache_file._source_stamp = stamp()
     return cast(F, dispatcher)

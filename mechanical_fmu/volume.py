@@ -173,7 +173,7 @@ class Volume:
 
 def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Floats) -> None:
     bad = cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
-                      tangent, f, K)
+                      tangent, f, K, tuple(range(cells.nodes.shape[1])))
     if bad >= 0:
         raise InvertedCellError(int(cells.number[bad]), int(cells.body[bad]))
 
