@@ -40,7 +40,7 @@ from mechanical_fmu.point_layout import (
 
 Floats = NDArray[np.float64]
 
-MOST, PATIENCE = 200, 6
+MOST, PATIENCE = 60, 6
 # The yield condition is met to this share of the trial stress: some units of its round-off.
 CLOSE = 4e-15
 
