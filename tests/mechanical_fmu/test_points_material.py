@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from mechanical_fmu.hardening import flow_stress
 from mechanical_fmu.material import MaterialRangeError, moduli
@@ -52,6 +55,17 @@ REFUSED = [
 def test_bad_input_is_refused_with_its_place(change, why):
     with pytest.raises(ValueError, match=why):
         parse_material("m", {"E": 2e11, "nu": 0.3, **change})
+
+
+def test_the_materials_of_the_guide_are_materials():
+    text = (Path(__file__).parents[2] / "docs/materials.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        spec = json.loads(json.dumps(YAML(typ="safe").load(block)))
+        if "plastic" in spec:
+            spec["plastic"]["yield"] = spec["plastic"].pop("s_y")
+        assert material(**spec).kind > 0
 
 
 def test_softening_that_is_meant_is_taken():
