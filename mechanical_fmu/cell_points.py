@@ -202,21 +202,23 @@ def add_forces(B: Floats, N_over_R: Floats, w: float, P: Floats, r: Floats) -> N
 @kernel
 def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -> None:
     """K += w dF : A : dF of the unit displacements; K : (n, n), as many of them as it has room for."""
-    x, y, n = np.empty(5), np.empty(5), K.shape[0]
+    n = K.shape[0]
     for b in range((n + 1) // 2):
         B0, B1, hoop = w * B[b, 0], w * B[b, 1], w * N_over_R[b]
-        for i in range(5):
-            x[i] = A[i, 0] * B0 + A[i, 1] * B1 + A[i, 4] * hoop
-            y[i] = A[i, 2] * B0 + A[i, 3] * B1
+        x0, x1 = A[0, 0] * B0 + A[0, 1] * B1 + A[0, 4] * hoop, A[1, 0] * B0 + A[1, 1] * B1 + A[1, 4] * hoop
+        x2, x3 = A[2, 0] * B0 + A[2, 1] * B1 + A[2, 4] * hoop, A[3, 0] * B0 + A[3, 1] * B1 + A[3, 4] * hoop
+        x4, y4 = A[4, 0] * B0 + A[4, 1] * B1 + A[4, 4] * hoop, A[4, 2] * B0 + A[4, 3] * B1
+        y0, y1 = A[0, 2] * B0 + A[0, 3] * B1, A[1, 2] * B0 + A[1, 3] * B1
+        y2, y3 = A[2, 2] * B0 + A[2, 3] * B1, A[3, 2] * B0 + A[3, 3] * B1
         two = 2 * b + 1 < n
         for a in range((n + 1) // 2):
-            K[2 * a, 2 * b] += B[a, 0] * x[0] + B[a, 1] * x[1] + N_over_R[a] * x[4]
+            K[2 * a, 2 * b] += B[a, 0] * x0 + B[a, 1] * x1 + N_over_R[a] * x4
             if two:
-                K[2 * a, 2 * b + 1] += B[a, 0] * y[0] + B[a, 1] * y[1] + N_over_R[a] * y[4]
+                K[2 * a, 2 * b + 1] += B[a, 0] * y0 + B[a, 1] * y1 + N_over_R[a] * y4
             if 2 * a + 1 < n:
-                K[2 * a + 1, 2 * b] += B[a, 0] * x[2] + B[a, 1] * x[3]
+                K[2 * a + 1, 2 * b] += B[a, 0] * x2 + B[a, 1] * x3
                 if two:
-                    K[2 * a + 1, 2 * b + 1] += B[a, 0] * y[2] + B[a, 1] * y[3]
+                    K[2 * a + 1, 2 * b + 1] += B[a, 0] * y2 + B[a, 1] * y3
 
 
 @kernel

@@ -5,6 +5,9 @@ Wilson's modes with the map of the cell's middle (index 0; R = 1 in the plane), 
 cell vanishes and constant stress does no work on them: the patch test.  A mode is a vector a_m [m] in space, like a
 node with gradients e_m; it turns with the body.  About an axis a fifth number enters the hoop stretch alone,
 F_33 += a_5 (R_0 j_0)/(R j) xi eta / R_0.  The modes are found from zero out-of-balance inside each cell.
+Limit: under strong compression the element shows hourglasses (Wriggers & Reese 1996).  A square block of 4 x 4 cells,
+pressed and free to widen, has a tangent with a negative eigenvalue from a stretch of .64 on (nu = .3; .68 at
+nu = .4999), by mean dilatation not before .44.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def spurious_at(form, stretches, nu=0.3):
     return np.nan
 
 
-@pytest.mark.parametrize("nu,onset", [(0.3, 0.64), (0.4999, 0.68)])
+@pytest.mark.parametrize(("nu", "onset"), [(0.3, 0.64), (0.4999, 0.68)])
 def test_enhanced_strain_hourglasses_under_strong_compression(nu, onset):
     """The known weakness of the element (Wriggers & Reese 1996): where it begins, against mean dilatation."""
     stretches = np.arange(0.98, 0.45, -0.02)

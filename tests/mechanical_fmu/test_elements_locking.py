@@ -21,7 +21,7 @@ FORMS = {"mean dilatation": Treatment(), "enhanced": Treatment(enhanced=True)}
 A, B, HEIGHT, SMALL = 0.02, 0.05, 0.002, 0.1
 
 
-@pytest.mark.parametrize("nu,u_a", list(zip(EXPECTED["B2"]["nu"], EXPECTED["B2"]["u_a"], strict=True)))
+@pytest.mark.parametrize(("nu", "u_a"), list(zip(EXPECTED["B2"]["nu"], EXPECTED["B2"]["u_a"], strict=True)))
 @pytest.mark.parametrize("form", FORMS)
 def test_a_tube_under_pressure_does_not_lock(form, nu, u_a):
     """B2, axisymmetric, 20 graded cells."""

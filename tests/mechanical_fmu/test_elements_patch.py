@@ -28,8 +28,8 @@ def stress(volume, found, moduli):
     return np.concatenate([s.reshape(-1, 4) for s, _ in volume.stress(found.u, moduli, found.step)])
 
 
-@pytest.mark.parametrize("plastic", (False, True), ids=("elastic", "plastic"))
-@pytest.mark.parametrize("geometry,kind,form", FORMS, ids=str)
+@pytest.mark.parametrize("plastic", [False, True], ids=("elastic", "plastic"))
+@pytest.mark.parametrize(("geometry", "kind", "form"), FORMS, ids=str)
 def test_a_constant_strain_held_at_the_rim_is_found_inside(geometry, kind, form, plastic):
     interface = mesh(kind, geometry, N)
     volume = volume_of(interface, of(PLANE[form], plastic))
@@ -38,14 +38,16 @@ def test_a_constant_strain_held_at_the_rim_is_found_inside(geometry, kind, form,
     found = equilibrium(volume, moduli, {(i, c): u[i, c] for i in rim(N) for c in (0, 1)}, tolerance=1e-14, floor=1.0)
     assert np.abs(found.u - u).max() <= SMALL
     s = stress(volume, found, moduli)
-    assert np.abs(s - s.mean(axis=0)).max() <= SMALL * np.abs(s).max() and np.abs(s).max() > 0.02
-    assert np.ptp(found.heat / np.concatenate([c.volume for c in volume.kinds])) <= SMALL if plastic else True
-    assert not plastic or found.heat.min() > 0.0
+    assert np.abs(s).max() > 0.02
+    assert np.abs(s - s.mean(axis=0)).max() <= SMALL * np.abs(s).max()
+    if plastic:
+        assert found.heat.min() > 0.0
+        assert np.ptp(found.heat / np.concatenate([c.volume for c in volume.kinds])) <= SMALL
     if "stress" in form:
         assert np.abs(s[:, 3]).max() <= SMALL
 
 
-@pytest.mark.parametrize("geometry,kind,form", FORMS, ids=str)
+@pytest.mark.parametrize(("geometry", "kind", "form"), FORMS, ids=str)
 def test_a_free_body_at_another_temperature_grows_without_stress(geometry, kind, form):
     interface = mesh(kind, geometry, N)
     free = 0.02
@@ -80,8 +82,8 @@ def test_a_uniform_pull_makes_uniform_stress(form):
     assert found.u[right, 0] == pytest.approx(pull / E_plane, rel=1e-5)
 
 
-@pytest.mark.parametrize("plastic", (False, True), ids=("elastic", "plastic"))
-@pytest.mark.parametrize("kind", ("quads", "triangles"))
+@pytest.mark.parametrize("plastic", [False, True], ids=("elastic", "plastic"))
+@pytest.mark.parametrize("kind", ["quads", "triangles"])
 @pytest.mark.parametrize("form", PLANE)
 def test_turned_by_75_degrees_in_three_unequal_steps_the_stress_turns_along(form, kind, plastic):
     """B17: a block stretched by 1.3 with a waist, then turned rigidly; plastic points flow no further."""
