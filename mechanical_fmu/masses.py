@@ -61,8 +61,11 @@ class Masses:
 
     def matrix(self, lumped: bool) -> csr_matrix:
         """M : (2 n, 2 n) [kg], consistent or lumped."""
-        if lumped:
-            return csr_matrix(diags_array(self.lumped, format="csr"))
+        return csr_matrix(diags_array(self.lumped, format="csr")) if lumped else self.consistent
+
+    @cached_property
+    def consistent(self) -> csr_matrix:
+        """(2 n, 2 n) [kg] int rho0 N_a N_b dV0; a rigid body's at its reference rows."""
         rows, columns, values = [], [], []
         for cells in self.kinds:
             rho = self.density[cells.body]

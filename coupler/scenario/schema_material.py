@@ -95,7 +95,7 @@ class Overstress(Part):
 
 
 class Plastic(Part):
-    """s_y yield stress [Pa]; hardening; factor: times all of the flow stress; chi: share of the work that becomes heat."""
+    """s_y: yield stress [Pa]; factor: times all of the flow stress; chi: share of the work that becomes heat."""
 
     s_y: PropertySpec | None = None
     hardening: Hardening | None = None

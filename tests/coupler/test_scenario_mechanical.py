@@ -14,7 +14,8 @@ from scenario_text import GOOD, error_of, load_text
 
 STEEL = "steel: {rho: 8000, c: 500, k: 30, E: 2.0e11, nu: 0.3, alpha: 1.2e-5, T_ref: 20}"
 FLOWS = STEEL[:-1] + """,
-    plastic: {s_y: {T: [20, 600], value: [250.0e6, 90.0e6]}, chi: 0.8, hardening: {law: voce, Q: 1.0e8, b: 12, H: 1.0e9},
+    plastic: {s_y: {T: [20, 600], value: [250.0e6, 90.0e6]}, chi: 0.8,
+              hardening: {law: voce, Q: 1.0e8, b: 12, H: 1.0e9},
               kinematic: {C: 1.0e10, gamma: 50}, overstress: {K: 1.0e6, m: 0.5}}}"""
 MELTS = STEEL[:-1] + """,
     plastic: {hardening: {law: table, T: [20, 900], strain: [0, 0.1], stress: [[3.0e8, 4.0e8], [1.0e8, 1.0e8]],
@@ -61,7 +62,8 @@ def test_a_scenario_without_any_of_it_says_none_of_it(tmp_path):
     model, spec = model_of(tmp_path)
     assert set(model) == {"half", "format", "tolerance", "materials", "bodies", "boundary", "pairs"}
     assert set(model["materials"]["steel"]) == {"E", "nu", "alpha", "T_ref"}
-    assert spec.dynamics is None and spec.method == "newton"
+    assert spec.dynamics is None
+    assert spec.method == "newton"
 
 
 def test_everything_arrives(tmp_path):
@@ -77,7 +79,8 @@ def test_everything_arrives(tmp_path):
                                "upper": {"material": "steel", "rigid": True, "v0": [1.0, 2.0, 3.0]}}
     assert (model["method"], model["cuts"], model["state"], model["element"]) == ("bfgs", 2, "plane_stress", "enhanced")
     assert model["dynamics"] == {"rho_inf": 0.8, "mass": "lumped"}
-    assert spec.dynamics is not None and spec.dynamics.lumped
+    assert spec.dynamics is not None
+    assert spec.dynamics.lumped
     assert model["materials"]["steel"]["rho"] == 8000
     assert model["materials"]["steel"]["c"] == 500
 
@@ -120,7 +123,8 @@ def test_materials_that_flow_arrive_in_kelvin(tmp_path):
 def test_what_does_not_fit_is_refused_before_any_solver(tmp_path, old, new, text):
     error = error_of(tmp_path, old, new)
     assert text in str(error)
-    assert error.line is not None and error.line > 1
+    assert error.line is not None
+    assert error.line > 1
 
 
 def test_what_gravity_needs_is_asked_for(tmp_path):

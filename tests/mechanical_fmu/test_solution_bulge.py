@@ -30,8 +30,9 @@ def sheet():
     inside = plain.nodes[bottom][:, :, 0].mean(axis=1) < A
     interface = replace(plain, surfaces=plain.surfaces | {"under": bottom[inside]})
     creep = {"K": {"T": [HOT, 0.5 * (HOT + COLD)], "value": [ROW["K"], 1e3 * ROW["K"]]}, "m": ROW["m"]}
-    half = elastic(interface, [hold("block.left", 0), hold("hinge", 0), hold("hinge", 1), press("under", 1.0, name="p")],
-                   {"E": 70e9, "alpha": 0.0, "creep": creep}, tolerance=1e-6, element="enhanced")
+    held = [hold("block.left", 0), hold("hinge", 0), hold("hinge", 1)]
+    half = elastic(interface, [*held, press("under", 1.0, name="p")], {"E": 70e9, "alpha": 0.0, "creep": creep},
+                   tolerance=1e-6, element="enhanced")
     return half, interface.nodes, np.where(interface.nodes[:, 0] > A * 1.001, COLD, HOT)
 
 
