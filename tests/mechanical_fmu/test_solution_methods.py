@@ -188,6 +188,17 @@ def test_a_step_that_changes_too_little_is_skipped_and_nothing_drifts():
     assert replace(state, skipped=0).all_skipped == 5
 
 
+def test_skipped_changes_add_up_until_they_matter():
+    """A hundredth of a kelvin moves a metre by 1.2e-7 m: two go unseen below 3e-7, the third does not."""
+    half = elastic(block(GRID, GRID), [hold("block.left", 0), hold("block.bottom", 1)], skip={"u": 3e-7, "most": 10})
+    state, _ = half.start(inputs_of(half, 300.0), 0.0, NoLink())
+    counts = []
+    for i in range(6):
+        state, outputs = done(half.step(state, inputs_of(half, 300.0 + 0.01 * (i + 1)), float(i), 1.0, NoLink()))
+        counts.append(outputs["skipped"])
+    assert counts == [1, 2, 2, 3, 4, 4]
+
+
 def test_slow_creep_is_never_skipped():
     half = elastic(block(GRID, GRID), [hold("block.left", 0), hold("block.bottom", 1)],
                    {"creep": {"A": 1e-40, "n": 4.0}}, skip={"u": 1.0, "most": 3})
