@@ -68,8 +68,7 @@ def test_the_elastica():
         found = equilibrium(volume, moduli, {(0, 0): 0.0, (1, 0): 0.0, (0, 1): 0.0}, force, found, tolerance=1e-8)
         tips[float(load)] = -found.u[-2:].mean(axis=0)
     for load, w, u in zip(case["PL2_EI"], case["w_L"], case["u_L"], strict=True):
-        assert tips[load] == pytest.approx([u, w], rel=1.5 * case["tolerance"])
-        assert tips[load][1] == pytest.approx(w, rel=case["tolerance"])
+        assert tips[load] == pytest.approx([u, w], rel=case["tolerance"])
 
 
 def test_a_bimetal_strip():
