@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from contact.half.model import Values
 from contact.half.signal import Signal
-from mechanical_fmu.elastic_spec import Displacement
+from mechanical_fmu.boundary_spec import Displacement
+from mechanical_fmu.loads import driven
+from mechanical_fmu.rigid_bodies import RigidBodies
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +29,9 @@ class Constraints:
     """Degrees of freedom (2 node + component) whose value is given.
 
     fixed : (n_fixed,) degrees of freedom, ascending.  source : (n_fixed,) index into signals, -1 for a plain 0.
-    names : of the factor of each signal, "" for none.  free : (2 n_nodes,) 1.0 where free, else 0.0.
+    names : of the inputs of each signal, "" for none.  scale : (n_signals,) 1, or the length that turns an angle
+    into a reference row's displacement.  free : (2 n_nodes,) 1.0 where free, else 0.0 (nodes of rigid bodies are
+    neither free nor fixed: they follow).
     node_body : (n_nodes,), -1 where no cell is.  n_bodies.  axisymmetric : then a body can only move along y.
     """
 
@@ -37,10 +43,13 @@ class Constraints:
     node_body: NDArray[np.int32]
     n_bodies: int
     axisymmetric: bool
+    scale: tuple[float, ...]
+    rigid: RigidBodies | None = None
 
-    def values(self, t: float, side: int, factors: Mapping[str, float]) -> Floats:
+    def values(self, t: float, side: int, inputs: Values) -> Floats:
         """(n_fixed,) displacements [m] at time t, from the given side of a jump."""
-        numbers = [s.at(t, side) * (factors[n] if n else 1.0) for s, n in zip(self.signals, self.names, strict=True)]
+        numbers = [driven(s, n, t, side, inputs) * length
+                   for s, n, length in zip(self.signals, self.names, self.scale, strict=True)]
         return np.array([*numbers, 0.0])[self.source]
 
     def moved(self, u: Floats, target: Floats) -> Floats:
@@ -56,7 +65,11 @@ class Constraints:
         n = np.bincount(group[inside], minlength=size)
         total = np.bincount(group[inside], weights=increment[inside], minlength=size)
         mean = (total / np.maximum(n, 1)).reshape(-1, 2)
-        return u + np.where(self.node_body[:, None] >= 0, mean[self.node_body], 0.0)
+        moved = u + np.where(self.node_body[:, None] >= 0, mean[self.node_body], 0.0)
+        if self.rigid is None:
+            return moved
+        moved.ravel()[self.fixed[~inside]] = target[~inside]
+        return self.rigid.placed(moved)
 
     def loose_motions(self, x: Floats) -> tuple[tuple[int, Floats], ...]:
         """(body, Z) of bodies that could move rigidly: Z : (3, n_motions) combines moving along x, y and turning.
@@ -65,8 +78,7 @@ class Constraints:
         """
         loose = []
         for body in range(self.n_bodies):
-            rows = np.flatnonzero(self.node_body[self.fixed // 2] == body)
-            C = self.rigid_motions(x, body)[self.fixed[rows]]
+            C = self.rigid_motions(x, body)[self.fixed[self.holder[self.fixed // 2] == body]]
             if self.axisymmetric:
                 C = np.vstack([C, [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])
             values, vectors = np.linalg.eigh(C.T @ C)
@@ -84,32 +96,73 @@ class Constraints:
         motions[here, 0, 0] = motions[here, 1, 1] = 1.0
         motions[here, 0, 2] = -offset[here, 1] / size
         motions[here, 1, 2] = offset[here, 0] / size
+        if self.rigid is not None:
+            for k in np.flatnonzero(self.rigid.body == body):
+                point, turn = self.rigid.point_rows[k], self.rigid.turn_rows[k]
+                motions[point] = [[1.0, 0.0, -offset[point, 1] / size], [0.0, 1.0, offset[point, 0] / size]]
+                motions[turn, 0, 2] = self.rigid.size[k] / size
         return motions.reshape(-1, 3)
 
+    @cached_property
+    def holder(self) -> NDArray[np.int32]:
+        """(n_nodes,) the body a row belongs to, reference rows of rigid bodies too; -1 where none."""
+        if self.rigid is None:
+            return self.node_body
+        holder = self.node_body.copy()
+        holder[self.rigid.point_rows] = holder[self.rigid.turn_rows] = self.rigid.body
+        return holder
 
-def constraints_of(interface: Interface, displacements: Sequence[Displacement]) -> Constraints:
+
+def constraints_of(interface: Interface, displacements: Sequence[Displacement],
+                   rigid: RigidBodies | None = None) -> Constraints:
     """Collect the prescribed components.
 
-    On the axis u_r = 0; a node no cell uses stays.  Raises ValueError where two prescriptions disagree on a node.
+    On the axis u_r = 0; a node no cell uses stays.  interface : with the reference rows of rigid bodies.
+    Raises ValueError where two prescriptions disagree on a node, or one holds a node of a rigid body.
     """
     given: dict[int, int] = {}
     for i, d in enumerate(displacements):
-        for dof in 2 * d.nodes + d.component:
+        for dof in _dofs(d, rigid):
             first = given.setdefault(int(dof), i)
             if first != i and not _same(displacements[first], d):
                 raise ValueError(f"model.json: boundary on {displacements[first].on} and on {d.on} both prescribe "
                                  f"component {d.component} of node {dof // 2 + 1}, differently")
-    still = np.repeat(interface.node_body < 0, 2)
-    if interface.axisymmetric:
-        still[::2] |= np.abs(interface.nodes[:, 0]) <= ON_AXIS * np.ptp(interface.nodes)
-    for dof in np.flatnonzero(still):
+    for dof in np.flatnonzero(_still(interface, rigid)):
         given.setdefault(int(dof), -1)
     fixed = np.array(sorted(given), dtype=np.intp)
     free = np.ones(2 * len(interface.nodes))
     free[fixed] = 0.0
+    if rigid is not None:
+        free[rigid.slaves] = 0.0
+    scale = [1.0 if rigid is None or d.component < 2 else float(rigid.size[d.rigid]) for d in displacements]
     return Constraints(fixed, np.array([given[int(d)] for d in fixed], dtype=np.intp),
                        tuple(d.value for d in displacements), tuple(d.name for d in displacements), free,
-                       interface.node_body, len(interface.bodies), interface.axisymmetric)
+                       interface.node_body, len(interface.bodies), interface.axisymmetric, tuple(scale), rigid)
+
+
+def _dofs(d: Displacement, rigid: RigidBodies | None) -> NDArray[np.intp]:
+    if d.rigid >= 0:
+        assert rigid is not None
+        return rigid.dofs[d.rigid, [d.component]]
+    dofs = (2 * d.nodes + d.component).astype(np.intp)
+    if rigid is not None and np.isin(dofs, rigid.slaves).any():
+        raise ValueError(f"model.json: boundary on {d.on} holds nodes of a rigid body; "
+                         "prescribe the motion of the body itself: on: BODY, component 0, 1 or 2 (angle)")
+    return dofs
+
+
+def _still(interface: Interface, rigid: RigidBodies | None) -> NDArray[np.bool_]:
+    """(2 n_nodes,) what can never move: strays, the axis, and of rigid bodies what has no meaning."""
+    still = np.repeat(interface.node_body < 0, 2)
+    if interface.axisymmetric:
+        still[::2] |= np.abs(interface.nodes[:, 0]) <= ON_AXIS * np.ptp(interface.nodes)
+    if rigid is not None:
+        still[2 * rigid.first :] = False
+        still[2 * rigid.turn_rows + 1] = True
+        if interface.axisymmetric:
+            still[rigid.dofs[:, [0, 2]]] = True
+        still[rigid.slaves] = False
+    return still
 
 
 def _same(a: Displacement, b: Displacement) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +18,13 @@ Floats = NDArray[np.float64]
 
 class Contact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
+
+    def on_slaves(self, pairs: Collection[str]) -> NDArray[np.bool_]:
+        """(n_s,) whether a surface node is on a slave side of these pairs."""
+        sides = [side for pair in self.interface.pairs if pair.name in pairs
+                 for side in ((pair.slave, pair.master) if pair.two_pass else (pair.slave,))]
+        nodes = [self.interface.surfaces[side].ravel() for side in sides]
+        return np.isin(self.interface.contact_nodes, np.concatenate([np.empty(0, np.int32), *nodes]))
 
     @cached_property
     def slips(self) -> bool:

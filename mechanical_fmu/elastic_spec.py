@@ -9,99 +9,196 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.checks import keys, known, made, nodes_on, number, signal
+from contact.half.checks import keys, known, made, number
 from contact.half.interface import Interface
-from contact.half.property import positive_property, property_from
-from contact.half.signal import Signal
+from contact.half.property import Property, positive_property
+from mechanical_fmu.boundary_spec import DeadLoad, Displacement, Pressure, parse_boundary
 from mechanical_fmu.material import Material
-
-Ints = NDArray[np.int32]
+from mechanical_fmu.material_spec import parse_material
+from mechanical_fmu.method_spec import DEFAULT_CUTS, METHODS, Dynamics, Skip, parse_dynamics, parse_skip
 
 DEFAULT_TOLERANCE = 1e-8
+# The first of each is the default.  "plane_strain" is also what an axisymmetric scene has.
+ELEMENTS = ("mean_dilatation", "enhanced")
+STATES = ("plane_strain", "plane_stress")
+MOST_CUTS = 12  # 2^-12 of a step is no step any more
 
 
 @dataclass(frozen=True)
-class Displacement:
-    """Eq. (15): component of u is value(t) [m] at nodes.  on : the name they go by.  name : of the factor, or ""."""
+class BodySpec:
+    """What a body is beside its material.
 
-    on: str
-    nodes: Ints
-    component: int
-    value: Signal
-    name: str
+    rigid : it keeps its shape.  reference : the point its motion is told of [m], None for the centre of its volume.
+    v0 : velocity at the start along x and y [m/s] and turning [rad/s] about the reference.  Eq. (21).
+    """
 
-
-@dataclass(frozen=True)
-class Pressure:
-    """Eq. (16): a pressure value(t) [Pa] that pushes on the body and follows its edges : (n, 2)."""
-
-    on: str
-    edges: Ints
-    value: Signal
-    name: str
+    rigid: bool = False
+    reference: tuple[float, float] | None = None
+    v0: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class ElasticSpec:
-    """All of model.json.  body_material : (n_bodies,) index into materials, in the order of interface.bodies."""
+    """All of model.json.  body_material : (n_bodies,) index into materials, in the order of interface.bodies.
+
+    body_element : (n_bodies,) names of ELEMENTS.  plane_stress : no stress through the thickness (plane geometry).
+    bodies : of each body.  dead : the dead loads.  method : name of METHODS.  cuts : how often a step is halved inside.
+    dynamics : None where inertia is left out.  skip : None where every step is solved.
+    rho : (n_materials,) [kg/m3], nan where not said.  c : heat capacities [J/kgK] where said.
+    thermoelastic_heat : whether E_M has it.  adiabatic : whether steps at frozen entropy can be asked for.
+    augmented : pairs whose pressures are driven to no penetration -> to which share of the largest they must settle.
+    """
 
     tolerance: float
     materials: tuple[Material, ...]
     body_material: NDArray[np.intp]
     displacements: tuple[Displacement, ...]
     pressures: tuple[Pressure, ...]
+    body_element: tuple[str, ...]
+    plane_stress: bool
+    bodies: tuple[BodySpec, ...]
+    dead: tuple[DeadLoad, ...]
+    method: str
+    cuts: int
+    dynamics: Dynamics | None
+    skip: Skip | None
+    rho: NDArray[np.float64]
+    c: tuple[Property | None, ...]
+    thermoelastic_heat: bool
+    adiabatic: bool
+    augmented: Mapping[str, float]
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the factor inputs, each once, in the order of the file."""
-        boundary: tuple[Displacement | Pressure, ...] = (*self.displacements, *self.pressures)
+        """Names of the inputs load.<name> and bc.<name>, each once, in the order of the file."""
+        boundary: tuple[Displacement | Pressure | DeadLoad, ...] = (*self.displacements, *self.pressures, *self.dead)
         return tuple(dict.fromkeys(b.name for b in boundary if b.name))
+
+    @property
+    def rigid(self) -> dict[int, tuple[float, float] | None]:
+        """Rigid bodies: index -> reference point."""
+        return {i: b.reference for i, b in enumerate(self.bodies) if b.rigid}
+
+    @property
+    def inert(self) -> bool:
+        """Whether mass matters."""
+        return self.dynamics is not None or self.method == "explicit"
 
 
 def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     """The model a model.json describes.  Raises ValueError naming the key, the value and what would do."""
-    keys(spec, "", {"half", "format", "materials", "bodies"}, {"tolerance", "boundary", "pairs"})
+    keys(spec, "", {"half", "format", "materials", "bodies"},
+         {"tolerance", "boundary", "pairs", "element", "state", "method", "cuts", "dynamics", "skip",
+          "thermoelastic_heat", "adiabatic"})
     if spec["half"] != "elastic" or spec["format"] != 1:
         raise ValueError(f"model.json: half {spec['half']!r}, format {spec['format']!r} is not elastic, 1")
-    tolerance = number(spec.get("tolerance", DEFAULT_TOLERANCE), "tolerance", 0.0, 1.0)
-    materials = {name: _material(name, m) for name, m in keys(spec["materials"], "materials", set(),
-                                                              spec["materials"]).items()}
+    materials = keys(spec["materials"], "materials", set(), spec["materials"])
     bodies = keys(spec["bodies"], "bodies", set(interface.bodies))
-    names = [known(keys(bodies[b], f"bodies.{b}", {"material"})["material"], f"bodies.{b}.material", materials)
-             for b in interface.bodies]
+    names = [known(keys(bodies[b], f"bodies.{b}", {"material"}, {"element", "rigid", "reference", "v0"})["material"],
+                   f"bodies.{b}.material", materials) for b in interface.bodies]
+    augmented = _augmented(interface, spec)
+    of_bodies = tuple(_body(bodies[b], f"bodies.{b}") for b in interface.bodies)
+    rigid = [b for b, body in zip(interface.bodies, of_bodies, strict=True) if body.rigid]
+    boundary = [parse_boundary(interface, b, f"boundary[{i}]", {name: k for k, name in enumerate(rigid)})
+                for i, b in enumerate(spec.get("boundary", []))]
+    element = known(spec.get("element", ELEMENTS[0]), "element", ELEMENTS)
+    return _checked(interface, ElasticSpec(
+        tolerance=number(spec.get("tolerance", DEFAULT_TOLERANCE), "tolerance", 0.0, 1.0),
+        materials=tuple(parse_material(name, m) for name, m in materials.items()),
+        body_material=np.array([list(materials).index(n) for n in names], dtype=np.intp),
+        displacements=tuple(b for b in boundary if isinstance(b, Displacement)),
+        pressures=tuple(b for b in boundary if isinstance(b, Pressure)),
+        body_element=tuple(known(bodies[b].get("element", element), f"bodies.{b}.element", ELEMENTS)
+                           for b in interface.bodies),
+        plane_stress=_plane_stress(interface, spec), bodies=of_bodies,
+        dead=tuple(b for b in boundary if isinstance(b, DeadLoad)),
+        method=known(spec.get("method", METHODS[0]), "method", METHODS),
+        cuts=_cuts(spec.get("cuts", DEFAULT_CUTS)),
+        dynamics=parse_dynamics(spec["dynamics"], "dynamics") if "dynamics" in spec else None,
+        skip=parse_skip(spec["skip"], "skip") if "skip" in spec else None,
+        rho=np.array([_rho(name, m) for name, m in materials.items()]),
+        c=tuple(_heat_capacity(name, m) for name, m in materials.items()),
+        thermoelastic_heat=_flag(spec, "thermoelastic_heat", ""), adiabatic=_flag(spec, "adiabatic", ""),
+        augmented=augmented))
+
+
+def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
+    """The spec, if everything that needs a density or a heat capacity has one.  Raises ValueError."""
+    everybody = range(len(interface.bodies))
+    weighed = {interface.bodies.index(d.on): "gravity" for d in spec.dead if d.kind == "gravity"}
+    weighed |= dict.fromkeys(everybody, "inertia") if spec.inert else {}
+    weighed |= dict.fromkeys(everybody, "adiabatic") if spec.adiabatic else {}
+    for body, why in weighed.items():
+        i = int(spec.body_material[body])
+        for key, missing in (("rho", np.isnan(spec.rho[i])), ("c", spec.adiabatic and spec.c[i] is None)):
+            if missing:
+                raise ValueError(f"model.json: materials.{spec.materials[i].name}: key {key!r} is missing, "
+                                 f"which {why} needs")
+    for name, body_spec in zip(interface.bodies, spec.bodies, strict=True):
+        if any(body_spec.v0) and not spec.inert:
+            raise ValueError(f"model.json: bodies.{name}.v0: without dynamics a body has no velocity")
+    if spec.skip is not None and spec.inert:
+        raise ValueError("model.json: skip: with inertia every step must be solved")
+    return spec
+
+
+def _augmented(interface: Interface, spec: Mapping[str, Any]) -> dict[str, float]:
+    augmented: dict[str, float] = {}
     for name, pair in keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs]).items():
-        keys(pair, f"pairs.{name}", set())
+        keys(pair, f"pairs.{name}", set(), {"augmented"})
+        if pair.get("augmented") is not None:
+            augmented[name] = number(pair["augmented"], f"pairs.{name}.augmented", 0.0, 1.0)
     for contact in interface.pairs:
         if not contact.eps_N > 0.0:
             raise ValueError(f"interface: pair {contact.name} needs a penalty eps_N > 0 [Pa/m], "
                              f"not {contact.eps_N!r}")
-    boundary = [_boundary(interface, b, f"boundary[{i}]") for i, b in enumerate(spec.get("boundary", []))]
-    return ElasticSpec(tolerance, tuple(materials.values()),
-                       np.array([list(materials).index(n) for n in names], dtype=np.intp),
-                       tuple(b for b in boundary if isinstance(b, Displacement)),
-                       tuple(b for b in boundary if isinstance(b, Pressure)))
+    return augmented
 
 
-def _material(name: str, spec: Any) -> Material:
-    where = f"materials.{name}"
-    keys(spec, where, {"E", "nu"}, {"alpha", "T_ref"})
-    nu = number(spec["nu"], f"{where}.nu", -1.0, 0.5)
-    T_ref = number(spec.get("T_ref", 0.0), f"{where}.T_ref")
-    E = made(lambda E: positive_property(E, "Young's modulus"), spec["E"], f"{where}.E")
-    return Material(name, E, nu, made(property_from, spec.get("alpha", 0.0), f"{where}.alpha"), T_ref)
+def _body(spec: Mapping[str, Any], where: str) -> BodySpec:
+    rigid = _flag(spec, "rigid", f"{where}.")
+    reference = None
+    if "reference" in spec:
+        if not rigid:
+            raise ValueError(f"model.json: {where}.reference: only a rigid body has one")
+        x, y = _numbers(spec["reference"], f"{where}.reference", (2,))
+        reference = (x, y)
+    v0 = (*_numbers(spec.get("v0", (0.0, 0.0)), f"{where}.v0", (2, 3)), 0.0)
+    return BodySpec(rigid, reference, (v0[0], v0[1], v0[2]))
 
 
-def _boundary(interface: Interface, spec: Any, where: str) -> Displacement | Pressure:
-    kind = known(keys(spec, where, {"kind"}, spec)["kind"], f"{where}.kind", ("displacement", "pressure"))
-    if kind == "pressure":
-        keys(spec, where, {"kind", "on", "value"}, {"name"})
-        on = known(spec["on"], f"{where}.on", interface.surfaces)
-        value = signal(spec["value"], f"{where}.value")
-        return Pressure(on, interface.surfaces[on], value, str(spec.get("name") or ""))
-    keys(spec, where, {"kind", "on", "component", "value"}, {"name"})
-    nodes = nodes_on(interface, spec["on"], f"{where}.on")
-    component = spec["component"]
-    if isinstance(component, bool) or component not in (0, 1):
-        raise ValueError(f"model.json: {where}.component must be 0 (x) or 1 (y), not {component!r}")
-    return Displacement(spec["on"], nodes, int(component), signal(spec["value"], f"{where}.value"),
-                        str(spec.get("name") or ""))
+def _numbers(spec: Any, where: str, lengths: tuple[int, ...]) -> tuple[float, ...]:
+    if not isinstance(spec, list | tuple) or len(spec) not in lengths:
+        raise ValueError(f"model.json: {where} must be a list of {' or '.join(map(str, lengths))} numbers, "
+                         f"not {spec!r}")
+    return tuple(number(v, f"{where}[{i}]") for i, v in enumerate(spec))
+
+
+def _flag(spec: Mapping[str, Any], key: str, where: str) -> bool:
+    value = spec.get(key, False)
+    if not isinstance(value, bool):
+        raise ValueError(f"model.json: {where}{key} must be true or false, not {value!r}")
+    return value
+
+
+def _cuts(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST_CUTS:
+        raise ValueError(f"model.json: cuts must be a whole number from 0 to {MOST_CUTS}, not {value!r}")
+    return value
+
+
+def _plane_stress(interface: Interface, spec: Mapping[str, Any]) -> bool:
+    state = known(spec.get("state", STATES[0]), "state", STATES)
+    if state == "plane_stress" and interface.axisymmetric:
+        raise ValueError("model.json: state plane_stress is of plane geometry, and this scene is axisymmetric")
+    return state == "plane_stress"
+
+
+def _rho(name: str, spec: Mapping[str, Any]) -> float:
+    return number(spec["rho"], f"materials.{name}.rho", 0.0) if "rho" in spec else float("nan")
+
+
+def _heat_capacity(name: str, spec: Mapping[str, Any]) -> Property | None:
+    if "c" not in spec:
+        return None
+    return made(lambda c: positive_property(c, "the heat capacity"), spec["c"], f"materials.{name}.c")

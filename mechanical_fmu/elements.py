@@ -1,39 +1,62 @@
-"""Cells of one kind (4-node quads or 3-node triangles): shape functions, reference gradients, quadrature weights."""
+"""Cells of one kind (shape and treatment): shape functions, reference gradients, quadrature weights."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.elements import Table, table_of
 from contact.half.interface import Interface
+from mechanical_fmu.cell_points import Shape
+from mechanical_fmu.enhanced import mode_count, mode_gradients
+from mechanical_fmu.points import history_size
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
+class Treatment:
+    """How the cells of a body are computed.  kind : of their points (points.py), 0 : neo-Hookean.
+
+    enhanced : with modes that let a quad bend; a triangle has none and keeps its mean dilatation.
+    plane_stress : no stress through the thickness.
+    """
+
+    kind: int = 0
+    enhanced: bool = False
+    plane_stress: bool = False
+
+
+ELASTIC = Treatment()
+
+
+@dataclass(frozen=True)
 class Cells:
     """All cells of one kind, at the reference coordinates X.
 
-    nodes : (n_e, nn).  body : (n_e,) index of the body.  first : number of the first cell in interface order.
+    nodes : (n_e, nn).  body : (n_e,) index of the body.  number : (n_e,) of the cell in interface order, 0-based.
     N : (nq, nn) shape functions.  B : (n_e, nq, nn, 2) gradients dN/dX [1/m].
     weight : (n_e, nq) reference volume of a point [m3], 2 pi R weighted when axisymmetric, else per metre depth.
     N_over_R : (n_e, nq, nn) [1/m], N_a/R when axisymmetric, else 0: what turns u_r into the hoop stretch.
     volume : (n_e,) [m3].  mean : (n_e, nn) takes nodal values to the volume mean of each cell.
+    modes : gradients and hoop parts of the modes of enhanced strain, (n_e, nq, n_m, 2) and (n_e, nq, n_m), n_m >= 0.
     """
 
     nodes: Ints
     body: Ints
-    first: int
+    number: Ints
     N: Floats
     B: Floats
     weight: Floats
     N_over_R: Floats
     volume: Floats
     mean: Floats
+    treatment: Treatment
+    modes: tuple[Floats, Floats]
 
     @property
     def dofs(self) -> NDArray[np.int64]:
@@ -41,37 +64,71 @@ class Cells:
         dofs = 2 * self.nodes[:, :, None].astype(np.int64) + np.arange(2)
         return dofs.reshape(len(self.nodes), -1)
 
+    @property
+    def fast(self) -> bool:
+        """Whether the loop of kernels.py does: elastic, of mean dilatation."""
+        return self.treatment == ELASTIC
 
-def cells_of(interface: Interface) -> tuple[Cells, ...]:
-    """The quads, then the triangles, of a mesh; a kind without cells is left out.
+    @property
+    def n_modes(self) -> int:
+        n = self.modes[1].shape[2]
+        return mode_count(n == 3) if n else 0
 
+    @property
+    def n_row(self) -> int:
+        """Numbers that evolve in a cell: modes, then each point's history and, in plane stress, its ln F33."""
+        point = history_size(self.treatment.kind) + self.treatment.plane_stress
+        return 0 if self.fast else self.n_modes + point * self.weight.shape[1]
+
+    @cached_property
+    def shape(self) -> Shape:
+        B, N_over_R = (np.concatenate(parts, axis=2) for parts in zip((self.B, self.N_over_R), self.modes, strict=True))
+        return Shape(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
+
+
+def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = None) -> tuple[Cells, ...]:
+    """The quads, then the triangles, of a mesh, each by treatment; a kind without cells is left out.
+
+    treatments : one a body, None for elastic bodies only.
     Raises ValueError naming the cell (1-based) and its body where the mesh itself is inverted or left of the axis.
     """
-    kinds = (("quad", interface.quads, interface.quad_body, 0),
-             ("triangle", interface.triangles, interface.triangle_body, len(interface.quads)))
-    return tuple(_cells(interface, nodes, body, first, table_of(kind))
-                 for kind, nodes, body, first in kinds if len(nodes))
+    shapes = (("quad", interface.quads, interface.quad_body, 0),
+              ("triangle", interface.triangles, interface.triangle_body, len(interface.quads)))
+    chosen = treatments or (ELASTIC,) * len(interface.bodies)
+    out = []
+    for name, nodes, body, first in shapes:
+        of_body = chosen if name == "quad" else tuple(replace(t, enhanced=False) for t in chosen)
+        number = np.arange(first, first + len(nodes), dtype=np.int32)
+        for treatment in dict.fromkeys(of_body):
+            here = np.isin(body, [i for i, t in enumerate(of_body) if t == treatment])
+            if here.any():
+                out.append(_cells(interface, nodes[here], body[here], number[here], (table_of(name), treatment)))
+    return tuple(out)
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, first: int, table: Table) -> Cells:
+def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tuple[Table, Treatment]) -> Cells:
+    table, treatment = how
     N, dN = table.N, table.dN
     X = interface.nodes[nodes]
     jacobian = np.einsum("eai,qaj->eqij", X, dN)
     det = np.linalg.det(jacobian)
     R = np.einsum("qa,ea->eq", N, X[:, :, 0])
-    _refuse(interface, body, first, det <= 0.0, "has no volume or its nodes run clockwise")
+    _refuse(interface, body, number, det <= 0.0, "has no volume or its nodes run clockwise")
     if interface.axisymmetric:
-        _refuse(interface, body, first, R <= 0.0, "lies on the wrong side of the axis (x = r must be positive)")
+        _refuse(interface, body, number, R <= 0.0, "lies on the wrong side of the axis (x = r must be positive)")
     B = np.einsum("qaj,eqji->eqai", dN, np.linalg.inv(jacobian))
     weight = det * table.w * (2.0 * np.pi * R if interface.axisymmetric else 1.0)
     N_over_R = N / R[:, :, None] if interface.axisymmetric else np.zeros((*R.shape, N.shape[1]))
     volume = weight.sum(axis=1)
     mean = np.einsum("eq,qa->ea", weight, N) / volume[:, None]
-    return Cells(np.ascontiguousarray(nodes), body, first, N, np.ascontiguousarray(B),
-                 np.ascontiguousarray(weight), np.ascontiguousarray(N_over_R), volume, mean)
+    modes = (np.empty((*det.shape, 0, 2)), np.empty((*det.shape, 0)))
+    if treatment.enhanced:
+        modes = mode_gradients(X, N, det, interface.axisymmetric)
+    return Cells(np.ascontiguousarray(nodes), body, number, N, np.ascontiguousarray(B),
+                 np.ascontiguousarray(weight), np.ascontiguousarray(N_over_R), volume, mean, treatment, modes)
 
 
-def _refuse(interface: Interface, body: Ints, first: int, bad: NDArray[np.bool_], why: str) -> None:
+def _refuse(interface: Interface, body: Ints, number: Ints, bad: NDArray[np.bool_], why: str) -> None:
     if bad.any():
         e = int(np.argmax(bad.any(axis=1)))
-        raise ValueError(f"mesh: cell {first + e + 1} of body {interface.bodies[body[e]]} {why}")
+        raise ValueError(f"mesh: cell {number[e] + 1} of body {interface.bodies[body[e]]} {why}")

@@ -10,14 +10,18 @@ F = 1 + du/dX in the plane and F_33 = 1 (plane strain) or r/R (axisymmetric).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mechanical_fmu.compiled import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+Corners = tuple[int, ...]
+"""As many numbers as a cell has nodes, and points: the length of a tuple is known when the loops are compiled, which
+unrolls them and saves a fifth of their time."""
 
 
-@njit(cache=True)
+@kernel
 def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
     """F = (F11, F12, F21, F22, F33) of one point from its cell's u : (nn, 2) [m]; returns J = det F."""
     F[0] = 1.0
@@ -34,7 +38,7 @@ def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
     return (F[0] * F[3] - F[1] * F[2]) * F[4]
 
 
-@njit(cache=True)
+@kernel
 def dilatation(B: Floats, N_over_R: Floats, weight: Floats, u: Floats, F: Floats, J: Floats) -> float:
     """Fill F : (nq, 5) and J : (nq,) of one cell; returns its current volume v [m3], or -1 where a J or F_33 <= 0."""
     v = 0.0
@@ -46,15 +50,15 @@ def dilatation(B: Floats, N_over_R: Floats, weight: Floats, u: Floats, F: Floats
     return v
 
 
-@njit(cache=True)
+@kernel
 def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume: Floats, mu: Floats, kappa: Floats,
-                e_th: Floats, u: Floats, tangent: bool, f: Floats, K: Floats) -> int:
+                e_th: Floats, u: Floats, tangent: bool, f: Floats, K: Floats, corners: Corners) -> int:
     """Add the internal forces to f : (n_nodes, 2) [N]; with tangent, fill K : (n_e, 2 nn, 2 nn) [N/m], symmetric.
 
     u : (n_nodes, 2) [m].  mu, kappa : (n_e,) [Pa], e_th : (n_e,) thermal part of ln theta.
     Returns the number of the first cell turned inside out, or -1.
     """
-    n_e, nq, nn = B.shape[0], B.shape[1], B.shape[2]
+    n_e, nq, nn = B.shape[0], len(corners), len(corners)
     ue, F, J = np.empty((nn, 2)), np.empty((nq, 5)), np.empty(nq)
     g, h, k, d, fe = np.empty((nn, 2)), np.empty((nn, 2)), np.empty((nn, 2)), np.empty((nn, 2)), np.empty((nn, 2))
     for e in range(n_e):
@@ -91,28 +95,29 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
                     fe[a, i] += c * k[a, i] + s * h[a, i]
                     d[a, i] += wJ * h[a, i]
             if tangent:
-                add_tangent(B[e, q], N_over_R[e, q], F[q, 4], c, -s, 2.0 / 9.0 * c * I1 + wJ * p, g, h, k, K[e])
+                add_tangent(B[e, q], N_over_R[e, q], F[q, 4], c, -s, 2.0 / 9.0 * c * I1 + wJ * p, g, h, k, K[e],
+                            corners)
         if tangent:
             # The volumetric part beyond fixed p: d2U/dtheta2 (d theta/du)(d theta/du)' V.
-            close_tangent(kappa[e] * (1.0 - log) / (theta * theta * volume[e]), d, K[e])
+            close_tangent(kappa[e] * (1.0 - log) / (theta * theta * volume[e]), d, K[e], corners)
         for a in range(nn):
             for i in range(2):
                 f[nodes[e, a], i] += fe[a, i]
     return -1
 
 
-@njit(cache=True)
+@kernel
 def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: float, g: Floats, h: Floats,
-                k: Floats, K: Floats) -> None:
+                k: Floats, K: Floats, corners: Corners) -> None:
     """Add one point's lower triangle: c dF:dF - 2c/3 (h k' + k h') + n h h' + m (F^-T dF' F^-T):dF."""
     c3 = 2.0 / 3.0 * c
-    for b in range(B.shape[0]):
+    for b in range(len(corners)):
         B0, B1, hoop = c * B[b, 0], c * B[b, 1], c * N_over_R[b]
         over_r = m * N_over_R[b] / (F33 * F33)
         x0, x1 = n * h[b, 0] - c3 * k[b, 0], n * h[b, 1] - c3 * k[b, 1]
         y0, y1 = c3 * h[b, 0], c3 * h[b, 1]
         g0, g1 = m * g[b, 0], m * g[b, 1]
-        for a in range(b, B.shape[0]):
+        for a in range(b, len(corners)):
             along = B[a, 0] * B0 + B[a, 1] * B1
             K[2 * a, 2 * b] += (along + N_over_R[a] * (hoop + over_r) + h[a, 0] * x0 - k[a, 0] * y0
                                 + g[a, 0] * g0)
@@ -121,10 +126,10 @@ def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: 
             K[2 * a + 1, 2 * b + 1] += along + h[a, 1] * x1 - k[a, 1] * y1 + g[a, 1] * g1
 
 
-@njit(cache=True)
-def close_tangent(factor: float, d: Floats, K: Floats) -> None:
+@kernel
+def close_tangent(factor: float, d: Floats, K: Floats, corners: Corners) -> None:
     """Add factor d d' and mirror the lower triangle."""
-    for a in range(d.shape[0]):
+    for a in range(len(corners)):
         for i in range(2):
             row = 2 * a + i
             for b in range(a + 1):
@@ -135,7 +140,7 @@ def close_tangent(factor: float, d: Floats, K: Floats) -> None:
                         K[column, row] = K[row, column]
 
 
-@njit(cache=True)
+@kernel
 def cell_stress(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume: Floats, mu: Floats, kappa: Floats,
                 e_th: Floats, u: Floats, stress: Floats, strain: Floats) -> None:
     """Fill stress : (n_e, nq, 4) Cauchy (11, 22, 12, 33) [Pa] and strain : (n_e, nq, 4) Green-Lagrange, same order."""

@@ -1,58 +1,129 @@
-"""Thermoelastic material: what a cell needs to know of it at its temperature."""
+"""Material of a deformable body: what a cell needs to know of it at its temperature."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.property import Property
+from mechanical_fmu.flow_laws import Flow
+from mechanical_fmu.point_layout import N_P, P_G, P_SOLID
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+ELASTIC = Flow()
 
 
 @dataclass(frozen=True)
 class Material:
-    """Compressible neo-Hookean, E : [Pa], nu : [1], alpha : [1/K] the SECANT coefficient from T_ref [K].
+    """E : [Pa], nu : [1], alpha : [1/K] the SECANT coefficient from T_ref [K].  flow : what it does beyond elasticity.
 
     alpha (T - T_ref) is the whole free stretch less one, so a table of alpha is of mean coefficients from T_ref.
     """
 
     name: str
     E: Property
-    nu: float
+    nu: Property
     alpha: Property
     T_ref: float
+    flow: Flow = ELASTIC
+
+    @property
+    def kind(self) -> int:
+        """What its points do (points.py); 0 : elastic, neo-Hookean."""
+        return self.flow.kind
 
 
 @dataclass(frozen=True)
 class Moduli:
-    """Per cell: mu, kappa : (n_e,) [Pa]; e_th : (n_e,) = 3 ln(1 + alpha (T - T_ref))."""
+    """Per cell: mu, kappa : (n_e,) [Pa]; e_th : (n_e,) = 3 ln(1 + alpha (T - T_ref) + shrinkage (1 - f_s)).
+
+    p : (n_e, N_P) parameters of points (points.py), (0, N_P) where all cells are elastic.
+    tables : (n_t,) hardening curves of all materials.
+    """
 
     mu: Floats
     kappa: Floats
     e_th: Floats
+    p: Floats = field(default_factory=lambda: np.empty((0, N_P)))
+    tables: Floats = field(default_factory=lambda: np.empty(0))
 
 
 class MaterialRangeError(ArithmeticError):
     """A property left the range in which the material makes sense."""
 
 
-def moduli(materials: tuple[Material, ...], material_of: NDArray[np.intp], T: Floats) -> Moduli:
-    """Moduli of cells at their mean temperature T : (n_e,) [K].
+def moduli(materials: tuple[Material, ...], material_of: Index, T: Floats, f_s: Floats | None = None) -> Moduli:
+    """Moduli of cells at their mean temperature T : (n_e,) [K] and solid fraction f_s : (n_e,).
 
-    material_of : (n_e,) index into materials.  Raises MaterialRangeError naming material and temperature.
+    f_s : None : each melting material takes it from T.  material_of : (n_e,) index into materials.
+    Raises MaterialRangeError naming material and temperature.
     """
     mu, kappa, e_th = np.empty_like(T), np.empty_like(T), np.empty_like(T)
+    flows = any(materials[i].kind for i in np.unique(material_of))
+    p, start = np.zeros((len(T) if flows else 0, N_P)), 0
     for i, material in enumerate(materials):
         here = material_of == i
-        E, stretch = material.E(T[here]), 1.0 + material.alpha(T[here]) * (T[here] - material.T_ref)
-        for value, what in ((E, "E"), (stretch, "the free stretch 1 + alpha (T - T_ref)")):
-            if (value <= 0.0).any():
-                at = T[here][int(np.argmin(value))]
-                raise MaterialRangeError(f"material {material.name}: {what} is {value.min():.6g} at {at:.6g} K")
-        mu[here] = E / (2.0 * (1.0 + material.nu))
-        kappa[here] = E / (3.0 * (1.0 - 2.0 * material.nu))
-        e_th[here] = 3.0 * np.log(stretch)
-    return Moduli(mu, kappa, e_th)
+        if here.any():
+            solid = _solid_fraction(material, T[here], None if f_s is None else f_s[here])
+            mu[here], kappa[here], e_th[here] = _elasticity(material, T[here], solid)
+            if flows:
+                p[here] = _parameters(material, T[here], solid, mu[here], start)
+        start += material.flow.data.size
+    tables = np.concatenate([m.flow.data for m in materials]) if flows else np.empty(0)
+    return Moduli(mu, kappa, e_th, p, tables)
+
+
+def thermoelastic_heat(materials: Sequence[Material], material_of: Index, T: Floats, kappa: Floats,
+                       change: Floats) -> Floats:
+    """Heat of a step [J/m3 of reference volume]: - kappa T (de_th/dT) d(ln theta), so that compression heats.
+
+    T : (n_e,) [K], kappa : (n_e,) [Pa], change : (n_e,) of ln theta over the step.  The share in the elastic
+    entropy of moduli that change with temperature, and what pressure does to melting, are left out.
+    """
+    rate = np.empty_like(T)
+    for i, material in enumerate(materials):
+        here = material_of == i
+        if here.any():
+            alpha, d_alpha = material.alpha(T[here]), material.alpha.slope(T[here])
+            warm = T[here] - material.T_ref
+            rate[here] = 3.0 * (alpha + d_alpha * warm) / (1.0 + alpha * warm)
+    return -kappa * T * rate * change
+
+
+def _elasticity(material: Material, T: Floats, solid: Floats | None) -> tuple[Floats, Floats, Floats]:
+    """mu, kappa, e_th : (n,) of one material.  solid : (n,) f_s, None where it does not melt."""
+    E, nu = material.E(T), material.nu(T)
+    stretch = 1.0 + material.alpha(T) * (T - material.T_ref)
+    liquid = material.flow.liquid
+    if liquid is not None and solid is not None:
+        stretch = stretch + liquid.shrinkage * (1.0 - solid)
+    for value, what in ((E, "E"), (stretch, "the free stretch 1 + alpha (T - T_ref)"), (0.5 - nu, "1/2 - nu"),
+                        (1.0 + nu, "1 + nu")):
+        if not (value > 0.0).all():
+            at = T[int(np.argmin(value))]
+            raise MaterialRangeError(f"material {material.name}: {what} is {value.min():.6g} at {at:.6g} K")
+    kappa = E / (3.0 * (1.0 - 2.0 * nu))
+    if liquid is not None and solid is not None:
+        kappa = solid * kappa + (1.0 - solid) * liquid.bulk(T)
+    return E / (2.0 * (1.0 + nu)), kappa, 3.0 * np.log(stretch)
+
+
+def _solid_fraction(material: Material, T: Floats, f_s: Floats | None) -> Floats | None:
+    if material.flow.liquid is None:
+        return None
+    return material.flow.liquid.solid_fraction(T) if f_s is None else np.clip(f_s, 0.0, 1.0)
+
+
+def _parameters(material: Material, T: Floats, solid: Floats | None, mu: Floats, start: int) -> Floats:
+    """(n, N_P) rows of one material."""
+    if why := material.flow.refusal(T):
+        raise MaterialRangeError(f"material {material.name}: {why}")
+    p = np.zeros((len(T), N_P))
+    p[:, P_G], p[:, P_SOLID] = mu, 1.0 if solid is None else solid
+    material.flow.fill(p, T, start)
+    return p

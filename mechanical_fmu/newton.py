@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanical_fmu.methods import directions
 from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.tangent import Anchor, fresh_direction
+from mechanical_fmu.tangent import Anchor
 from mechanical_fmu.volume import InvertedCellError
 
 Floats = NDArray[np.float64]
@@ -16,9 +17,8 @@ Floats = NDArray[np.float64]
 # A step is shortened while the work d . r left at its end exceeds this share of that at its start (Crisfield's .8).
 SLACK = 0.8
 MOST_CUTS = 8
-# An iteration with an old factor that leaves more than this share of the residual is a poor one; after so many
-# poor ones the tangent is taken fresh.  Contact that changes may cause one or two whatever the tangent.
-POOR, MOST_POOR = 0.3, 3
+# Iterations of a method that lives on old tangents may be many: each costs little.
+PATIENCE = 4
 
 
 class NoEquilibriumError(ArithmeticError):
@@ -31,11 +31,18 @@ class Settings:
 
     adopt : drift of the stiffness over a step up to which its factor is kept for the next steps; negative: never.
         Well below what would still converge, because beginning costs a factor and a solve per surface unknown.
+    method : newton, modified_newton or bfgs (methods.py).
     """
 
     tolerance: float
     max_iterations: int = 25
     adopt: float = 0.002
+    method: str = "newton"
+
+    @property
+    def most(self) -> int:
+        """Iterations a step may take."""
+        return self.max_iterations if self.method == "newton" else PATIENCE * self.max_iterations
 
 
 @dataclass(frozen=True)
@@ -63,25 +70,19 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
     """
     floor = system.floor(loading, settings.tolerance)
     balance, error = start, system.error(start, floor)
-    history, poor, fresh = [float(error.max())], 0, False
+    history, search = [float(error.max())], directions(settings.method, system, loading, anchor)
     while True:
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if history[-1] <= settings.tolerance and not gap.any():
-            return Equilibrium(balance, history[-1], tuple(history), fresh)
-        if len(history) > settings.max_iterations:
+            return Equilibrium(balance, history[-1], tuple(history), search.fresh)
+        if len(history) > settings.most:
             break
-        if anchor is not None and poor < MOST_POOR:
-            d = anchor.direction(balance, gap)
-        else:
-            fresh = True
-            if balance.entries is None:
-                balance = system.balance(balance.u, loading, tangent=True)
-            d = fresh_direction(system, balance, loading, gap)
+        d, before = search.direction(balance, gap), balance
         balance, error = _search(system, loading, (balance, error), d, floor, settings.tolerance)
         history.append(float(error.max()))
-        poor += history[-1] > POOR * history[-2]
+        search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
-    raise NoEquilibriumError(f"no equilibrium after {settings.max_iterations} iterations: the forces on body {body} "
+    raise NoEquilibriumError(f"no equilibrium after {settings.most} iterations: the forces on body {body} "
                              f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
 
 
@@ -119,4 +120,5 @@ def _moved(system: System, loading: Loading, u: Floats, d: Floats, s: float) -> 
     moved = u.ravel() + s * d
     if s == 1.0:
         moved[system.constraints.fixed] = loading.target
-    return moved.reshape(-1, 2)
+    placed = moved.reshape(-1, 2)
+    return placed if system.rigid is None else system.rigid.placed(placed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,13 +13,17 @@ from scipy.sparse import csr_matrix
 from contact.half.interface import Interface
 from contact.half.sparse import Pattern, pattern_of
 from contact.wire import Tractions
+from mechanical_fmu.boundary_spec import Pressure
 from mechanical_fmu.constraints import Constraints, constraints_of
 from mechanical_fmu.contact_forces import Contact
-from mechanical_fmu.elastic_spec import ElasticSpec, Pressure
-from mechanical_fmu.elements import cells_of
+from mechanical_fmu.elastic_spec import ElasticSpec
+from mechanical_fmu.elements import Treatment, cells_of
+from mechanical_fmu.inertia import Inertia
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
+from mechanical_fmu.masses import Masses, masses_of
 from mechanical_fmu.material import Moduli, moduli
-from mechanical_fmu.volume import Volume
+from mechanical_fmu.rigid_bodies import RigidBodies, rigid_bodies
+from mechanical_fmu.volume import Step, Volume
 
 Floats = NDArray[np.float64]
 
@@ -36,12 +40,18 @@ class Loading:
 
     moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
     ask : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
+    step : time and memory of inelastic points, history as System.start_history gives it or the last Balance.
+    dead : (n_nodes, 2) [N] forces that do not follow the bodies, None where there are none.
+    inertia : None where it is left out.
     """
 
     moduli: tuple[Moduli, ...]
     target: Floats
     pressure: Floats
     ask: Callable[[Floats], Tractions] | None
+    step: Step = field(default_factory=Step)
+    dead: Floats | None = None
+    inertia: Inertia | None = None
 
 
 @dataclass(frozen=True)
@@ -50,6 +60,9 @@ class Balance:
 
     r : (n_nodes, 2) [N], internal less external; on prescribed components, what has to hold them.
     external : (n_nodes, 2) [N], pressure and contact.  entries : of the volume tangent where it was asked for.
+    history : (n_history,) of points and cells if the step ended here.  heat : (n_cells,) [J] they made in it, empty
+        where none can.  turning : (n_rigid,) [N/m] what forces at rigid bodies resist turning by themselves; r and
+        external have those forces at the reference rows then.
     """
 
     u: Floats
@@ -57,6 +70,9 @@ class Balance:
     external: Floats
     tractions: Tractions | None
     entries: Floats | None
+    history: Floats = field(default_factory=lambda: np.empty(0))
+    heat: Floats = field(default_factory=lambda: np.empty(0))
+    turning: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -68,10 +84,21 @@ class System:
     volume: Volume
     constraints: Constraints
     contact: Contact
+    masses: Masses
+
+    @property
+    def rigid(self) -> RigidBodies | None:
+        return self.constraints.rigid
 
     @cached_property
     def pattern(self) -> Pattern:
-        return pattern_of(2 * self.volume.n_nodes, *(cells.dofs for cells in self.volume.kinds))
+        # Where all bodies are rigid there is no cell at all.
+        dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
+        return pattern_of(2 * self.volume.n_nodes, *dofs)
+
+    def start_history(self) -> Floats:
+        """(n_history,) of virgin points, for the Step of a first Loading."""
+        return self.volume.start_history()
 
     @cached_property
     def can_be_loose(self) -> bool:
@@ -98,12 +125,8 @@ class System:
                      for cells, mean in zip(self.volume.kinds, self.volume.means(T), strict=True))
 
     def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> Balance:
-        """Forces at u.  Raises InvertedCellError, ContactRefusedError."""
-        entries = None
-        if tangent:
-            internal, entries = self.volume.tangent(u, loading.moduli)
-        else:
-            internal = self.volume.forces(u, loading.moduli)
+        """Forces at u.  Raises InvertedCellError, CellError, ContactRefusedError."""
+        internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
         external = np.zeros_like(u)
         for load, p in zip(self.loads, loading.pressure, strict=True):
@@ -114,7 +137,15 @@ class System:
         if loading.ask is not None:
             tractions = loading.ask(x)
             external += self.contact.force(tractions)
-        return Balance(u, internal - external, external, tractions, entries)
+        if loading.dead is not None:
+            external += loading.dead
+        r, turning = internal.f - external, None
+        if self.rigid is not None:
+            turning = self.rigid.turning_stiffness(r, u)
+            r, external = self.rigid.reduced(r, u), self.rigid.reduced(external, u)
+        if loading.inertia is not None:
+            r = r + loading.inertia.force(u)
+        return Balance(u, r, external, tractions, internal.entries, internal.history, internal.heat, turning)
 
     def load_matrix(self, u: Floats, loading: Loading) -> csr_matrix:
         """Stiffness of the follower pressures."""
@@ -136,7 +167,10 @@ class System:
         for cells, m in zip(self.volume.kinds, loading.moduli, strict=True):
             np.maximum.at(E, cells.body, 9.0 * m.kappa * m.mu / (3.0 * m.kappa + m.mu))
             np.maximum.at(kappa, cells.body, m.kappa)
-        return np.maximum(FORCE_FLOOR * E, ROUND_OFF * kappa / tolerance) * self.size
+        floor: Floats = np.maximum(FORCE_FLOOR * E, ROUND_OFF * kappa / tolerance) * self.size
+        # A rigid body has no stiffness of its own: it is as exact as the softest of the others.
+        soft = floor[floor > 0.0]
+        return np.where(floor > 0.0, floor, soft.min() if soft.size else np.finfo(float).tiny)
 
     def error(self, balance: Balance, floor: Floats) -> Floats:
         """(n_bodies,) norm of the out-of-balance force of each body, relative to the forces on it (at least floor)."""
@@ -145,17 +179,27 @@ class System:
         return norms[0] / np.maximum(np.maximum(norms[1], norms[2]), floor)
 
     def _body_norms(self, f: Floats) -> Floats:
-        squares = np.bincount(self.interface.node_body + 1, weights=f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1],
+        squares = np.bincount(self.constraints.holder + 1, weights=f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1],
                               minlength=len(self.interface.bodies) + 1)
         return np.sqrt(squares[1:])
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:
-    """Everything about a scene that does not change while it runs.  Raises ValueError for a bad mesh or constraints."""
-    kinds = cells_of(interface)
+    """Everything about a scene that does not change while it runs.  Raises ValueError for a bad mesh or constraints.
+
+    With rigid bodies, the system's interface has their reference rows behind the nodes of the mesh.
+    """
+    kinds = cells_of(interface, tuple(
+        Treatment(spec.materials[material].kind, element == "enhanced", spec.plane_stress)
+        for material, element in zip(spec.body_material, spec.body_element, strict=True)))
     bodies = np.concatenate([cells.body for cells in kinds]) if kinds else np.empty(0)
     for i, name in enumerate(interface.bodies):
         if i not in bodies:
             raise ValueError(f"mesh: body {name} has no cells")
-    return System(interface, spec, Volume(kinds, len(interface.nodes)),
-                  constraints_of(interface, spec.displacements), Contact(interface))
+    rigid = rigid_bodies(interface, spec.rigid, kinds) if spec.rigid else None
+    masses = masses_of(interface, spec, kinds, rigid)
+    if rigid is not None:
+        interface, kinds = rigid.extended(interface), rigid.deformable(kinds)
+    return System(interface, spec, Volume(kinds, len(interface.nodes), bodies.size),
+                  constraints_of(interface, spec.displacements, rigid), Contact(interface),
+                  masses)

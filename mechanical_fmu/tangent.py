@@ -39,12 +39,23 @@ def fresh_direction(system: System, balance: Balance, loading: Loading, gap: Flo
     balance must hold entries.  Raises SingularMatrixError, naming body and motion where one is loose.
     """
     assert balance.entries is not None
-    refuse_loose(system, balance)
+    if loading.inertia is None:
+        refuse_loose(system, balance)
+    K = stiffness(system, balance, loading)
+    d = factorise(held(system, K))(right_side(system, balance, K, gap))
+    return finish(system, balance, d, gap)
+
+
+def stiffness(system: System, balance: Balance, loading: Loading) -> csr_matrix:
+    """dr/du of everything at balance.u, with entries; rigid bodies condensed to their reference rows."""
+    assert balance.entries is not None
     K = system.pattern.matrix(balance.entries) + system.load_matrix(balance.u, loading)
     if balance.tractions is not None and len(balance.tractions.blocks):
         K = K + system.contact.matrix(balance.tractions)
-    d = factorise(_held(system, K))(_right_side(system, balance, K, gap))
-    return _finish(system, d, gap)
+    if balance.turning is not None:
+        assert system.rigid is not None
+        K = system.rigid.condensed(K, balance.u, balance.turning)
+    return K if loading.inertia is None else K + loading.inertia.matrix
 
 
 @dataclass(frozen=True)
@@ -75,7 +86,7 @@ class Anchor:
     def solve(self) -> Solve:
         diagonal = np.zeros(self.matrix.shape[0])
         diagonal[self.system.contact.dofs] = self.springs
-        return factorise(_held(self.system, self.matrix + diags_array(diagonal, format="csr")))
+        return factorise(held(self.system, self.matrix + diags_array(diagonal, format="csr")))
 
     @cached_property
     def compliance(self) -> Floats:
@@ -105,7 +116,7 @@ class Anchor:
         Raises SingularMatrixError, naming body and motion where one is loose.
         """
         refuse_loose(self.system, balance)
-        b = _right_side(self.system, balance, self.matrix, gap, balance.tractions)
+        b = right_side(self.system, balance, self.matrix, gap, balance.tractions)
         d = self.solve(b)
         E = self._surface_change(balance.tractions)
         active = np.flatnonzero(E.any(axis=1))
@@ -115,7 +126,7 @@ class Anchor:
             small = np.eye(active.size) + self.compliance[np.ix_(active, active)] @ E
             b[dofs] -= E @ np.linalg.solve(small, d[dofs])
             d = self.solve(b)
-        return _finish(self.system, d, gap)
+        return finish(self.system, balance, d, gap)
 
     def _surface_change(self, tractions: Tractions | None) -> Floats:
         free = self.system.constraints.free[self.system.contact.dofs]
@@ -137,14 +148,27 @@ def refuse_loose(system: System, balance: Balance) -> None:
             held = motions.T @ (system.contact.matrix(balance.tractions) @ motions)
         values, vectors = np.linalg.eigh(0.5 * (held + held.T))
         if values[0] <= LOOSE * values[-1] or values[-1] <= 0.0:
-            mode = np.abs(Z @ vectors[:, 0])
-            # Turning about a held point moves the middle too: any turning at all is turning.
-            motion = MOTIONS[2 if mode[2] > 0.1 * mode.max() else int(np.argmax(mode[:2]))]
-            raise SingularMatrixError(f"nothing holds body {system.interface.bodies[body]} against {motion}: "
-                                      "prescribe a displacement or let it press on something")
+            raise SingularMatrixError(_loose_text(system, body, Z @ vectors[:, 0]))
 
 
-def _right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
+def _loose_text(system: System, body: int, motion: Floats) -> str:
+    mode = np.abs(motion)
+    # Turning about a held point moves the middle too: any turning at all is turning.
+    name = MOTIONS[2 if mode[2] > 0.1 * mode.max() else int(np.argmax(mode[:2]))]
+    return (f"nothing holds body {system.interface.bodies[body]} against {name}: "
+            "prescribe a displacement or let it press on something")
+
+
+def refuse_unheld(system: System) -> None:
+    """Raises SingularMatrixError where a body is loose and in no contact pair that could hold it."""
+    interface = system.interface
+    touching = {int(interface.node_body[node]) for node in interface.contact_nodes}
+    for body, Z in system.constraints.loose_motions(interface.nodes):
+        if body not in touching:
+            raise SingularMatrixError(_loose_text(system, body, Z[:, 0]))
+
+
+def right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
                 tractions: Tractions | None = None) -> Floats:
     """-r - K gap on free components; `tractions`: contact not in K, whose share of K gap is added."""
     b = -balance.r.ravel()
@@ -157,7 +181,7 @@ def _right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
     return b * system.constraints.free
 
 
-def _held(system: System, K: csr_matrix) -> csr_matrix:
+def held(system: System, K: csr_matrix) -> csr_matrix:
     """K with the rows and columns of prescribed components replaced by those of a diagonal."""
     free = system.constraints.free
     rows = np.repeat(np.arange(free.size), np.diff(K.indptr))
@@ -167,8 +191,8 @@ def _held(system: System, K: csr_matrix) -> csr_matrix:
     return csr_matrix((data, K.indices, K.indptr), shape=K.shape)
 
 
-def _finish(system: System, d: Floats, gap: Floats) -> Floats:
+def finish(system: System, balance: Balance, d: Floats, gap: Floats) -> Floats:
     if not np.isfinite(d).all():
         raise SingularMatrixError("the stiffness matrix is singular")
     d[system.constraints.fixed] = gap
-    return d
+    return d if system.rigid is None else system.rigid.spread(d, balance.u)

@@ -2,24 +2,61 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechanical_fmu.cell_points import INVERTED, NO_MODES, Out, cell_points
 from mechanical_fmu.elements import Cells
 from mechanical_fmu.kernels import cell_forces, cell_stress
 from mechanical_fmu.material import Moduli
+from mechanical_fmu.points import CODES
+from mechanical_fmu.response import NO_THICKNESS, Law
 
 Floats = NDArray[np.float64]
 
+REASONS = {**CODES, NO_THICKNESS: "no thickness makes the stress through it vanish",
+           NO_MODES: "the modes of enhanced strain do not settle"}
 
-class InvertedCellError(ArithmeticError):
-    """A cell has been turned inside out.  cell : its number in interface order, 0-based.  body : index."""
+
+class CellError(ArithmeticError):
+    """A cell that cannot be computed.  cell : number in interface order, 0-based.  body : index.  why : in words."""
+
+    def __init__(self, cell: int, body: int, why: str) -> None:
+        super().__init__(f"cell {cell + 1}: {why}")
+        self.cell, self.body, self.why = cell, body, why
+
+
+class InvertedCellError(CellError):
+    """A cell has been turned inside out."""
 
     def __init__(self, cell: int, body: int) -> None:
-        super().__init__(f"cell {cell + 1} is turned inside out")
-        self.cell, self.body = cell, body
+        super().__init__(cell, body, "turned inside out")
+
+
+@dataclass(frozen=True)
+class Step:
+    """What points remember.  dt : [s] since history : (n_history,), that of an Internal; empty for virgin points."""
+
+    dt: float = 0.0
+    history: Floats = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True)
+class Internal:
+    """What the cells do at a trial displacement.
+
+    f : (n_nodes, 2) [N].  entries : of its derivative, flat, blocks in the order of kinds, or None.
+    history : (n_history,) at the end of the step.  heat : (n_cells,) [J] made in it, in interface order; empty where
+    nothing can make any.
+    """
+
+    f: Floats
+    entries: Floats | None
+    history: Floats
+    heat: Floats
 
 
 @dataclass(frozen=True)
@@ -28,51 +65,129 @@ class Volume:
 
     kinds: tuple[Cells, ...]
     n_nodes: int
+    all_cells: int = 0
 
     @property
     def n_cells(self) -> int:
-        return sum(len(cells.nodes) for cells in self.kinds)
+        """Cells of the mesh, those of rigid bodies (in no kind) too."""
+        return self.all_cells or sum(len(cells.nodes) for cells in self.kinds)
+
+    @property
+    def elastic(self) -> bool:
+        """Whether forces follow from u and the temperature alone, without history."""
+        return all(cells.fast for cells in self.kinds)
+
+    @property
+    def makes_heat(self) -> bool:
+        """Whether some point is inelastic."""
+        return any(cells.treatment.kind for cells in self.kinds)
+
+    def start_history(self) -> Floats:
+        """(n_history,) of virgin points."""
+        return np.zeros(sum(len(cells.nodes) * cells.n_row for cells in self.kinds))
+
+    def _history(self, step: Step) -> Floats:
+        return step.history if step.history.size else self.start_history()
 
     def means(self, nodal: Floats) -> tuple[Floats, ...]:
         """Volume mean of a nodal field in every cell, one array a kind."""
         return tuple(np.einsum("ea,ea->e", cells.mean, nodal[cells.nodes]) for cells in self.kinds)
 
-    def forces(self, u: Floats, moduli: tuple[Moduli, ...]) -> Floats:
-        """f_int : (n_nodes, 2) [N] at u : (n_nodes, 2) [m].  Raises InvertedCellError."""
-        f = np.zeros((self.n_nodes, 2))
-        nothing = np.empty((0, 0, 0))
+    def in_order(self, of_kinds: Sequence[Floats]) -> Floats:
+        """(n_cells, ...) in interface order of arrays (n_e, ...), one a kind."""
+        out = np.empty((self.n_cells, *of_kinds[0].shape[1:]))
+        for cells, values in zip(self.kinds, of_kinds, strict=True):
+            out[cells.number] = values
+        return out
+
+    def log_theta(self, u: Floats) -> Floats:
+        """(n_cells,) ln(v/V) of every cell in interface order, v its current volume.  Plane stress: of F33 = 1."""
+        out = []
+        for cells in self.kinds:
+            ue = u[cells.nodes]
+            F = np.einsum("eai,eqaj->eqij", ue, cells.B) + np.eye(2)
+            F33 = 1.0 + np.einsum("ea,eqa->eq", ue[:, :, 0], cells.N_over_R)
+            out.append(np.log(np.einsum("eq,eq->e", cells.weight, np.linalg.det(F) * F33) / cells.volume))
+        return self.in_order(out)
+
+    def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: Step, tangent: bool = False) -> Internal:
+        """Forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.
+
+        Raises InvertedCellError, CellError.
+        """
+        f, start, at = np.zeros((self.n_nodes, 2)), 0, 0
+        before = self._history(step)
+        size = sum(len(c.nodes) * (2 * c.nodes.shape[1]) ** 2 for c in self.kinds) if tangent else 0
+        entries, history = np.empty(size), np.empty_like(before)
+        heat = np.zeros(self.n_cells if self.makes_heat else 0)
         for cells, m in zip(self.kinds, moduli, strict=True):
-            _loop(cells, m, u, False, f, nothing)
-        return f
+            n = 2 * cells.nodes.shape[1]
+            stop = start + len(cells.nodes) * n * n if tangent else 0
+            K = entries[start:stop].reshape(-1, n, n)
+            start = stop
+            if cells.fast:
+                _loop(cells, m, u, tangent, f, K)
+                continue
+            rows = slice(at, at + len(cells.nodes) * cells.n_row)
+            at = rows.stop
+            now = history[rows].reshape(len(cells.nodes), -1)
+            made = np.zeros(len(cells.nodes))
+            nothing = np.empty((0, 0, 0))
+            _points(cells, m, u, step.dt, before[rows], Out(f, K, now, made, nothing, nothing))
+            if heat.size:
+                heat[cells.number] = made
+        return Internal(f, entries if tangent else None, history, heat)
+
+    def forces(self, u: Floats, moduli: tuple[Moduli, ...]) -> Floats:
+        """f_int : (n_nodes, 2) [N] of bodies without a past.  Raises InvertedCellError, CellError."""
+        return self.evaluate(u, moduli, Step()).f
 
     def tangent(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[Floats, Floats]:
-        """f_int and the entries of its derivative, flat, blocks in the order of cells.  Raises InvertedCellError."""
-        f = np.zeros((self.n_nodes, 2))
-        entries = np.empty(sum(len(c.nodes) * (2 * c.nodes.shape[1]) ** 2 for c in self.kinds))
-        start = 0
-        for cells, m in zip(self.kinds, moduli, strict=True):
-            size = 2 * cells.nodes.shape[1]
-            stop = start + len(cells.nodes) * size * size
-            _loop(cells, m, u, True, f, entries[start:stop].reshape(-1, size, size))
-            start = stop
-        return f, entries
+        """f_int of bodies without a past and the entries of its derivative.  Raises InvertedCellError, CellError."""
+        found = self.evaluate(u, moduli, Step(), tangent=True)
+        assert found.entries is not None
+        return found.f, found.entries
 
-    def stress(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[tuple[Floats, Floats], ...]:
-        """(stress, strain) of every kind, each (n_e, nq, 4): Cauchy [Pa] and Green-Lagrange, (11, 22, 12, 33)."""
-        out = []
+    def stress(self, u: Floats, moduli: tuple[Moduli, ...], step: Step = Step()
+               ) -> tuple[tuple[Floats, Floats], ...]:
+        """(stress, strain) of every kind, each (n_e, nq, 4): Cauchy [Pa] and Green-Lagrange, (11, 22, 12, 33).
+
+        step : the one that ended at u.
+        """
+        out, at = [], 0
+        before = self._history(step)
         for cells, m in zip(self.kinds, moduli, strict=True):
             stress, strain = np.empty((*cells.weight.shape, 4)), np.empty((*cells.weight.shape, 4))
-            cell_stress(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
-                        stress, strain)
+            if cells.fast:
+                cell_stress(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th,
+                            u, stress, strain)
+            else:
+                rows = slice(at, at + len(cells.nodes) * cells.n_row)
+                at = rows.stop
+                unused = np.empty((len(cells.nodes), cells.n_row))
+                _points(cells, m, u, step.dt, before[rows],
+                        Out(np.zeros_like(u), np.empty((0, 0, 0)), unused, np.empty(len(unused)), stress, strain))
             out.append((stress, strain))
         return tuple(out)
 
 
 def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Floats) -> None:
     bad = cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
-                      tangent, f, K)
+                      tangent, f, K, tuple(range(cells.nodes.shape[1])))
     if bad >= 0:
-        raise InvertedCellError(cells.first + bad, int(cells.body[bad]))
+        raise InvertedCellError(int(cells.number[bad]), int(cells.body[bad]))
+
+
+def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: Out) -> None:
+    how = cells.treatment
+    law = Law(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, m.e_th, m.p,
+              m.tables, dt)
+    # A private copy: a history from a saved state is read-only, and the loop is compiled for arrays that are not.
+    history_n = np.array(before, dtype=np.float64).reshape(len(cells.nodes), -1)
+    bad, code = cell_points(cells.shape, law, u, history_n, out)
+    if bad >= 0:
+        where = int(cells.number[bad]), int(cells.body[bad])
+        raise InvertedCellError(*where) if code == INVERTED else CellError(*where, REASONS[code])
 
 
 def von_mises(stress: Floats) -> Floats:

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.document import Key
-from coupler.scenario.schema_halves import ElasticBoundary, Rigid
-
-ROOM = 293.15  # K
+from coupler.scenario.mechanical_material import mechanical_materials
+from coupler.scenario.schema_mechanical import (
+    FORCES,
+    MOTIONS,
+    TRACTIONS,
+    WEIGHTS,
+    BodyOptions,
+    Elastic,
+    ElasticBoundary,
+    Rigid,
+    State,
+)
 
 
 def elastic_model(c: Context) -> Model:
@@ -25,21 +34,86 @@ def elastic_model(c: Context) -> Model:
                                    "State E of both bodies' materials, or the penalty [Pa/m].")
     place: Key = ("mechanical", "elastic", "boundary")
     c.names_once(elastic.boundary, place)
+    c.known_only(elastic.bodies, c.file.bodies, ("mechanical", "elastic", "bodies"), "body")
+    boundary = [entry for i, b in enumerate(elastic.boundary) for entry in _condition(c, elastic, b, (*place, i))]
     return {"half": "elastic", "format": FORMAT, "tolerance": elastic.tolerance,
-            "materials": _materials(c),
-            "bodies": {n: {"material": b.material} for n, b in c.file.bodies.items()},
-            "boundary": [entry for i, b in enumerate(elastic.boundary) for entry in _held(c, b, (*place, i))],
+            **_options(c, elastic),
+            "materials": mechanical_materials(c, elastic),
+            "bodies": {n: {"material": b.material, **_body(elastic.bodies.get(n))} for n, b in c.file.bodies.items()},
+            "boundary": boundary + _gravity(c, elastic),
             "pairs": {n: {} for n in c.file.contact}}
 
 
-def _held(c: Context, boundary: ElasticBoundary, key: Key) -> list[Model]:
-    common = c.common(boundary, key)
+def _options(c: Context, elastic: Elastic) -> Model:
+    """What is not as the half would have it anyway."""
+    if elastic.state is State.PLANE_STRESS and c.interface.axisymmetric:
+        raise c.document.error(("mechanical", "elastic", "state"), "plane stress is of plane geometry",
+                               "This scene is axisymmetric.")
+    model: Model = {}
+    for key in ("method", "element", "state"):
+        if key in elastic.model_fields_set:
+            model[key] = getattr(elastic, key).value
+    if "cuts" in elastic.model_fields_set:
+        model["cuts"] = int(elastic.cuts)
+    if elastic.dynamics is not None:
+        model["dynamics"] = elastic.dynamics.model_dump(mode="json", exclude_none=True)
+    if elastic.skip is not None:
+        model["skip"] = {"u": elastic.skip.u, "most": elastic.skip.most}
+    return model | {key: True for key in ("thermoelastic_heat", "adiabatic") if getattr(elastic, key)}
+
+
+def _body(options: BodyOptions | None) -> Model:
+    if options is None:
+        return {}
+    model: Model = {"element": options.element.value} if options.element is not None else {}
+    if options.rigid:
+        model["rigid"] = True
+    if options.reference is not None:
+        model["reference"] = list(options.reference)
+    if any(options.v0) or options.omega0:
+        model["v0"] = [*options.v0, options.omega0]
+    return model
+
+
+def _gravity(c: Context, elastic: Elastic) -> list[Model]:
+    """One entry a body and component; a name stands for all of them."""
+    if elastic.gravity is None:
+        return []
+    gravity, key = elastic.gravity, ("mechanical", "elastic", "gravity")
+    name = {"name": gravity.name} if gravity.name else {}
+    return [{"kind": "gravity", "on": body, "component": i, "value": c.convert.signal(spec, (*key, axis)), **name}
+            for i, (axis, spec) in enumerate((("x", gravity.x), ("y", gravity.y))) if spec != 0.0
+            for body in c.file.bodies]
+
+
+def _condition(c: Context, elastic: Elastic, boundary: ElasticBoundary, key: Key) -> list[Model]:
+    common = _place(c, elastic, boundary, key)
     if boundary.pressure is not None:
-        value = c.convert.signal(boundary.pressure, (*key, "pressure"))
-        return [{"kind": "pressure", "value": value, **common}]
-    held = [(0, "u_x", boundary.u_x), (1, "u_y", boundary.u_y)]
-    return [{"kind": "displacement", "component": i, "value": c.convert.signal(spec, (*key, name)), **common}
-            for i, name, spec in held if spec is not None]
+        return [{"kind": "pressure", "value": c.convert.signal(boundary.pressure, (*key, "pressure")), **common}]
+    kinds = (("displacement", MOTIONS), ("traction", TRACTIONS), ("force", FORCES), ("body_force", WEIGHTS))
+    return [{"kind": kind, "component": i, "value": c.convert.signal(spec, (*key, name)), **common}
+            for kind, names in kinds for i, name in enumerate(names)
+            if (spec := getattr(boundary, name)) is not None]
+
+
+def _place(c: Context, elastic: Elastic, boundary: ElasticBoundary, key: Key) -> Model:
+    """Where a condition stands, and its name.  Raises ScenarioError where the body is not of the right kind."""
+    body = boundary.body
+    options = elastic.bodies
+    if body is not None:
+        c.known_only([body], c.file.bodies, key[:-1], "body")
+        weight = boundary.b_x is not None or boundary.b_y is not None
+        if not weight and not (body in options and options[body].rigid):
+            raise c.document.error((*key, "body"), f"body {body!r} is not rigid",
+                                   "Drive its surfaces (on: body.surface), or say mechanical.elastic.bodies."
+                                   f"{body}.rigid: true.")
+        return {"on": body, **({"name": boundary.name} if boundary.name else {})}
+    common = c.common(boundary, key)
+    owner = boundary.where.split(".")[0]
+    if owner in options and options[owner].rigid and any(getattr(boundary, k) is not None for k in MOTIONS):
+        raise c.document.error(key, f"body {owner!r} is rigid: it moves as a whole",
+                               f"Write `body: {owner}` with u_x, u_y, angle.")
+    return common
 
 
 def rigid_model(c: Context) -> Model:
@@ -60,13 +134,3 @@ def rigid_model(c: Context) -> Model:
             for n in c.file.contact
         },
     }
-
-
-def _materials(c: Context) -> Model:
-    """E, nu, alpha and the temperature alpha counts from; without expansion nothing depends on it."""
-    materials = c.materials("elastic", ("E", "nu", "alpha"), also=("T_ref",))
-    for name, material in materials.items():
-        if material["alpha"] != 0 and "T_ref" not in material:
-            raise c.document.error(("materials", name), f"material {name!r} expands, but has no T_ref",
-                                   "State the temperature at which it is free of stress.")
-    return {name: {"T_ref": ROOM, **material} for name, material in materials.items()}

@@ -10,6 +10,7 @@ from pydantic import Discriminator, StrictBool, Tag, model_validator
 
 from coupler.scenario.base import Part, Polynomial, PropertySpec, PropertyTable
 from coupler.scenario.quantity import Number, Positive, problem
+from coupler.scenario.schema_flow import Creep, Liquid, Plastic
 
 
 class Phases(Part):
@@ -87,16 +88,19 @@ class Latent(Part):
 
 
 class Material(Part):
-    """Each half needs its own share: thermal rho, k, c, latent; elastic E, nu, alpha, T_ref."""
+    """Each half needs its own share: thermal rho, k, c, latent; elastic E, nu, alpha, T_ref, and how it flows."""
 
     rho: Positive | None = None
     k: ConductivitySpec | None = None
     c: PhasedSpec | None = None
     latent: Latent | None = None
     E: PropertySpec | None = None
-    nu: Number | None = None
+    nu: PropertySpec | None = None
     alpha: PropertySpec | None = None
     T_ref: Number | None = None
+    plastic: Plastic | None = None
+    creep: Creep | None = None
+    liquid: Liquid | None = None
 
     @model_validator(mode="after")
     def _physical(self) -> Material:
@@ -106,9 +110,13 @@ class Material(Part):
                 if at[-1] in ("solid", "liquid") and self.latent is None:
                     raise problem("solid and liquid need to know when it melts",
                                   "Add latent: {L: ..., T_m: ...} to the material.", at=at[:-1])
-        if self.nu is not None and not -1.0 < self.nu < 0.5:
-            raise problem("Poisson's ratio lies between -1 and 0.5, both excluded",
-                          "For a nearly incompressible material write 0.4999.", at=("nu",))
+        for at, nu in numbers_in(self.nu, ("nu",)):
+            if not -1.0 < nu < 0.5:
+                raise problem("Poisson's ratio lies between -1 and 0.5, both excluded",
+                              "For a nearly incompressible material write 0.4999.", at=at)
+        if self.creep is not None and self.plastic is not None and self.plastic.kinematic is not None:
+            raise problem("creep does not go with a kinematic backstress, which would have to creep too",
+                          "Give plastic.overstress instead of creep, or leave plastic.kinematic out.", at=("creep",))
         return self
 
 
@@ -130,9 +138,17 @@ def positive(spec: float | PropertyTable | Polynomial, at: At, most: float = inf
     zero_in_table : a table may be zero in places, not everywhere.
     A polynomial cannot be checked here: the step that meets a wrong value is discarded.
     """
-    values = spec.value if isinstance(spec, PropertyTable) else (spec,) if isinstance(spec, float) else ()
-    is_table = isinstance(spec, PropertyTable)
-    for i, value in enumerate(values):
-        if not (0 < value <= most or (value == 0 and is_table and zero_in_table and any(values))):
-            raise problem("must be greater than zero" + (f" and at most {most:g}" if most < inf else ""),
-                          at=(*at, "value", i) if is_table else at)
+    numbers = list(numbers_in(spec, at))
+    may_be_zero = zero_in_table and isinstance(spec, PropertyTable) and any(value for _, value in numbers)
+    for place, value in numbers:
+        if not (0 < value <= most or (value == 0 and may_be_zero)):
+            raise problem("must be greater than zero" + (f" and at most {most:g}" if most < inf else ""), at=place)
+
+
+def numbers_in(spec: Any, at: At) -> Iterator[tuple[At, float]]:
+    """The number of a property, or those of its table, and their places; none for what cannot be looked at."""
+    if isinstance(spec, PropertyTable):
+        for i, value in enumerate(spec.value):
+            yield (*at, "value", i), value
+    elif isinstance(spec, float):
+        yield at, spec

@@ -20,7 +20,8 @@ from mechanical_scenes import block, blocks, elastic, hold, press
     ({"E": 0.0}, "materials.m.E: Young's modulus must be positive"),
     ({"E": {"T": [0, 1], "value": [1.0, -1.0]}}, "materials.m.E: Young's modulus must be positive"),
     ({"E": {"T": [1, 0], "value": [1.0, 1.0]}}, "materials.m.E: the temperatures of a table must increase"),
-    ({"rho": 1.0}, "materials.m: unknown key 'rho'"), ({"T_ref": "cold"}, "materials.m.T_ref must be a finite number"),
+    ({"colour": 1.0}, "materials.m: unknown key 'colour'"),
+    ({"T_ref": "cold"}, "materials.m.T_ref must be a finite number"),
 ])
 def test_materials(material, text):
     with pytest.raises(ValueError, match=text):

@@ -1,0 +1,111 @@
+"""Explicit dynamics: central differences with a diagonal mass, cut into stable pieces.
+
+    u_{n+1} = u_n + h v_n + h2/2 a_n,   M a_{n+1} = -f(u_{n+1}),   v_{n+1} = v_n + h/2 (a_n + a_{n+1}),
+stable while h <= 2/w, w2 the largest of all cells (and of contact) of K_e against its share of the mass, which bounds
+that of the whole mesh.  Work by the trapezoidal rule and kinetic energy part by the sum of m h2/8 (a_{n+1}2 - a_n2):
+small where the motion is resolved, and the first thing to grow where it is not, so it is what is watched.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanical_fmu.dynamics import Motion
+from mechanical_fmu.newton import NoEquilibriumError
+from mechanical_fmu.system import Balance, Loading, System
+
+Floats = NDArray[np.float64]
+
+# Share of the stable step taken: frequencies rise where cells are squeezed.
+SAFETY = 0.9
+# Pieces after which the stable step is worked out anew.
+RECHECK = 50
+MOST_PIECES = 1_000_000
+# Difference of work and kinetic energy, over the largest energy met, beyond which the motion is not believed.
+ENERGY_ERROR = 0.1
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Where a step ended.  heat : (n_cells,) [J] of all pieces.  pieces : how many.  dt_stable : [s] at the end."""
+
+    motion: Motion
+    balance: Balance
+    heat: Floats
+    pieces: int
+    dt_stable: float
+
+
+def fly(system: System, start: Motion, history: Floats, dt: float,
+        loading_at: Callable[[float, float, Floats], Loading]) -> Flight:
+    """The motion dt [s] later.  loading_at : (share of the step, piece [s], history) -> loading.
+
+    Raises NoEquilibriumError where the energies part or the pieces are too many.
+    """
+    now, heat, share, pieces = start, np.empty(0), 0.0, 0
+    m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
+    limit, balance, drift, largest = 0.0, None, 0.0, float(np.finfo(float).tiny)
+    while share < 1.0:
+        if pieces % RECHECK == 0:
+            limit = stable_step(system, now.u, loading_at(share, 0.0, history))
+            if pieces + (1.0 - share) * dt / (SAFETY * limit) > MOST_PIECES:
+                raise NoEquilibriumError(f"a stable step is {limit:.3g} s: more than {MOST_PIECES} pieces of this one")
+        left = (1.0 - share) * dt
+        n = math.ceil(left / (SAFETY * limit))
+        h, share = left / n, 1.0 if n == 1 else share + (1.0 - share) / n
+        loading = loading_at(share, h, history)
+        after, balance = _piece(system, now, loading, h)
+        drift += float((m * (after.a**2 - now.a**2)).sum()) * h * h / 8.0
+        largest = max(largest, 0.5 * float((m * after.v**2).sum()))
+        if abs(drift) > ENERGY_ERROR * largest and pieces > RECHECK:
+            raise NoEquilibriumError(f"work and kinetic energy part by {abs(drift) / largest:.0%}: the motion is not "
+                                     "resolved")
+        now, history, pieces = after, balance.history, pieces + 1
+        heat = balance.heat if heat.size == 0 else heat + balance.heat
+    assert balance is not None
+    return Flight(now, balance, heat, pieces, limit)
+
+
+def _piece(system: System, now: Motion, loading: Loading, h: float) -> tuple[Motion, Balance]:
+    fixed, free = system.constraints.fixed, system.constraints.free.reshape(-1, 2)
+    u = now.u + h * now.v + 0.5 * h * h * now.a
+    u.ravel()[fixed] = loading.target
+    u = u if system.rigid is None else system.rigid.placed(u)
+    balance = system.balance(u, loading)
+    m = system.masses.lumped.reshape(-1, 2)
+    a = np.divide(-balance.r * free, m, out=np.zeros_like(u), where=m > 0.0)
+    v = now.v + 0.5 * h * (now.a + a)
+    v.ravel()[fixed] = (u - now.u).ravel()[fixed] / h
+    return Motion(u, v, a, balance.r), balance
+
+
+def stable_step(system: System, u: Floats, loading: Loading) -> float:
+    """2/w [s] at u : (n, 2) [m]."""
+    balance = system.balance(u, loading, tangent=True)
+    assert balance.entries is not None
+    largest, start = 0.0, 0
+    for cells in system.volume.kinds:
+        n = 2 * cells.nodes.shape[1]
+        K = balance.entries[start : start + len(cells.nodes) * n * n].reshape(-1, n, n)
+        start += K.size
+        rho = system.masses.density[cells.body]
+        m = np.repeat(rho[:, None] * np.einsum("eq,qa->ea", cells.weight, cells.N), 2, axis=1) ** -0.5
+        scaled = 0.5 * (K + K.transpose(0, 2, 1)) * m[:, :, None] * m[:, None, :]
+        largest = max(largest, float(np.linalg.eigvalsh(scaled)[:, -1].max()))
+    return 2.0 / math.sqrt(max(largest + _contact_rate(system, balance), np.finfo(float).tiny))
+
+
+def _contact_rate(system: System, balance: Balance) -> float:
+    """Bound of w2 [1/s2] of contact alone: the largest row of its stiffness, scaled by the masses."""
+    if balance.tractions is None or not len(balance.tractions.blocks):
+        return 0.0
+    C = system.contact.matrix(balance.tractions)
+    if system.rigid is not None:
+        C = system.rigid.condensed(C, balance.u, np.zeros(len(system.rigid.body)))
+    m = np.where(system.masses.lumped > 0.0, system.masses.lumped, np.inf) ** -0.5
+    return float((m * (abs(C) @ m)).max())

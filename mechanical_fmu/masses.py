@@ -1,0 +1,115 @@
+"""Mass of the bodies at the reference: rho0 dV0 moves along, so nothing here changes while a scene runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags_array
+
+from contact.half.interface import Interface
+from mechanical_fmu.body_loads import DeadForces, dead_forces, nodal_shares
+from mechanical_fmu.elastic_spec import ElasticSpec
+from mechanical_fmu.elements import Cells
+from mechanical_fmu.rigid_bodies import RigidBodies
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Masses:
+    """interface : of the mesh alone.  kinds : all cells, those of rigid bodies too.  rigid : None where there are none.
+
+    Everything is worked out when first asked for.
+    """
+
+    interface: Interface
+    spec: ElasticSpec
+    kinds: tuple[Cells, ...]
+    rigid: RigidBodies | None
+
+    @property
+    def n(self) -> int:
+        """Rows of the nodal arrays."""
+        return len(self.interface.nodes) if self.rigid is None else self.rigid.n_rows
+
+    @property
+    def density(self) -> Floats:
+        """(n_bodies,) rho0 [kg/m3], 0 where not said."""
+        return np.nan_to_num(self.spec.rho)[self.spec.body_material]
+
+    @cached_property
+    def volume(self) -> Floats:
+        """(n_bodies, n) [m3] share of every node in every body."""
+        return nodal_shares(self.interface, self.kinds, self.n)
+
+    @cached_property
+    def dead(self) -> DeadForces:
+        """The patterns of the dead loads."""
+        rows = np.empty((0, 3), np.intp) if self.rigid is None else self.rigid.dofs
+        per_moment = np.empty(0) if self.rigid is None else 1.0 / self.rigid.size
+        return dead_forces(self.interface, self.spec.dead, (self.density[:, None] * self.volume, self.volume),
+                           (rows, per_moment))
+
+    @cached_property
+    def lumped(self) -> Floats:
+        """(2 n,) [kg] rows of the mass matrix summed; a rigid body's at its reference rows."""
+        m = np.repeat((self.density[:, None] * self.volume).sum(axis=0), 2)
+        return m if self.rigid is None else self._gathered(m)
+
+    def matrix(self, lumped: bool) -> csr_matrix:
+        """M : (2 n, 2 n) [kg], consistent or lumped."""
+        return csr_matrix(diags_array(self.lumped, format="csr")) if lumped else self.consistent
+
+    @cached_property
+    def consistent(self) -> csr_matrix:
+        """(2 n, 2 n) [kg] int rho0 N_a N_b dV0; a rigid body's at its reference rows."""
+        rows, columns, values = [], [], []
+        for cells in self.kinds:
+            rho = self.density[cells.body]
+            block = np.einsum("e,eq,qa,qb->eab", rho, cells.weight, cells.N, cells.N)
+            for i in range(2):
+                dofs = 2 * cells.nodes.astype(np.intp) + i
+                rows.append(np.repeat(dofs, dofs.shape[1], axis=1).ravel())
+                columns.append(np.tile(dofs, (1, dofs.shape[1])).ravel())
+                values.append(block.ravel())
+        where = (np.concatenate(rows), np.concatenate(columns))
+        M = csr_matrix((np.concatenate(values), where), shape=(2 * self.n, 2 * self.n))
+        if self.rigid is None:
+            return M
+        keep = np.ones(2 * self.n)
+        keep[self.rigid.slaves] = 0.0
+        at_points = np.zeros(2 * self.n)
+        dofs = self.rigid.dofs.ravel()
+        at_points[dofs] = self.lumped[dofs]
+        return csr_matrix(diags_array(keep) @ M @ diags_array(keep) + diags_array(at_points))
+
+    def _gathered(self, m: Floats) -> Floats:
+        """Masses of rigid bodies at their reference rows: m, m and the moment of inertia over L2."""
+        assert self.rigid is not None
+        out = m.copy()
+        out[self.rigid.slaves] = 0.0
+        for k, body in enumerate(self.rigid.body):
+            total, inertia = 0.0, 0.0
+            for cells in self.kinds:
+                here = cells.body == body
+                at = np.einsum("qa,eai->eqi", cells.N, self.interface.nodes[cells.nodes[here]])
+                arm = at - self.rigid.reference[k]
+                total += float(cells.weight[here].sum())
+                inertia += float((cells.weight[here] * (arm**2).sum(axis=2)).sum())
+            rho = self.density[body]
+            out[self.rigid.dofs[k]] = rho * np.array([total, total, inertia / self.rigid.size[k] ** 2])
+        return out
+
+
+def masses_of(interface: Interface, spec: ElasticSpec, kinds: tuple[Cells, ...],
+              rigid: RigidBodies | None) -> Masses:
+    """Raises ValueError where inertia is asked of a rigid body told of by another point than its centre."""
+    inert = spec.dynamics is not None or spec.method == "explicit"
+    for name, body in zip(interface.bodies, spec.bodies, strict=True):
+        if inert and body.reference is not None:
+            raise ValueError(f"model.json: bodies.{name}.reference: with inertia the motion of a rigid body is told "
+                             "of its centre; leave the key out")
+    return Masses(interface, spec, kinds, rigid)
