@@ -54,7 +54,7 @@ def exposed_points(where: Exposed, slots: NDArray[np.int64], ground: Ground) -> 
     if points is not None and first is not None and where.near is not None and where.far is not None:
         excess = gap_factor(points.gap, where.near, where.far) - 1.0
         parts += [
-            _pieces(points.slave_edge - first, points.N_s, excess * points.area, len(where.edges)),
+            _pieces(points.slave_edge - first, points.N_s, excess * points.area_s, len(where.edges)),
             _pieces(points.master_edge - first, points.N_m, excess * points.area_m, len(where.edges)),
         ]
     edge = np.concatenate([part.edge for part in parts])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,10 @@ class Points:
     """Facing points with the pressure between them.
 
     nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions.
-    gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area, area_m : (n_p,) [m2].
-    pair, slave_edge, master_edge : (n_p,) as registered.
+    gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange;
+    area_s, area_m : the piece as either side measures it.  pair, slave_edge, master_edge : (n_p,) as registered.
+    from_master : (n_p,) True where a second pass found the point from the master; None where none does.  Slave and
+    master are those of the pair all the same.
     """
 
     nodes: Ints
@@ -30,14 +33,24 @@ class Points:
     gap: Floats
     p: Floats
     area: Floats
+    area_s: Floats
     area_m: Floats
     pair: Ints
     slave_edge: Ints
     master_edge: Ints
+    from_master: NDArray[np.bool_] | None = None
+
+    @property
+    def found_from(self) -> tuple[Ints, Floats]:
+        """Nodes and shape functions, both (n_p, 2), of the side each point was found from."""
+        if self.from_master is None:
+            return self.nodes[:, :2], self.N_s
+        other = self.from_master[:, None]
+        return np.where(other, self.nodes[:, 2:], self.nodes[:, :2]), np.where(other, self.N_m, self.N_s)
 
 
 def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
-    """Facing points with pressures from nodal tractions t_N : (n_s,) [Pa], <= 0, linear along the slave edge.
+    """Facing points with pressures from nodal tractions t_N : (n_s,) [Pa], <= 0, linear along the edge searched from.
 
     A positive gap under pressure is read as no gap (physics: touching means p_N > 0).
     """
@@ -46,5 +59,30 @@ def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
     p = np.maximum(-(N_s * t_N[slave]).sum(axis=1), 0.0)
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    return Points(nodes, N_s, N_m, gap, p, facing.area, facing.area_m, facing.pair, facing.slave_edge,
-                  facing.master_edge)
+    points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
+                    facing.master_edge)
+    exchanged = _from_master(surfaces, facing)
+    return points if exchanged is None else _as_the_pairs_say(points, exchanged)
+
+
+def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_] | None:
+    """(n_p,) True where what was searched from is the pair's master; None where every pair is searched once."""
+    pairs, message = surfaces.interface.pairs, surfaces.message
+    if message.passes.pair.size == len(pairs):
+        return None
+    slave = np.array([message.edge_surface[surfaces.first[pair.slave]] for pair in pairs])
+    return np.asarray(message.edge_surface[facing.slave_edge] != slave[facing.pair])
+
+
+def _as_the_pairs_say(points: Points, exchanged: NDArray[np.bool_]) -> Points:
+    """Emissivities, shares of friction heat and names in the ledger belong to the sides of a pair, not of a pass."""
+    def sides(s: NDArray[Any], m: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        other = exchanged.reshape(-1, *[1] * (s.ndim - 1))
+        return np.where(other, m, s), np.where(other, s, m)
+
+    N_s, N_m = sides(points.N_s, points.N_m)
+    area_s, area_m = sides(points.area_s, points.area_m)
+    slave_edge, master_edge = sides(points.slave_edge, points.master_edge)
+    nodes = np.concatenate(sides(points.nodes[:, :2], points.nodes[:, 2:]), axis=1)
+    return replace(points, nodes=nodes, N_s=N_s, N_m=N_m, area_s=area_s, area_m=area_m, slave_edge=slave_edge,
+                   master_edge=master_edge, from_master=exchanged)

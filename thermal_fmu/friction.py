@@ -28,18 +28,19 @@ def friction_power(points: Points, share: Floats, E: Floats, is_slave: NDArray[n
     """Power from energies E : (n,) [J] at nodes, over a substep h [s].
 
     share : (n_p,) of each facing point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
-    A node's energy goes to its facing points by N_s A, from there by N_s to the slave's nodes and by N_m to the
-    master's.  A node that faces nothing keeps what it carries.
+    A node's energy goes to the facing points found from it by N A, from there by N_s to the slave's nodes and by N_m
+    to the master's.  A node that finds nothing keeps what it carries.
     """
-    slaves, masters = points.nodes[:, :2], points.nodes[:, 2:]
-    weight = points.N_s * points.area[:, None]
-    whole = _at_nodes(slaves, weight, E.size)
+    rubbed, N = points.found_from
+    weight = N * points.area[:, None]
+    whole = _at_nodes(rubbed, weight, E.size)
     faces = whole > 0.0
     per_area = np.divide(E, whole, out=np.zeros(E.size), where=faces)
-    Q = (per_area[slaves] * weight).sum(axis=1)
+    Q = (per_area[rubbed] * weight).sum(axis=1)
     kept = np.where(faces, 0.0, E)
-    slave = _at_nodes(slaves, (share * Q)[:, None] * points.N_s, E.size) + np.where(is_slave, kept, 0.0)
-    master = _at_nodes(masters, ((1.0 - share) * Q)[:, None] * points.N_m, E.size) + np.where(is_slave, 0.0, kept)
+    to_slave = _at_nodes(points.nodes[:, :2], (share * Q)[:, None] * points.N_s, E.size)
+    to_master = _at_nodes(points.nodes[:, 2:], ((1.0 - share) * Q)[:, None] * points.N_m, E.size)
+    slave, master = to_slave + np.where(is_slave, kept, 0.0), to_master + np.where(is_slave, 0.0, kept)
     return Friction(slave / h, master / h)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,6 +181,34 @@ def test_who_takes_what_faces_nothing():
         out = run(mesh, two_metals(), 1.0, 1, service(), **given, **{"contact.E_friction": E}).outputs[-1]
         assert abs(out["heat.friction.slave"] / E.sum() - slave) < 1e-7
         assert abs((out["heat.friction.slave"] + out["heat.friction.master"]) / E.sum() - 1.0) < 1e-13
+
+
+@pytest.mark.parametrize("share", [0.25, None], ids=["given", "effusivities"])
+def test_two_passes_keep_the_sides_of_their_pair(share):
+    """What the second pass finds from the master still radiates, takes its share and is told as the pair says."""
+    once, twice = (
+        scene(Box(0, 0.1, 0, 0.1, 3, 2), Box(0, 0.1, 0.1, 0.2, 4, 2), pairs=(replace(PAIRS[0], two_pass=two),))
+        for two in (False, True))
+    pair = LAWS | {"friction_share": share, "radiation": {
+        "emissivity_slave": {"polynomial": [0.1, 5e-4]}, "emissivity_master": {"polynomial": [0.9, -5e-4]}}}
+    film = [{"kind": "convection", "on": s, "h": 40.0, "T": 300.0, "d_cut": 0.0, "d_full": 1e-3}
+            for s in ("a.top", "b.bottom")]
+    model = two_metals(pair, boundary=film)
+    model["bodies"]["b"]["T0"] = 700.0
+    E = on_slave(once, 50.0)
+    # Half of what the slave's nodes carry once is carried by the master's in a second pass.
+    on_master = np.zeros(len(once.nodes))
+    for i, j in once.surfaces["a.top"]:
+        on_master[[i, j]] += 25.0 * abs(once.nodes[i, 0] - once.nodes[j, 0]) * 0.5
+    halves = 0.5 * E + on_master[once.contact_nodes]
+    for p in (0.0, 1e6):
+        one, two = (run(mesh, model, 1.0, 1, service(), t_N=np.full(E.size, -p), **{"contact.E_friction": given})
+                    for mesh, given in ((once, E), (twice, halves)))
+        heats = {k: v for k, v in one.outputs[-1].items() if k.startswith("heat.")}
+        size = max(map(abs, heats.values()))
+        for name, J in heats.items():
+            assert abs(two.outputs[-1][name] - J) < 1e-12 * size, name
+        assert np.abs(two.T - one.T).max() < 1e-9
 
 
 def test_a_body_warms_where_it_is_rubbed():
