@@ -11,6 +11,7 @@ from thermal_fmu.exchange import exchange_flow
 from thermal_fmu.film import film_flow
 from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
+from thermal_fmu.nodal import at_nodes
 from thermal_fmu.radiation import far_flow, near_flow
 from thermal_fmu.source import warm_flow
 
@@ -56,7 +57,7 @@ class _Sum:
 
     def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
         """flow : (n, 2) [W] leaves nodes : (n, 2)."""
-        self.f -= _nodal(nodes, flow, self.f.size)
+        self.f -= at_nodes(nodes, flow, self.f.size)
         self.terms[term] -= flow.sum()
         self.magnitude += float(np.abs(flow).sum())
 
@@ -65,7 +66,7 @@ class _Sum:
 
         Either side from its own shape functions: that they agree is what the ledger shows.
         """
-        self.f -= _nodal(nodes, flow, self.f.size)
+        self.f -= at_nodes(nodes, flow, self.f.size)
         self.terms[f"{term}.slave"] -= flow[:, :2].sum()
         self.terms[f"{term}.master"] -= flow[:, 2:].sum()
         self.magnitude += float(np.abs(flow).sum())
@@ -134,7 +135,3 @@ def _add_pairs(total: _Sum, held: Held, loads: Loads, T: Floats) -> None:
     for near in held.near:
         flow, slope = near_flow(near, held.sigma_SB, T)
         total.cross("near_radiation", near.nodes, flow, slope)
-
-
-def _nodal(nodes: Ints, flow: Floats, n: int) -> Floats:
-    return np.bincount(nodes.ravel(), weights=flow.ravel(), minlength=n).astype(np.float64, copy=False)

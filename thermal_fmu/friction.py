@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu.facing import Points
+from thermal_fmu.nodal import at_nodes
 from thermal_fmu.phase import Fields
 from thermal_fmu.spec import Body
 from thermal_fmu.spec_boundary import PairLaws
@@ -33,13 +34,13 @@ def friction_power(points: Points, share: Floats, E: Floats, is_slave: NDArray[n
     """
     rubbed, N = points.found_from
     weight = N * points.area[:, None]
-    whole = _at_nodes(rubbed, weight, E.size)
+    whole = at_nodes(rubbed, weight, E.size)
     faces = whole > 0.0
     per_area = np.divide(E, whole, out=np.zeros(E.size), where=faces)
     Q = (per_area[rubbed] * weight).sum(axis=1)
     kept = np.where(faces, 0.0, E)
-    to_slave = _at_nodes(points.nodes[:, :2], (share * Q)[:, None] * points.N_s, E.size)
-    to_master = _at_nodes(points.nodes[:, 2:], ((1.0 - share) * Q)[:, None] * points.N_m, E.size)
+    to_slave = at_nodes(points.nodes[:, :2], (share * Q)[:, None] * points.N_s, E.size)
+    to_master = at_nodes(points.nodes[:, 2:], ((1.0 - share) * Q)[:, None] * points.N_m, E.size)
     slave, master = to_slave + np.where(is_slave, kept, 0.0), to_master + np.where(is_slave, 0.0, kept)
     return Friction(slave / h, master / h)
 
@@ -67,7 +68,3 @@ def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: Fields) -> 
     T, f_s = ((N * v[nodes]).sum(axis=1) if v is not None else None for v in (at.T, at.f_s))
     assert T is not None
     return body.material.effusivity(T, f_s)
-
-
-def _at_nodes(nodes: NDArray[np.int32], share: Floats, n: int) -> Floats:
-    return np.bincount(nodes.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)

@@ -2,95 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.field import Level, resolve
-from contact.half.interface import Interface
-from contact.half.surfaces import ContactSurfaces
-from thermal_fmu.edges import edge_slots, gauss_points
+from thermal_fmu.edges import gauss_points
 from thermal_fmu.exchange import Group, groups_of
 from thermal_fmu.exposed import Ground
 from thermal_fmu.facing import Points
 from thermal_fmu.film import HeldFilm, hold_film
 from thermal_fmu.friction import Friction, friction_power, slave_share
-from thermal_fmu.kept import KeptMatrix, KeptShapes
-from thermal_fmu.phase import Fields, Melting, melting_of
+from thermal_fmu.nodal import at_nodes
+from thermal_fmu.phase import Fields
 from thermal_fmu.radiation import HeldRadiator, NearGroup, hold_radiator, near_groups
+from thermal_fmu.scene import Scene
 from thermal_fmu.source import HeldSource, WarmSource, hold_sources, plain_sources
-from thermal_fmu.spec import Model
 from thermal_fmu.spec_boundary import Flux
-from thermal_fmu.volume import Reference, Shape, Volume, references_of, spread, volume_of
+from thermal_fmu.volume import Reference, Shape, Volume, spread_energies
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What never changes: model, cells, surfaces, fixed nodes.
-
-    fixed : (n,) True where T is prescribed (or no cell uses the node).
-    """
-
-    interface: Interface
-    model: Model
-
-    @cached_property
-    def volume(self) -> Volume:
-        return volume_of(self.interface)
-
-    @cached_property
-    def surfaces(self) -> ContactSurfaces:
-        return ContactSurfaces(self.interface)
-
-    @cached_property
-    def film_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """Places in the matrix data of the edges of every film."""
-        return tuple(edge_slots(self.volume.pattern, film.where.edges) for film in self.model.films)
-
-    @cached_property
-    def radiator_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """Places in the matrix data of the edges of every radiating surface."""
-        return tuple(edge_slots(self.volume.pattern, r.where.edges) for r in self.model.radiators)
-
-    @cached_property
-    def fixed(self) -> NDArray[np.bool_]:
-        fixed = self.interface.node_body < 0
-        for boundary in self.model.prescribed:
-            fixed[boundary.nodes] = True
-        return fixed
-
-    @cached_property
-    def held_rows(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-        """Of the matrix data: which entries lie in a row or column of a fixed node, and their diagonal places."""
-        pattern = self.volume.pattern
-        row = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
-        touched = self.fixed[row] | self.fixed[pattern.indices]
-        return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
-
-    @cached_property
-    def kept_shapes(self) -> KeptShapes:
-        """Shapes of the last coordinates."""
-        return KeptShapes()
-
-    @cached_property
-    def kept_matrix(self) -> KeptMatrix:
-        """Matrices of blocks with constant data."""
-        return KeptMatrix()
-
-    @cached_property
-    def melting(self) -> tuple[Melting, ...]:
-        """The bodies that melt."""
-        return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
-
-    def masses(self, X: Floats) -> tuple[Reference, ...]:
-        """Every block on reference coordinates X : (n, 2) [m]: its mass at quadrature points."""
-        return references_of(self.volume, self.model.bodies, X)
 
 
 @dataclass(frozen=True)
@@ -160,21 +94,16 @@ def rubbed(held: Held, scene: Scene, points: Points, E: Floats, at: Fields, h: f
     if not E.any():
         return held
     model, interface = scene.model, scene.interface
-    at_nodes = np.zeros(scene.volume.n)
-    at_nodes[interface.contact_nodes] = E
-    is_slave = np.zeros(scene.volume.n, dtype=np.bool_)
-    for pair in interface.pairs:
-        is_slave[interface.surfaces[pair.slave]] = True
+    whole = np.zeros(scene.volume.n)
+    whole[interface.contact_nodes] = E
     share = slave_share(points, model.pairs, model.bodies, interface.node_body, at)
-    return replace(held, friction=friction_power(points, share, at_nodes, is_slave, h))
+    return replace(held, friction=friction_power(points, share, whole, scene.slave_nodes, h))
 
 
 def _mechanical(volume: Volume, shapes: Sequence[Shape], E_M: Floats) -> Floats:
     if not E_M.any():
         return np.zeros(volume.n)
-    per_volume = [E_M[block.numbers] / shape.dV.sum(axis=1)
-                  for block, shape in zip(volume.blocks, shapes, strict=True)]
-    return spread(volume, shapes, per_volume)
+    return spread_energies(volume, shapes, E_M)
 
 
 def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
@@ -182,14 +111,10 @@ def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
     nodes = flux.edges[points.edge]
     share = points.area[:, None] * points.N
     if flux.value.is_uniform:
-        return _at_nodes(nodes, share, volume.n)
+        return at_nodes(nodes, share, volume.n)
     shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
     assert shapes is not None
-    return np.array([_at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
-
-
-def _at_nodes(nodes: Ints, share: Floats, n: int) -> Floats:
-    return np.bincount(nodes.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)
+    return np.array([at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
 
 
 def prescribed_values(held: Held, levels: Sequence[Level], T: Floats) -> Floats:
@@ -198,8 +123,3 @@ def prescribed_values(held: Held, levels: Sequence[Level], T: Floats) -> Floats:
     for fixed, level in zip(held.fixed, levels, strict=True):
         out[fixed.nodes] = resolve(level, fixed.shapes)
     return out
-
-
-def factors_of(model: Model, inputs: Mapping[str, object]) -> dict[str, float]:
-    """The factor inputs load.<name> by name."""
-    return {name: float(np.asarray(inputs[f"load.{name}"], dtype=float)) for name in model.load_names}

@@ -13,7 +13,7 @@ from thermal_fmu.newton import solve_stage
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.stage import StageProblem
 from thermal_fmu.step import Course, Stepped
-from thermal_fmu.volume import spread
+from thermal_fmu.volume import spread_energies
 
 Floats = NDArray[np.float64]
 
@@ -26,9 +26,7 @@ def entropy_jump(course: Course, E_S: Floats, s_n: Floats, anchor: Anchor | None
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
     scene = course.scene
-    per_volume = [E_S[block.numbers] / shape.dV.sum(axis=1)
-                  for block, shape in zip(scene.volume.blocks, course.held.shapes, strict=True)]
-    given = spread(scene.volume, course.held.shapes, per_volume)
+    given = spread_energies(scene.volume, course.held.shapes, E_S)
     loads = loads_at(scene.model, course.load, course.calendar.snap(t, 0.0), 1)
     problem = StageProblem(scene, course.held, loads, Stage(0.0, 1.0, 1.0), 0.0, s_n, course.power_M, given, True)
     solved = solve_stage(problem, s_n, scene.model.stepping.tolerance, factors, anchor)

@@ -54,6 +54,11 @@ def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
     )
 
 
+def factors_of(model: Model, inputs: Mapping[str, object]) -> dict[str, float]:
+    """The factor inputs load.<name> by name."""
+    return {name: float(np.asarray(inputs[f"load.{name}"], dtype=float)) for name in model.load_names}
+
+
 @dataclass(frozen=True)
 class Calendar:
     """kinks : times at which any signal jumps or bends.  jumps : those at which one jumps."""

@@ -17,13 +17,14 @@ from thermal_fmu import phase
 from thermal_fmu.advance import Begin, advance
 from thermal_fmu.facing import Points, points_of
 from thermal_fmu.heat import Heat, names_of, no_heat
-from thermal_fmu.held import Scene, factors_of, hold, rubbed
+from thermal_fmu.held import hold, rubbed
 from thermal_fmu.jump import entropy_jump
-from thermal_fmu.loads import calendar_of
+from thermal_fmu.loads import calendar_of, factors_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.outputs import field_outputs, field_variables
 from thermal_fmu.pace import NO_PACE, Pace
+from thermal_fmu.scene import Scene
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.spec import parse_model
 from thermal_fmu.step import Course, Stepped

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from contact.half.model import Value, Variable
 from thermal_fmu import phase
-from thermal_fmu.held import Scene
 from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.material import Conductivity
 from thermal_fmu.phase import Fields
+from thermal_fmu.scene import Scene
 from thermal_fmu.tensor import tensors
 from thermal_fmu.volume import Block, Shape
 

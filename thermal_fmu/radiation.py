@@ -1,7 +1,7 @@
 """Radiation: to the surroundings, Eq. (12), and between facing points, Eq. (11).
 
 T^4 is continued below 0 K as T |T|^3, and an emissivity beyond its range as its nearest bound: Newton's method may pass
-there on its way.  What it ends with is checked (thermal_fmu/boundary.py).
+there on its way.  What it ends with is checked (thermal_fmu/limits.py).
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contact.half.field import Field, Level, resolve
 from contact.half.property import Property
 from thermal_fmu.kernels import at_points
+from thermal_fmu.nodal import at_nodes
 from thermal_fmu.spec import Body
 from thermal_fmu.volume import Block, Shape, Volume, spread
 
@@ -90,8 +91,7 @@ def _nodal(volume: Volume, field: Field, block: Block, shape: Shape, x: Floats) 
 
 def _to_nodes(block: Block, power: Floats, n: int) -> Floats:
     """(n,) nodal sums of N_i times power : (ne, nq)."""
-    share = power @ block.table.N
-    return np.bincount(block.cells.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)
+    return at_nodes(block.cells, power @ block.table.N, n)
 
 
 def warm_flow(source: WarmSource, level: Level, T: Floats) -> tuple[Floats, Floats]:

@@ -10,9 +10,10 @@ from scipy.sparse import csr_matrix
 
 from thermal_fmu import phase
 from thermal_fmu.boundary import Boundary, boundary_flow
-from thermal_fmu.held import Held, Scene
+from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
 from thermal_fmu.methods import Stage
+from thermal_fmu.scene import Scene
 from thermal_fmu.volume import conduct, store
 
 Floats = NDArray[np.float64]

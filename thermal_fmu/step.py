@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from thermal_fmu import phase
 from thermal_fmu.heat import Heat
-from thermal_fmu.held import Held, Scene, prescribed_values
+from thermal_fmu.held import Held, prescribed_values
 from thermal_fmu.loads import Calendar, LoadFactors, Loads, loads_at
 from thermal_fmu.methods import METHODS, Method
 from thermal_fmu.newton import Solved, solve_stage
+from thermal_fmu.scene import Scene
 from thermal_fmu.solver import Anchor, Factors
 from thermal_fmu.stage import StageProblem, balance
 

@@ -21,6 +21,7 @@ from thermal_fmu.kernels import (
     shape_gradients,
     turn_of,
 )
+from thermal_fmu.nodal import at_nodes
 from thermal_fmu.phase import Fields
 from thermal_fmu.spec import Body
 from thermal_fmu.tensor import tensors
@@ -146,8 +147,15 @@ def spread(volume: Volume, shapes: Sequence[Shape], per_volume: Sequence[Floats]
     out = np.zeros(volume.n)
     for block, shape, s in zip(volume.blocks, shapes, per_volume, strict=True):
         share = (shape.dV @ block.table.N) * np.reshape(s, (-1, 1))
-        out += np.bincount(block.cells.ravel(), weights=share.ravel(), minlength=volume.n)
+        out += at_nodes(block.cells, share, volume.n)
     return out
+
+
+def spread_energies(volume: Volume, shapes: Sequence[Shape], E: Floats) -> Floats:
+    """(n,) nodal shares of energies E : (n_cells,) [J], each even in the volume of its cell."""
+    per_volume = [E[block.numbers] / shape.dV.sum(axis=1)
+                  for block, shape in zip(volume.blocks, shapes, strict=True)]
+    return spread(volume, shapes, per_volume)
 
 
 def references_of(volume: Volume, bodies: Sequence[Body], X: Floats) -> tuple[Reference, ...]:
