@@ -41,7 +41,7 @@ def advance(course: Course, stepping: Stepping, method: Method, begin: Begin, t:
     """
     left = max(begin.damped - 1, 0)
     if not method.stores:
-        done = walk_to_steady(course, method, stepping.increments, begin.s, begin.anchor, t, h)
+        done = walk_to_steady(course, stepping.increments, begin.s, begin.anchor, t, h)
         return Advanced(done, left, begin.pace)
     if stepping.adaptive is not None:
         start = Progress(begin.s, begin.anchor, begin.pace, begin.damped)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu.loads import loads_at
-from thermal_fmu.methods import Method
+from thermal_fmu.methods import METHODS
 from thermal_fmu.newton import NotConvergedError, Solved, solve_stage
 from thermal_fmu.solver import Anchor
 from thermal_fmu.stage import StageProblem, balance
@@ -17,10 +17,11 @@ from thermal_fmu.volume import BadPropertyError
 
 Floats = NDArray[np.float64]
 
+STEADY = METHODS["steady"]
 MAX_HALVINGS = 10  # of an increment; a path that needs steps of a thousandth of one is no path
 
 
-def walk_to_steady(course: Course, method: Method, increments: int, s_start: Floats, anchor: Anchor | None, t: float,
+def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anchor | None, t: float,
                    dt: float) -> Stepped:
     """From s_start : (n,) [K] to the steady state under the loads of t + dt, prescribed values moving along.
 
@@ -35,13 +36,13 @@ def walk_to_steady(course: Course, method: Method, increments: int, s_start: Flo
         size = min(size, last - done)
         try:
             if done + size == last:
-                stepped = take_step(course, method, s, anchor, t, dt)
+                stepped = take_step(course, STEADY, s, anchor, t, dt)
                 return replace(stepped, iterations=iterations + stepped.iterations)
-            path = path or _path(course, method, s_start, t, dt)
+            path = path or _path(course, s_start, t, dt)
             solved = _increment(path, (done + size) / last, s, anchor)
         except (NotConvergedError, BadPropertyError) as exc:
             if size == 1:
-                return _all_at_once(course, method, s_start, anchor, (t, dt), f"at {done / last:.3g} of the load no "
+                return _all_at_once(course, s_start, anchor, (t, dt), f"at {done / last:.3g} of the load no "
                                     f"increment helps: {exc}")
             size //= 2
             continue
@@ -49,11 +50,11 @@ def walk_to_steady(course: Course, method: Method, increments: int, s_start: Flo
         done, size = done + size, min(2 * size, whole)
 
 
-def _all_at_once(course: Course, method: Method, s_start: Floats, anchor: Anchor | None, when: tuple[float, float],
+def _all_at_once(course: Course, s_start: Floats, anchor: Anchor | None, when: tuple[float, float],
                  why: str) -> Stepped:
     """Where the path turns back before its end, its end may still be in reach of Newton's method from the start."""
     try:
-        return take_step(course, method, s_start, anchor, *when)
+        return take_step(course, STEADY, s_start, anchor, *when)
     except (NotConvergedError, BadPropertyError) as exc:
         raise NotConvergedError(why) from exc
 
@@ -69,10 +70,10 @@ class _Path:
     s_end: Floats
 
 
-def _path(course: Course, method: Method, s_start: Floats, t: float, dt: float) -> _Path:
+def _path(course: Course, s_start: Floats, t: float, dt: float) -> _Path:
     model = course.scene.model
     loads = loads_at(model, course.load, course.calendar.snap(t + dt, dt), -1)
-    problem = StageProblem(course.scene, course.held, loads, method.stages[0], dt, s_start, course.power_M,
+    problem = StageProblem(course.scene, course.held, loads, STEADY.stages[0], dt, s_start, course.power_M,
                            np.zeros(s_start.size), False)
     f = -balance(problem, s_start, jacobian=False).R / dt
     return _Path(course, problem, np.where(course.scene.fixed, 0.0, f), s_start,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermal_fmu.phase import Fields
 from thermal_fmu.spec import Body
-from thermal_fmu.volume import Block, Reference, Shape, Volume, conduct, shape_of, store, turned
+from thermal_fmu.volume import Block, Entries, Reference, Shape, Volume, conduct, shape_of, store, turned
 
 Floats = NDArray[np.float64]
 
@@ -59,9 +59,9 @@ class KeptMatrix:
     def __init__(self) -> None:
         self._of: dict[int, _Asked] = {}
 
-    def fill(self, volume: Volume, bodies: Sequence[Body], on: Sequence[tuple[Reference, Shape]], slope: float,
-             stores: bool, data: Floats) -> frozenset[int]:
-        """Put the entries of blocks that were asked for before into data; returns which, by their place in the volume.
+    def fill(self, volume: Volume, bodies: Sequence[Body], on: Sequence[tuple[Reference, Shape]], into: Entries,
+             stores: bool) -> Entries:
+        """Put in the entries of blocks that were asked for before, and say which.
 
         A block that moves in every step is left to the caller: to keep its entries would cost and never pay.
         on : reference and shape of every block.  stores : whether M is in it.
@@ -71,26 +71,26 @@ class KeptMatrix:
             if not (block.alone and _is_constant(bodies[block.body])):
                 continue
             kept = self._of.get(b)
-            if kept is None or not kept.is_for(*on[b], slope, stores):
-                self._of[b] = _Asked(*on[b], slope, stores)
+            if kept is None or not kept.is_for(*on[b], into.slope, stores):
+                self._of[b] = _Asked(*on[b], into.slope, stores)
                 continue
             if kept.entries is None:
-                kept = replace(kept, entries=_entries(volume, block, bodies, on[b], slope, stores))
+                kept = replace(kept, entries=_entries(volume, block, bodies, on[b], into.slope, stores))
                 self._of[b] = kept
-            data[block.places] = kept.entries
+            into.data[block.places] = kept.entries
             filled.append(b)
-        return frozenset(filled)
+        return replace(into, filled=frozenset(filled))
 
 
 def _entries(volume: Volume, block: Block, bodies: Sequence[Body], on: tuple[Reference, Shape], slope: float,
              stores: bool) -> Floats:
     """(n_places,) entries of one block.  T = 0 serves: the entries know no temperature."""
     own = replace(volume, blocks=(replace(block, slots=block.own_slots),))
-    nothing, values = np.zeros(volume.n), np.zeros(block.places.size)
+    nothing, into = np.zeros(volume.n), Entries(np.zeros(block.places.size), slope)
     if stores:
-        store(own, on[:1], bodies, (nothing, nothing), np.zeros(volume.n), values)
-    conduct(own, on[1:], bodies, Fields(nothing), np.zeros(volume.n), slope, values)
-    return values
+        store(own, on[:1], bodies, (nothing, nothing), np.zeros(volume.n), into)
+    conduct(own, on[1:], bodies, Fields(nothing), np.zeros(volume.n), into)
+    return into.data
 
 
 def _is_constant(body: Body) -> bool:

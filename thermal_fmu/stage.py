@@ -14,11 +14,9 @@ from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
 from thermal_fmu.methods import Stage
 from thermal_fmu.scene import Scene
-from thermal_fmu.volume import conduct, store
+from thermal_fmu.volume import Entries, conduct, store
 
 Floats = NDArray[np.float64]
-
-NOTHING: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -88,11 +86,13 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
     # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
     slope = stage.theta * weight
     on = tuple(zip(held.masses, held.shapes, strict=True))
-    filled = scene.kept_matrix.fill(volume, model.bodies, on, slope, problem.stores, data) if jacobian else NOTHING
+    into = Entries(data, slope)
+    if jacobian:
+        into = scene.kept_matrix.fill(volume, model.bodies, on, into, problem.stores)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
-        stored = store(volume, held.masses, model.bodies, (problem.s_n, s), S, data, filled)
-    conduct(volume, held.shapes, model.bodies, at, f, slope, data, filled)
+        stored = store(volume, held.masses, model.bodies, (problem.s_n, s), S, into)
+    conduct(volume, held.shapes, model.bodies, at, f, into)
     boundary = boundary_flow(held, problem.loads, problem.power_M, at.T)
     inside = f + boundary.inside
     f += boundary.f

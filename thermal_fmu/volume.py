@@ -102,6 +102,22 @@ class Reference:
     G: Floats | None = None
 
 
+@dataclass(frozen=True)
+class Entries:
+    """The data of the matrix M + slope K on their way, an empty array where none is asked for.
+
+    filled : blocks, by their place in the volume, whose entries are in it already.
+    """
+
+    data: Floats
+    slope: float
+    filled: frozenset[int] = frozenset()
+
+    def of(self, b: int) -> Floats:
+        """Where block b adds its own."""
+        return self.data[:0] if b in self.filled else self.data
+
+
 def volume_of(interface: Interface) -> Volume:
     """The blocks of an interface's mesh, body by body, quads before triangles."""
     found = []
@@ -173,16 +189,16 @@ def turned(block: Block, first: Reference, shape: Shape, x: Floats) -> Shape:
 
 
 def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at: Fields, f: Floats,
-            scale: float, data: Floats, filled: frozenset[int] = frozenset()) -> None:
-    """f -= the heat that leaves each node by conduction;  data += scale * its derivative by s, but of filled blocks.
+            into: Entries) -> None:
+    """f -= the heat that leaves each node by conduction;  entries += slope * its derivative by s.
 
     Eq. (1).  Raises BadPropertyError.
     """
     for b, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
         material = bodies[block.body].material
-        into = data[:0] if b in filled else data
+        own = replace(into, data=into.of(b))
         if not material.k.is_plain or material.phase is not None:
-            _conduct_tensor(block, shape, bodies[block.body], at, f, scale, into)
+            _conduct_tensor(block, shape, bodies[block.body], at, f, own)
             continue
         k = material.k.k_1.solid
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
@@ -190,11 +206,10 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at:
         if not k.is_constant:
             _demand_positive("conductivity", k_q, block, bodies[block.body].name)
         add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
-                       block.slots, scale, into)
+                       block.slots, own.slope, own.data)
 
 
-def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Floats, scale: float,
-                    data: Floats) -> None:
+def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Floats, into: Entries) -> None:
     N = block.table.N
     T_q = at_points(at.T, block.cells, N)
     f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
@@ -205,14 +220,13 @@ def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Float
     df = np.zeros(at.T.size) if at.df is None else at.df
     dV = shape.dV[:, :, None]
     add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, k.dK * dV, k.dK_f * dV, dT, df, f, block.slots,
-                          scale, data)
+                          into.slope, into.data)
 
 
 def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body], path: tuple[Floats, Floats],
-          S: Floats, data: Floats, filled: frozenset[int] = frozenset()) -> Floats:
-    """S += nodal increase of enthalpy along path, from s0 to s : (n,) [K];  data += its derivative [J/K].
+          S: Floats, into: Entries) -> Floats:
+    """S += nodal increase of enthalpy along path, from s0 to s : (n,) [K];  entries += its derivative [J/K].
 
-    Blocks that are filled leave data alone.
     Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a cell would else make heat run
     backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the points where it is stored.
     Raises BadPropertyError.
@@ -221,7 +235,7 @@ def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body
     s0, s = path
     for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
         body = bodies[block.body]
-        into = data[:0] if b in filled else data
+        data = into.of(b)
         if body.material.phase is not None:
             total[block.body] += _store_melting(block, first.mass, body, path, S, data)
             continue
@@ -231,7 +245,7 @@ def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body
         c_q = c(T_q)
         if not c.is_constant:
             _demand_positive("heat capacity", c_q, block, body.name)
-        add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, into)
+        add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, data)
         total[block.body] += dE_q.sum()
     return total
 

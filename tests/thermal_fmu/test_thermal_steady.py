@@ -79,7 +79,7 @@ def test_one_increment_that_converges_changes_no_bit():
     course = the_course(bar, model)
     s = np.full(len(bar.nodes), 300.0)
     a = take_step(course, STEADY, s, None, 0.0, 1.0)
-    b = walk_to_steady(course, STEADY, 1, s, None, 0.0, 1.0)
+    b = walk_to_steady(course, 1, s, None, 0.0, 1.0)
     assert a.s.tobytes() == b.s.tobytes()
     assert a.iterations == b.iterations
 
