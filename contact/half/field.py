@@ -75,11 +75,6 @@ class Field:
         """The signals of its terms."""
         return tuple(term.t for term in self.terms)
 
-    @property
-    def kinks(self) -> Floats:
-        """Times [s] at which a signal of it jumps or changes its slope."""
-        return np.unique(np.concatenate([np.empty(0), *(s.kinks for s in self.signals)]))
-
     def level(self, t: float, side: int = 1) -> Level:
         """What it is at t [s]; at a jump the limit from the left (side=-1) or from the right."""
         if not self.is_uniform:

@@ -25,7 +25,6 @@ def test_a_sum_of_products():
         assert np.abs(field.at(PLACES, t, side) - expected).max() < 1e-13
         assert np.array_equal(resolve(field.level(t, side), field.shapes(PLACES)), field.at(PLACES, t, side))
     assert not field.is_uniform
-    assert field.kinks.tolist() == [0.0, 5.0, 10.0]
     assert [s.t.size for s in field.signals] == [2, 1, 4]
 
 
