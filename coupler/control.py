@@ -49,7 +49,7 @@ def windows(halves: Halves, state: CoupledState, plan: Plan) -> Iterator[Tried]:
     clock, number = plan.schedule.clock, 0
     for k0, k1 in pairwise(plan.schedule.bounds):
         if k0 in plan.schedule.kinks:
-            state = replace(state, before=None, events=state.events + 1)
+            state = replace(state, before=None, events=state.events + (k0 in plan.schedule.events))
         ends = [k1]
         start = k0
         while ends:

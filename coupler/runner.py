@@ -243,7 +243,7 @@ def _made_by(half: Half) -> list[str]:
 def plan_of(scenario: Scenario) -> Plan:
     """Where windows end, by which scheme, with how many substeps."""
     c = scenario.coupling
-    return Plan(schedule(c.end, c.windows, c.kinks), c.scheme, c.substeps)
+    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps)
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from coupler.clock import Clock, clock_with_marks
@@ -20,17 +20,23 @@ class WindowRange:
 
 @dataclass(frozen=True)
 class Schedule:
-    """bounds : ticks at which windows end, ascending, from 0 on.  kinks : those of them that are kinks."""
+    """bounds : ticks at which windows end, ascending, from 0 on.  kinks : those of them that are kinks.
+
+    events : the kinks at which halves restart damped.
+    """
 
     clock: Clock
     bounds: tuple[int, ...]
     kinks: frozenset[int]
+    events: frozenset[int]
 
 
-def schedule(end: float, ranges: Sequence[WindowRange], kinks: Iterable[float]) -> Schedule:
+def schedule(end: float, ranges: Sequence[WindowRange], kinks: Iterable[float],
+             bends: Collection[float] = ()) -> Schedule:
     """Windows over [0, end] that end at every kink and at the end of every range.
 
     end [s].  kinks [s]: times at which boundary data jump or change slope; 0 and times past the end are left out.
+    bends [s]: those of them where no half need restart damped.
     Raises ValueError if the ranges do not reach the end or do not advance.
     """
     if not ranges or ranges[-1].until < end:
@@ -53,7 +59,8 @@ def schedule(end: float, ranges: Sequence[WindowRange], kinks: Iterable[float]) 
         if until == end:
             break
     unique = tuple(sorted(set(bounds)))
-    return Schedule(clock, unique, frozenset(clock.ticks(t) for t in kink_times))
+    events = frozenset(clock.ticks(t) for t in kink_times if t not in bends)
+    return Schedule(clock, unique, frozenset(clock.ticks(t) for t in kink_times), events)
 
 
 def _sizes_at(r: WindowRange, range_start: float, start: float, end: float) -> tuple[float, float]:

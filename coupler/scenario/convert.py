@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from coupler.scenario.base import Polynomial, PropertyTable, SignalTable
@@ -106,11 +107,22 @@ class Convert:
 
 def kinks_in(model: Json) -> Iterator[float]:
     """Times [s] of every signal table anywhere in a model."""
+    for times in _tables_in(model):
+        yield from times
+
+
+def jumps_in(model: Json) -> Iterator[float]:
+    """Times [s] at which a signal anywhere in a model has two values."""
+    for times in _tables_in(model):
+        yield from (t for t, after in pairwise(times) if t == after)
+
+
+def _tables_in(model: Json) -> Iterator[list[float]]:
     if isinstance(model, Mapping):
         if "t" in model and "value" in model and len(model["t"]) > 1:
-            yield from model["t"]
+            yield model["t"]
         for inner in model.values():
-            yield from kinks_in(inner)
+            yield from _tables_in(inner)
     elif isinstance(model, list):
         for inner in model:
-            yield from kinks_in(inner)
+            yield from _tables_in(inner)

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from coupler.level import Scheme
-from coupler.scenario.convert import kinks_in
+from coupler.scenario.convert import jumps_in, kinks_in
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import Coupling as CouplingSpec
 from coupler.scenario.schema import Windows
@@ -26,13 +26,15 @@ class Coupling:
     """end [s]; runs begin at 0.  windows : ranges in order, the last reaches the end.
 
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
-    the chosen halves use.  substeps : role -> number in a window.
+    the chosen halves use.  bends : those of them where only thermal data change slope: no half need restart damped,
+    which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
     """
 
     scheme: Scheme
     end: float
     windows: tuple[WindowRange, ...]
     kinks: tuple[float, ...]
+    bends: frozenset[float]
     substeps: Mapping[str, int]
     link: str
 
@@ -46,7 +48,8 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     times: Iterable[float] = (*spec.kinks, *kinks_in(models))
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
     substeps = {"thermal": spec.substeps.thermal, "mechanical": spec.substeps.mechanical}
-    return Coupling(spec.scheme, spec.end, windows, kinks, substeps, spec.link)
+    events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
+    return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link)
 
 
 def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:

@@ -25,12 +25,12 @@ EXACT_E8 = 831.7186022526  # verification.md E8: case E4 from 840 K to 20 s
 END = 20.0
 
 
-def couple(n: int, scheme: Scheme, thermal=None, mechanical=None, substeps=(1, 1), kinks=(), end=END):
+def couple(n: int, scheme: Scheme, thermal=None, mechanical=None, substeps=(1, 1), kinks=(), bends=(), end=END):
     thermal, mechanical = thermal or lumped(840.0), mechanical or shrinking(840.0)
     x = np.array([[0.0, gap_of(840.0)]])
     state = CoupledState(Level(0.0, np.array([840.0]), x, np.zeros(0), np.zeros(0), np.zeros(0)), None, 0,
                          {"E_M": EnergyAccount(np.zeros(1))})
-    plan = Plan(schedule(end, [WindowRange(end, end / n, end / n)], kinks), scheme,
+    plan = Plan(schedule(end, [WindowRange(end, end / n, end / n)], kinks, bends), scheme,
                 {"thermal": substeps[0], "mechanical": substeps[1]})
     tried, ledger = [], Ledger()
     for w in windows(wanted_outputs(thermal, mechanical), state, plan):
@@ -121,6 +121,15 @@ def test_the_window_after_a_kink_starts_without_a_slope():
     state, tried, _ = couple(20, Scheme.EXTRAPOLATED, kinks=(7.3,))
     ends = [w.t + w.H for w in tried]
     assert 7.3 in ends
+    assert state.events == 1
+
+
+def test_a_bend_of_thermal_data_ends_a_window_and_damps_nothing():
+    schedule_ = schedule(END, [WindowRange(END, 1.0, 1.0)], (7.3, 9.1), bends={7.3})
+    assert {schedule_.clock.seconds(k) for k in schedule_.kinks} == {7.3, 9.1}
+    assert {schedule_.clock.seconds(k) for k in schedule_.events} == {9.1}
+    state, tried, _ = couple(20, Scheme.EXTRAPOLATED, kinks=(7.3, 9.1), bends={7.3})
+    assert {7.3, 9.1} <= {w.t + w.H for w in tried}
     assert state.events == 1
 
 

@@ -75,6 +75,13 @@ def test_automatic_penalty_is_the_smaller_stiffness_over_the_mean_slave_edge(tmp
     assert load_text(tmp_path, GOOD, {"contact.face.penalty": 7e12}).interface.pairs[0].eps_N == 7e12
 
 
+def test_thermal_data_that_only_bend_restart_nothing(tmp_path: Path) -> None:
+    """A sine sampled every second must not cost the midpoint rule its order; jumps and what moves bodies do restart."""
+    c = load_text(tmp_path, GOOD, {"signals.oven": {"t": [0, 20, 28, 28], "value": [0, 100, 50, 70]}}).coupling
+    assert c.kinks == (10.0, 20.0, 25.0, 28.0, 30.0)
+    assert c.bends == {20.0}
+
+
 def test_kinks_come_from_the_file_and_from_signals_in_use_only(tmp_path: Path) -> None:
     c = load_text(tmp_path, GOOD).coupling
     # push: 10, 30; oven: 20; stated: 25. `idle` has a kink at 7 but drives nothing.
