@@ -19,11 +19,10 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 from time import process_time
-from typing import Any
 
 import numpy as np
 from scene import pin, table
-from thermal_cases import CASES, Case
+from thermal_cases import CASES, Case, first_inputs
 
 from contact.half.model import Discard
 
@@ -65,10 +64,7 @@ class Run:
         self.case, self.mesh = case, case.mesh(cells, max(cells // SLENDER, 1))
         self.half = load(self.mesh, {**case.spec, "method": method})
         self.link = DirectLink(ContactService().handle)
-        self.inputs: dict[str, Any] = {
-            v.name: np.broadcast_to(v.start, v.shape).copy() if v.shape else v.start
-            for v in self.half.variables if v.causality == "input"}
-        self.inputs |= {"control.event": 0, "control.method": 0}
+        self.inputs = first_inputs(self.half.variables)
         if case.pairs:
             self.inputs["contact.t_N"][:] = -case.pressure
 

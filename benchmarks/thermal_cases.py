@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import erfc, erfcx
 
 from contact.half.interface import Interface, Pair
+from contact.half.model import Variable
 
 Floats = NDArray[np.float64]
 ZERO = 273.15  # K at 0 degC
@@ -37,22 +38,37 @@ class Case:
 
     def mesh(self, n: int, across: int) -> Interface:
         """n cells a body along, some across, all of one size."""
-        width = across * self.lengths[0] / n
-        nodes, cells, bodies, surfaces, first = [], [], [], {}, 0
-        for body, (name, L) in enumerate(zip(("a", "b"), self.lengths, strict=False)):
-            start = -L if self.pairs and body == 0 else 0.0
-            X, Y = np.meshgrid(np.linspace(0.0, width, across + 1), np.linspace(start, start + L, n + 1))
-            grid = first + np.arange(X.size).reshape(X.shape)
-            nodes.append(np.stack([X.ravel(), Y.ravel()], axis=1))
-            cells.append(np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1).reshape(-1, 4))
-            bodies.append(np.full(len(cells[-1]), body, dtype=np.int32))
-            for side, line in (("bottom", grid[0]), ("top", grid[-1, ::-1])):
-                surfaces[f"{name}.{side}"] = np.stack([line[:-1], line[1:]], axis=1).astype(np.int32)
-            first += X.size
-        names = ("a", "b")[: len(self.lengths)]
-        return Interface("plane", np.concatenate(nodes), np.concatenate(cells).astype(np.int32),
-                         np.empty((0, 3), np.int32), np.concatenate(bodies), np.empty(0, np.int32), names,
-                         names, surfaces, {}, self.pairs)
+        return strip(self.lengths, n, across, self.pairs)
+
+
+def strip(lengths: tuple[float, ...], n: int, across: int, pairs: tuple[Pair, ...] = ()) -> Interface:
+    """Bodies "a", "b" of these lengths [m] along y, with surfaces .bottom and .top; n cells along, some across.
+
+    A body alone begins at y = 0; of a pair the first one ends and the second one begins there.
+    """
+    width = across * lengths[0] / n
+    nodes, cells, bodies, surfaces, first = [], [], [], {}, 0
+    for body, (name, L) in enumerate(zip(("a", "b"), lengths, strict=False)):
+        start = -L if pairs and body == 0 else 0.0
+        X, Y = np.meshgrid(np.linspace(0.0, width, across + 1), np.linspace(start, start + L, n + 1))
+        grid = first + np.arange(X.size).reshape(X.shape)
+        nodes.append(np.stack([X.ravel(), Y.ravel()], axis=1))
+        cells.append(np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1).reshape(-1, 4))
+        bodies.append(np.full(len(cells[-1]), body, dtype=np.int32))
+        for side, line in (("bottom", grid[0]), ("top", grid[-1, ::-1])):
+            surfaces[f"{name}.{side}"] = np.stack([line[:-1], line[1:]], axis=1).astype(np.int32)
+        first += X.size
+    names = ("a", "b")[: len(lengths)]
+    return Interface("plane", np.concatenate(nodes), np.concatenate(cells).astype(np.int32),
+                     np.empty((0, 3), np.int32), np.concatenate(bodies), np.empty(0, np.int32), names,
+                     names, surfaces, {}, pairs)
+
+
+def first_inputs(variables: Iterable[Variable]) -> dict[str, Any]:
+    """The inputs of a half at their start values."""
+    values = {v.name: np.broadcast_to(v.start, v.shape).copy() if v.shape else v.start
+              for v in variables if v.causality == "input"}
+    return values | {"control.event": 0, "control.method": 0}
 
 
 def _body(T0: float, material: str = "m") -> dict[str, Any]:

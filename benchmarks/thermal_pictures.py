@@ -15,12 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from scipy.optimize import brentq
-from scipy.special import erf, erfc
+from thermal_cases import Stefan
 from thermal_page import PAGE
 from thermal_runs import Array, drive, scenario
 
+from contact.half.property import property_from
 from contact.laws import closed_conductance, gap_factor, open_conductance, parse_law
 from coupler.report.picture import COLOURS, INK, line_style, new_figure, styled
+from thermal_fmu.spec import SIGMA_SB
 
 FOLDER = PAGE.parent / "images"
 MM = 1e3
@@ -73,21 +75,14 @@ def axes() -> Figure:
     return figure
 
 
-def stefan(T_m: float = 933.0) -> Callable[[float], float]:
-    """Front [m] against time of two-phase freezing into a half-space (Neumann), with the data of the scene."""
+def front(t: Array) -> Array:
+    """[m] of two-phase freezing into a half-space at t [s] (Neumann), with the data of the scene."""
     model = scenario("melting").models["thermal"]
-    m, T_w = model["materials"]["steel"], model["boundary"][0]["value"]
-    T_0 = model["bodies"]["bar"]["T0"]
-    k_s, k_l, c_s, c_l = (m[key][p] for key in ("k", "c") for p in ("solid", "liquid"))
-    a_s, a_l, L = k_s / (m["rho"] * c_s), k_l / (m["rho"] * c_l), m["latent"]["L"]
-    nu = np.sqrt(a_s / a_l)
-
-    def missing(lam: float) -> float:
-        liquid = k_l / k_s * nu * (T_0 - T_m) / (T_m - T_w) * np.exp(-(nu * lam) ** 2) / erfc(nu * lam)
-        return np.exp(-lam**2) / erf(lam) - liquid - lam * L * np.sqrt(np.pi) / (c_s * (T_m - T_w))
-
-    lam = brentq(missing, 0.01, 3.0)
-    return lambda t: 2 * lam * np.sqrt(a_s * t)
+    m = model["materials"]["steel"]
+    two = {f"{key}_{phase[0]}": m[key][phase] for key in ("k", "c") for phase in ("solid", "liquid")}
+    known = Stefan(rho=m["rho"], **two, L=m["latent"]["L"], T_m=m["latent"]["T_s"],
+                   wall=model["boundary"][0]["value"], melt=model["bodies"]["bar"]["T0"])
+    return np.array([known.front(s) for s in t])
 
 
 def melting() -> Figure:
@@ -104,7 +99,7 @@ def melting() -> Figure:
     row = np.flatnonzero(run.X[:, 1] == 0)
     right.plot(t, [MM * np.trapezoid(f[row], run.X[row, 0]) for f in run.of("f_s")], **line_style(0),
                label="half: integral of f_s")
-    right.plot(t, [MM * stefan()(s) for s in t], **line_style(1), label="closed form")
+    right.plot(t, MM * front(t), **line_style(1), label="closed form")
     legend(right, "lower right")
     return figure
 
@@ -160,7 +155,7 @@ def one_step(name: str, excess: float, thermal: dict[str, object]) -> float:
 def radiation() -> Figure:
     """Cooling by radiation and by a film of the same first flux."""
     run = drive(scenario("radiation"))
-    h = 5.670374419e-8 * 0.8 * (1200**4 - 300**4) / 900
+    h = SIGMA_SB * 0.8 * (1200**4 - 300**4) / 900
     film = {"boundary": [{"on": "bar.right", "convection": {"h": h, "T": 300.0}}]}
     plain = drive(scenario("radiation", thermal=film))
     figure, (ax,) = panels((TIME, T_LABEL))
@@ -258,6 +253,27 @@ def methods() -> Figure:
     return figure
 
 
+def steady() -> Figure:
+    """The profile against Kirchhoff's: what radiates at the end enters at the wall, and int k dT is linear between."""
+    scene = scenario("steady")
+    run, model = drive(scene), scene.models["thermal"]
+    k, wall, end = property_from(model["materials"]["steel"]["k"]), *model["boundary"]
+    length = float(run.X[:, 0].max())
+    T_w, T_inf, strength = wall["value"], end["T"], length * end["emissivity"] * SIGMA_SB
+
+    def moved(T: Array) -> Array:
+        return k.increase(T, np.full(np.shape(T), T_w))
+
+    T_end = brentq(lambda T: float(moved(np.array(T))) - strength * (T**4 - T_inf**4), T_inf, T_w)
+    line = np.linspace(T_end, T_w, 200)
+    figure, (ax,) = panels((X_LABEL, T_LABEL))
+    ax.plot(MM * length * moved(line) / moved(line[0]), line, color=INK, linewidth=1, label="closed form")
+    ax.plot(MM * run.X[::2, 0], run.T[-1, ::2], "o", color=COLOURS[0], markersize=4, label="half")
+    ax.plot([0, MM * length], [T_w, T_end], color=INK, linestyle=":", label="straight, as of a constant k")
+    legend(ax)
+    return figure
+
+
 def adaptive() -> Figure:
     """Temperature under a pulse, and the inner steps it took."""
     scene = scenario("adaptive")
@@ -272,7 +288,8 @@ def adaptive() -> Figure:
 
 
 PICTURES: dict[str, Callable[[], Figure]] = {f.__name__: f for f in (
-    conduction, axes, melting, source, prescribed, convection, radiation, near, contact, friction, methods, adaptive)}
+    conduction, axes, melting, source, prescribed, convection, radiation, near, contact, friction, methods, steady,
+    adaptive)}
 
 
 def main(names: list[str]) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
+from thermal_cases import first_inputs
 from thermal_page import merged, scenes
 
 from contact.half.model import Done
@@ -62,10 +63,7 @@ def drive(scene: Scenario, dt: float | Sequence[float] | None = None, **given: A
     """
     half = ThermalHalf(scene.interface, scene.models["thermal"])
     link = DirectLink(ContactService().handle)
-    inputs: dict[str, Any] = {"control.event": 0, "control.method": 0}
-    for v in half.variables:
-        if v.causality == "input":
-            inputs[v.name] = np.broadcast_to(v.start, v.shape).copy() if v.shape else float(v.start)
+    inputs = first_inputs(half.variables)
     for key, value in given.items():
         name = key.replace("_", ".", 1) if key.startswith("contact") else key
         inputs[name] = np.broadcast_to(value, np.shape(inputs[name])).copy()

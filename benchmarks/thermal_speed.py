@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from scene import pin, table
 from scipy.sparse import csr_array
+from thermal_cases import first_inputs, strip
 
 SIDES = (31, 63, 99, 157, 223, 315, 447)  # cells: 1 024 to 200 704 unknowns
 SOLVERS = ("superlu", "pardiso")
@@ -48,22 +49,12 @@ class Speed:
 
 def scene(m: int) -> tuple[Any, dict[str, Any]]:
     """Mesh and model.json of the square."""
-    from contact.half.interface import Interface
-
-    X, Y = np.meshgrid(np.linspace(0.0, 0.1, m + 1), np.linspace(0.0, 0.1, m + 1))
-    grid = np.arange(X.size).reshape(X.shape)
-    cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=-1).reshape(-1, 4)
-    surfaces = {f"a.{side}": np.stack([line[:-1], line[1:]], axis=1).astype(np.int32)
-                for side, line in (("bottom", grid[0]), ("top", grid[-1, ::-1]))}
-    mesh = Interface("plane", np.stack([X.ravel(), Y.ravel()], axis=1), cells.astype(np.int32),
-                     np.empty((0, 3), np.int32), np.zeros(len(cells), np.int32), np.empty(0, np.int32), ("a",), ("m",),
-                     surfaces)
     material = {"rho": 7800.0, "k": {"polynomial": [30.0, 0.02]}, "c": {"polynomial": [400.0, 0.2]}}
     model = {"half": "thermal", "format": 1, "materials": {"m": material},
              "bodies": {"a": {"material": "m", "T0": 300.0}},
              "boundary": [{"kind": "temperature", "on": "a.bottom", "value": 500.0},
                           {"kind": "convection", "on": "a.top", "h": 500.0, "T": 300.0}]}
-    return mesh, model
+    return strip((0.1,), m, m), model
 
 
 def timed(call: Callable[..., Any], into: list[float]) -> Callable[..., Any]:
@@ -94,8 +85,7 @@ def measure(m: int) -> Speed:
     try:
         mesh, model = scene(m)
         half = load(mesh, model)
-        inputs: dict[str, Any] = {v.name: np.broadcast_to(v.start, v.shape).copy() if v.shape else v.start
-                                  for v in half.variables if v.causality == "input"}
+        inputs = first_inputs(half.variables)
         state, _ = half.start(inputs, 0.0, None)
         while len(steps) < STEPS:
             begun = process_time()
