@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from contact.compiled import kernel
 from contact.geometry import face_pass
 from contact.normals import edge_frames
 from contact.surfaces import Surfaces, checked_reals
@@ -93,7 +93,7 @@ def _check_geometry(surfaces: Surfaces, x: Floats, length: Floats) -> None:
         raise ValueError(f"node {node} lies beyond the axis, r = {x[node, 0]!r}")
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def covered_shares(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.bool_], axisymmetric: bool,
                    met: Ints, values: Floats) -> Floats:
     """(n_s,) share in [0, 1] of each node's surface, by its shape functions, that faces something."""

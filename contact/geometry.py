@@ -1,7 +1,6 @@
 """Compiled kernels of the search: boxes, rays, and the cutting of slave edges at the master's nodes.
 
-A slave point faces the nearest master point on the ray along its normal (contact.normals).  Kernels that call
-each other share this file: a compiled cache is renewed when its own file changes, not when a file it calls does.
+A slave point faces the nearest master point on the ray along its normal (contact.normals).
 """
 
 from __future__ import annotations
@@ -9,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from contact.compiled import kernel
 from contact.wire import Floats, Ints
 
 # x, y of the first and second node of a slave edge, then the normals there.
@@ -28,7 +27,7 @@ ITSELF_BACK = 0.25  # a surface that folds onto itself is followed this share of
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
     """Boxes [x_min, x_max, y_min, y_max] over a chain of edges, as an implicit binary tree.
 
@@ -55,7 +54,7 @@ def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
     return boxes
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
     """Ends of slave edge e and the normals there."""
     a, b = edges[e, 0], edges[e, 1]
@@ -63,7 +62,7 @@ def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
             normal[e, 1, 0], normal[e, 1, 1], normal[e, 2, 0], normal[e, 2, 1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back: float, ahead: float,
                found: Ints) -> int:
     """Edges of a box tree over the chain masters that the rays of a slave edge may reach, and that face it.
@@ -111,7 +110,7 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
     """The slave coordinates xi whose rays pass through (X, Y), roots of (X - x(xi)) x n(xi) = 0; NaN: none.
 
@@ -130,7 +129,7 @@ def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
     return (c0 / q if q != 0.0 else np.nan), (q / c2 if c2 != 0.0 else np.nan)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float, float, float]:
     """Where the ray of slave coordinate xi meets the line of edge m: coordinate on it, gap [m], n . n_m."""
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
@@ -147,20 +146,20 @@ def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float,
     return (rx * ny - ry * nx) / cross, (rx * ey - ry * ex) / cross, -cross / np.sqrt(ex * ex + ey * ey)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
     """Is gap g of master edge m to be preferred to the best so far?  Nearest first, then the lower number."""
     return abs(g) < abs(best) - slack or (m < best_m and abs(g) <= abs(best) + slack)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> None:
     """Keep the nearest gap of a node."""
     if -back <= g < ahead and abs(g) < abs(near[node]):
         near[node] = g
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Floats,
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cuts of a slave edge at the feet of its candidates' nodes; the gaps of those nodes on the way.
@@ -200,7 +199,7 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts
     return kept + 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def meet(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Floats, n_cuts: int,
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
     """Into met the nearest master edge that the middle ray of each piece of a slave edge meets; -1: none."""
@@ -225,7 +224,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Fl
             i += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def master_weights(xi: tuple[float, float], low: float, high: float, size: float, r_low: float,
                    r_high: float) -> tuple[float, float]:
     """Weights at two master coordinates xi that integrate linear functions over the piece low..high exactly.
@@ -243,13 +242,13 @@ def master_weights(xi: tuple[float, float], low: float, high: float, size: float
     return size * (m0 - second), size * second
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
     """2 pi r at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 metre of depth."""
     return 2.0 * np.pi * max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float, m: int, low: float, high: float,
           axisymmetric: bool, values: Floats, i: int) -> None:
     """The two facing points of piece low..high of a slave edge on master edge m, into rows i, i + 1 of values."""
@@ -271,7 +270,7 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
                                                         abs(m_high - m_low) * length_m, r_low, r_high)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def drop_neighbours(edges: Ints, e: int, found: Ints, count: int) -> int:
     """Take the edge e itself and the edges that share a node with it out of found; returns how many are left."""
     left = 0
@@ -287,7 +286,7 @@ def drop_neighbours(edges: Ints, e: int, found: Ints, count: int) -> int:
     return left
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, found: Ints, count: int, end: int,
                reach: tuple[float, float], axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
     """The point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
@@ -311,7 +310,7 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, found: Int
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tuple[int, int], masters: Ints,
               gap_max: float, form: tuple[bool, bool, bool], met_edges: Ints, values: Floats, near: Floats) -> int:
     """Facing points of one pass.

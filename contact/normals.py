@@ -8,8 +8,8 @@ exactly its own normal.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from contact.compiled import kernel
 from contact.wire import Floats, Ints
 
 # A turn of more than 60 degrees is a corner of the body, where both edges keep their own normals: with the mean,
@@ -17,7 +17,7 @@ from contact.wire import Floats, Ints
 CORNER_COS = 0.5
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tuple[Floats, Floats]:
     """Outward normals and lengths of edges.
 

@@ -11,9 +11,9 @@ unit vectors turns by the mean of their angles.  That is all the product rules n
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from contact.compiled import kernel
 from contact.wire import Floats
 
 Flags = NDArray[np.bool_]
@@ -29,7 +29,7 @@ OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 Vector = tuple[float, float]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:
     """Add share times the derivative of the direction of the edge from node a to node b."""
     tx, ty = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1]
@@ -40,7 +40,7 @@ def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:
     d_phi[2 * a + 1] -= scale * tx
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
     """Fill d_phi : (2, 12), how the normals at the slave's two nodes turn."""
     d_phi[:] = 0.0
@@ -52,7 +52,7 @@ def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
         add_turn(x, 1, 3, 0.5, d_phi[1])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def field_normal(n: Floats, xi: float) -> tuple[float, float, float, float, float]:
     """The unit normal at xi, and what of the turns of n : (2, 2) and of xi makes it turn."""
     ex, ey = n[1, 0] - n[0, 0], n[1, 1] - n[0, 1]
@@ -63,7 +63,7 @@ def field_normal(n: Floats, xi: float) -> tuple[float, float, float, float, floa
             xi * (mx * n[1, 0] + my * n[1, 1]) / size, (mx * ey - my * ex) / size)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut: Floats) -> None:
     """Fill d_cut : (12,) of the slave coordinate xi whose ray passes through `node`: (x_node - x(xi)) x n(xi) = 0."""
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
@@ -78,7 +78,7 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
         d_cut[2 * i + 1] -= scale * share * nx
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node: bool, axisymmetric: bool,
                     moves: Floats, ends: Floats, points: Floats, c: Floats, doing: Floats, first: int, scratch: Floats,
                     force: Floats, block: Floats) -> None:
@@ -112,7 +112,7 @@ def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node
         add_point(x, n, before, points, c, doing, q, d_phi, d_xi, d_area, force, block)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Floats, d_area: Floats) -> None:
     """Add to d_area what comes of the edge's length, and of the distance from the axis."""
     tx, ty = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
@@ -129,7 +129,7 @@ def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Flo
             d_area[j] += area / r * tx * d_xi[j]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def add_point(x: Floats, n: Floats, before: Floats, points: Floats, c: Floats, doing: Floats, q: int, d_phi: Floats,
               d_xi: Floats, d_area: Floats, force: Floats, block: Floats) -> None:
     """Add the forces of point q to force : (6, 2) and their derivative to block : (12, 12)."""

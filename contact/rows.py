@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from contact.compiled import kernel
 from contact.wire import Floats, Ints
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
     """starts : (n + 1,), columns : (n_b,) ascending in each row, and values : (n_b, 2, 2), the sum of all blocks.
 
@@ -45,7 +45,7 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
     return starts, packed, values
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def added_up(n: int, nodes: Ints, values: Floats) -> Floats:
     """(n, 2) sums of values : (n_pieces, m, 2) at nodes : (n_pieces, m)."""
     total = np.zeros((n, 2))
@@ -56,7 +56,7 @@ def added_up(n: int, nodes: Ints, values: Floats) -> Floats:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _insert(row: Ints, filled: NDArray[np.int64], s: int, column: int) -> None:
     """Put a column into its place in a sorted row, unless it is there; rows have a dozen columns."""
     k = filled[s]

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from contact.compiled import kernel
 from contact.facing import Cut, cut_surfaces
 from contact.geometry import feet, frame_of
 from contact.pieces import (
@@ -90,7 +90,7 @@ def _points(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multipliers
     return points
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats, doing: Floats,
           p_N: Floats, tau: Floats, heat: Floats) -> None:
     """Fill what every point does: doing, p_N [Pa], tau [Pa], and the heat of its slip [J].
@@ -125,7 +125,7 @@ def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, nor
             heat[i] = tau[i] * (trial - tau[i]) / c[i, EPS_T] * area
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def nodal_means(edges: Ints, met: Ints, values: Floats, p_N: Floats, tau: Floats, heat: Floats,
                 n_nodes: int) -> tuple[Floats, Floats, Floats]:
     """t_N : (n_nodes,) [Pa] = -sum(A N p_N)/sum(A N) over what each node faces, both sides; shear : (n_nodes,) [Pa],
@@ -150,7 +150,7 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, p_N: Floats, tau: Floats
     return pushed, dragged, made
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats,
            normal: Floats, by_node: Ints, axisymmetric: bool, c: Floats,
            doing: Floats) -> tuple[Ints, Floats, Floats]:
@@ -183,13 +183,13 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
     return nodes, forces, blocks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def parallel(normal: Floats, e: int, other: int) -> bool:
     """Whether two neighbours' own normals are the same, so that their mean is too."""
     return normal[e, 0, 0] == normal[other, 0, 0] and normal[e, 0, 1] == normal[other, 0, 1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, nodes: Ints) -> None:
     """Fill nodes : (6,), as contact.pieces numbers them; where there is no neighbour, the edge's own node."""
     nodes[0], nodes[1] = edges[e, 0], edges[e, 1]
@@ -198,7 +198,7 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
     nodes[4], nodes[5] = edges[m, 0], edges[m, 1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def piece_cuts(frame: tuple[float, float, float, float, float, float, float, float], here: Floats, xi_1: float,
                xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
     """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 from mechanical_fmu.enhanced import (
     LONGEST_MODE,
     MODE_ROUND_OFF,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 
 MOST = 100
 # exp() of more overflows.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 from mechanical_fmu.point_layout import CUBIC, P_B, P_FORM, P_H, P_KNOTS, P_Q, P_ROW, P_SHARE, P_TABLE, P_YIELD, SLOPED
 
 Floats = NDArray[np.float64]

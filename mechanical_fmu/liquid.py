@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 from mechanical_fmu.point_layout import (
     H_BACK,
     H_CREEP,

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 from mechanical_fmu.creep import crept, relaxed
 from mechanical_fmu.hardening import flow_stress
 from mechanical_fmu.point_layout import (

@@ -2,7 +2,7 @@
 
     code, heat = update(kind, p, tables, E, dt, h_n, h, S, D)
 
-(Whoever calls it from compiled code takes `kernel` of compiled.py for a decorator, or numba's cache goes stale.)
+(Whoever calls it from compiled code takes `kernel` of contact.compiled for a decorator, or numba's cache goes stale.)
 
 E : (4,) logarithmic strain at the end of the step, tensor components (11, 22, 12, 33); only its deviator matters.
 S : (4,) out, DEVIATORIC conjugate stress [Pa], tensor components; the pressure kappa (ln theta - e_th) is the cell's.
@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 from mechanical_fmu.liquid import mix, solidify
 from mechanical_fmu.plasticity import elastic, flow
 from mechanical_fmu.point_layout import (

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.compiled import kernel
+from contact.compiled import kernel
 from mechanical_fmu.logstrain import log_strain_gradient, piola, piola_tangent
 from mechanical_fmu.points import update
 

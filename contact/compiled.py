@@ -1,0 +1,59 @@
+"""The decorator of compiled functions that call one another across files.
+
+numba keeps a compiled function beside its source file and looks at the age of THAT file alone: a change in a file it
+calls into, or takes a constant from, would go unnoticed, and old machine code answer for new source.  Here the stamp of
+a function is a hash of its file and of every file beside its package that this one imports, directly or not.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+([\w.]+)", re.MULTILINE)
+
+
+def kernel(function: F) -> F:
+    """The function compiled by numba, and cached until a file it is compiled from changes."""
+    # Division as in numpy: checks that could raise cost a tenth, and nothing may raise out of a half's loop.
+    dispatcher: Any = njit(cache=True, error_model="numpy")(function)
+    path = Path(function.__code__.co_filename)
+    # numba has no public way to say this; test_compiled.py notices if it moves.
+    dispatcher._cache._cache_file._source_stamp = stamp(path, path.parents[function.__module__.count(".")])
+    return cast(F, dispatcher)
+
+
+@cache
+def stamp(path: Path, root: Path) -> str:
+    """Hash of a source file and of all it imports from below root, the place packages are imported from."""
+    found, ahead = {path}, [path]
+    while ahead:
+        new = {other for name in IMPORT.findall(_text(ahead.pop())) for other in _files(name.decode(), root)} - found
+        found |= new
+        ahead += new
+    total = sha256()
+    for each in sorted(found):
+        total.update(sha256(_text(each)).digest())
+    return total.hexdigest()
+
+
+@cache
+def _text(path: Path) -> bytes:
+    return path.read_bytes()
+
+
+@cache
+def _files(name: str, root: Path) -> tuple[Path, ...]:
+    """The sources of a dotted name: one file, or all of a package, whose names may be files."""
+    place = root.joinpath(*name.split("."))
+    if place.with_suffix(".py").is_file():
+        return (place.with_suffix(".py"),)
+    return tuple(sorted(place.glob("*.py")))

@@ -1,0 +1,60 @@
+"""Compiled code is made anew when any file it was compiled from changes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from contact.compiled import stamp
+
+ROOT = Path(__file__).parents[2]
+# A kernel of the mechanical half, and one of contact/ that calls another file's, which has a constant of a third.
+ASK = """
+import numpy as np
+from contact.further import further
+from mechanical_fmu.hardening import flow_stress
+p = np.zeros(21)
+p[3], p[19] = 3.0, 19.0
+print(flow_stress(p, np.empty(0), 1.0)[0], further(2.0))
+"""
+SOURCES = {"deepest": "SHARE = 3.0\n",
+           "deeper": "from contact.compiled import kernel\nfrom contact.deepest import SHARE\n\n\n"
+                     "@kernel\ndef deeper(x: float) -> float:\n    return SHARE * x\n",
+           "further": "from contact.compiled import kernel\nfrom contact.deeper import deeper\n\n\n"
+                      "@kernel\ndef further(x: float) -> float:\n    return deeper(x)\n"}
+
+
+def test_a_change_of_a_constant_in_another_file_is_seen(tmp_path):
+    for package in ("mechanical_fmu", "contact"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for name, source in SOURCES.items():
+        (tmp_path / f"contact/{name}.py").write_text(source, encoding="utf-8")
+    env = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+
+    def answers():
+        # -c would put the working directory first on the path.
+        done = subprocess.run([sys.executable, "-c", ASK], env=env, cwd=tmp_path, capture_output=True, text=True,
+                              check=True)
+        return [float(word) for word in done.stdout.split()]
+
+    assert answers() == [3.0, 6.0]
+    for file, more in (("mechanical_fmu/point_layout.py", "P_YIELD = 19"), ("contact/deepest.py", "SHARE = 7.0")):
+        changed = tmp_path / file
+        changed.write_text(f"{changed.read_text(encoding='utf-8')}\n{more}\n", encoding="utf-8")
+    assert answers() == [19.0, 14.0]
+
+
+def test_a_file_that_nothing_imports_changes_no_stamp(tmp_path):
+    for name, text in (("a", "from p.b import x\n"), ("b", "x = 1\n"), ("c", "x = 2\n")):
+        (tmp_path / "p").mkdir(exist_ok=True)
+        (tmp_path / f"p/{name}.py").write_text(text, encoding="utf-8")
+    before = stamp(tmp_path / "p/a.py", tmp_path)
+    copy = shutil.copytree(tmp_path, tmp_path / "copy")
+    (copy / "p/c.py").write_text("x = 3\n", encoding="utf-8")
+    assert stamp(copy / "p/a.py", copy) == before
+    other = shutil.copytree(tmp_path / "p", tmp_path / "other/p").parent
+    (other / "p/b.py").write_text("x = 3\n", encoding="utf-8")
+    assert stamp(other / "p/a.py", other) != before
