@@ -5,6 +5,7 @@ from __future__ import annotations
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.document import Key
 from coupler.scenario.mechanical_material import mechanical_materials
+from coupler.scenario.schema_contact import ContactPair
 from coupler.scenario.schema_mechanical import (
     FORCES,
     MOTIONS,
@@ -41,7 +42,7 @@ def elastic_model(c: Context) -> Model:
             "materials": mechanical_materials(c, elastic),
             "bodies": {n: {"material": b.material, **_body(elastic.bodies.get(n))} for n, b in c.file.bodies.items()},
             "boundary": boundary + _gravity(c, elastic),
-            "pairs": {n: {} for n in c.file.contact}}
+            "pairs": {n: augmented(p) for n, p in c.file.contact.items()}}
 
 
 def _options(c: Context, elastic: Elastic) -> Model:
@@ -116,9 +117,15 @@ def _place(c: Context, elastic: Elastic, boundary: ElasticBoundary, key: Key) ->
     return common
 
 
+def augmented(pair: ContactPair) -> Model:
+    """What a half that solves for contact is told beyond interface.h5."""
+    return {} if pair.augmented is None else {"augmented": pair.augmented.tolerance}
+
+
 def rigid_model(c: Context) -> Model:
     """The model of the half `rigid`.  Raises ScenarioError."""
     c.no_options("mechanical", c.file.mechanical.options)
+    _nothing_to_solve(c)
     rigid, key = c.file.mechanical.rigid or Rigid(), ("mechanical", "rigid")
     c.known_only(rigid.motion, c.file.bodies, (*key, "motion"), "body")
     c.known_only(rigid.pressure, c.file.contact, (*key, "pressure"), "contact pair")
@@ -134,3 +141,15 @@ def rigid_model(c: Context) -> Model:
             for n in c.file.contact
         },
     }
+
+
+def _nothing_to_solve(c: Context) -> None:
+    """Rigid bodies move and press as prescribed.  Raises ScenarioError where contact asks for more."""
+    for name, pair in c.file.contact.items():
+        if pair.mu > 0.0:
+            raise c.document.error(("contact", name, "friction", "mu"), "the half `rigid` has no forces, and so no "
+                                   "friction", f"Choose the half `elastic`, or set contact.{name}.friction=null.")
+        if pair.augmented is not None:
+            raise c.document.error(("contact", name, "augmented"), "the half `rigid` presses as prescribed: there is "
+                                   "no penetration to drive out",
+                                   f"Choose the half `elastic`, or set contact.{name}.augmented=null.")

@@ -8,7 +8,7 @@ from contact.half.property import property_from
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.convert_material import properties_of
 from coupler.scenario.kinds import OWN, check_kind
-from coupler.scenario.mechanical_model import elastic_model, rigid_model
+from coupler.scenario.mechanical_model import augmented, elastic_model, rigid_model
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.schema_material import Material
 from coupler.scenario.thermal_model import thermal_model
@@ -39,7 +39,7 @@ def _foreign(c: Context, role: str, kind: str) -> Model:
             "materials": {n: c.material(n, Material.model_fields) for n in c.file.materials},
             "bodies": {n: {"material": b.material, "T0": c.convert.kelvin(b.T0, ("bodies", n, "T0"))}
                        for n, b in c.file.bodies.items()},
-            "pairs": {n: {} for n in c.file.contact}}
+            "pairs": {n: augmented(p) if role == "mechanical" else {} for n, p in c.file.contact.items()}}
 
 
 def _positive_at_start(c: Context) -> None:

@@ -18,6 +18,7 @@ from coupler.scenario.mesh_file import file_mesh
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.rectangle import rectangle_mesh
 from coupler.scenario.schema import Geometry, ScenarioFile
+from coupler.scenario.schema_contact import ContactPair, Form
 from coupler.scenario.schema_scene import Body
 
 # The node set that stands for a named point where no node lies.
@@ -113,21 +114,24 @@ def _pairs(
     for name, pair in file.contact.items():
         slave = surface_key(document, surfaces, pair.slave, ("contact", name, "slave"))
         master = surface_key(document, surfaces, pair.master, ("contact", name, "master"))
-        if slave == master:
-            raise document.error(
-                ("contact", name, "master"), "a surface cannot be slave and master of one pair"
-            )
-        if np.intersect1d(surfaces[slave], surfaces[master]).size:
+        if slave != master and np.intersect1d(surfaces[slave], surfaces[master]).size:
             raise document.error(("contact", name, "master"), f"{slave} and {master} have nodes in common",
-                                 "The two sides of a pair must not meet in a node.")
+                                 "The two sides of a pair must not meet in a node; a surface that folds onto itself "
+                                 "is both its slave and its master.")
         for other in pairs:
             if {other.slave, other.master} == {slave, master}:
                 raise document.error(
                     ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}"
                 )
         eps_N = _penalty(document, file, convert, name, nodes, surfaces)
-        pairs.append(Pair(name, slave, master, pair.gap_max, eps_N))
+        pairs.append(Pair(name, slave, master, pair.gap_max, eps_N, mu=pair.mu, eps_T=_stick(pair),
+                          two_pass=pair.two_pass, by_node=pair.form is Form.NODES))
     return tuple(pairs)
+
+
+def _stick(pair: ContactPair) -> float:
+    """eps_T [Pa/m], 0 for that of the penalty."""
+    return 0.0 if pair.friction is None or pair.friction.stick == "auto" else float(pair.friction.stick)
 
 
 def _penalty(document: Document, file: ScenarioFile, convert: Convert, name: str, nodes: Floats,

@@ -9,9 +9,10 @@ from pydantic import Field, model_validator
 from coupler.level import Scheme
 from coupler.scenario.base import Part, SignalSpec, exactly_one
 from coupler.scenario.quantity import DottedName, Name, NotNegative, Number, Positive, Text, Whole, problem
+from coupler.scenario.schema_contact import ContactPair
 from coupler.scenario.schema_material import Material
 from coupler.scenario.schema_mechanical import Mechanical
-from coupler.scenario.schema_scene import Body, ContactPair
+from coupler.scenario.schema_scene import Body
 from coupler.scenario.schema_thermal import Thermal
 
 FORMAT_VERSION = 1

@@ -1,18 +1,15 @@
-"""The part of the schema that says what there is: bodies, meshes, contact pairs."""
+"""The part of the schema that says what there is: bodies and their meshes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import PurePath
-from typing import Annotated, Any, Literal
+from typing import Literal
 
-from pydantic import BeforeValidator, StrictBool, model_validator
+from pydantic import StrictBool, model_validator
 
-from contact.laws import parse_law
-from coupler.scenario.base import Part, PropertySpec, SignalSpec, exactly_one
-from coupler.scenario.quantity import Name, NotNegative, Number, Positive, Text, Whole, number, problem
+from coupler.scenario.base import Part, PropertySpec, exactly_one
+from coupler.scenario.quantity import Name, Number, Positive, Text, Whole, problem
 from coupler.scenario.schema_field import FieldSpec
-from coupler.scenario.schema_thermal import NearRadiation
 
 MAX_CELLS = 4_000_000
 
@@ -72,90 +69,4 @@ class Body(Part):
     def _factor_has_a_source(self) -> Body:
         if self.Q_T_factor is not None and "Q_T" not in self.model_fields_set:
             raise problem("a factor without its source: Q_T is missing", at=("Q_T_factor",))
-        return self
-
-
-ABOVE_ZERO = 1e4  # more than any temperature of a file is below 0
-LAW_WORDS = ("law", "variable")  # the keys of a law that hold a word; all others hold numbers
-
-
-def _law(value: Any) -> Mapping[str, Any] | None:
-    """A contact law, checked by the one who evaluates it.  None: no heat crosses."""
-    if value is None:
-        return None
-    if not isinstance(value, Mapping):
-        raise problem("a contact law is needed here, or null where no heat crosses",
-                      "For example {law: constant, h: 2000}.")
-    _numbers_only(value, ())
-    try:
-        parse_law(_in_kelvin(value))
-    except ValueError as exc:
-        raise problem(str(exc)) from exc
-    return dict(value)
-
-
-def _in_kelvin(law: Mapping[str, Any]) -> dict[str, Any]:
-    """A law as it may look in kelvin: below zero degC is no error; what is below 0 K is found at conversion."""
-    inner = {key: [_in_kelvin(v) if isinstance(v, Mapping) else v for v in value] if key == "of"
-             and isinstance(value, list) else value for key, value in law.items()}
-    if inner.get("variable") == "T" and isinstance(inner.get("x"), list):
-        inner["x"] = [T + ABOVE_ZERO if isinstance(T, int | float) else T for T in inner["x"]]
-    return inner
-
-
-def _numbers_only(value: Any, at: tuple[str | int, ...]) -> None:
-    """Refuse text and NaN in a law before its own check, with the same help as everywhere."""
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            if key not in LAW_WORDS:
-                _numbers_only(inner, (*at, key))
-    elif isinstance(value, list):
-        for i, inner in enumerate(value):
-            _numbers_only(inner, (*at, i))
-    else:
-        try:
-            number(value)
-        except problem_type as exc:
-            context = exc.context or {}
-            raise problem(context["text"], context["remedy"], at=at) from None
-
-
-problem_type = type(problem(""))
-Law = Annotated[dict[str, Any] | None, BeforeValidator(_law)]
-
-
-class Conduction(Part):
-    """h_CI touching and apart [W/m2K]; both must be said, null where no heat crosses; factors are signals."""
-
-    closed: Law
-    open: Law
-    closed_factor: SignalSpec = 1.0
-    open_factor: SignalSpec = 1.0
-
-    @model_validator(mode="after")
-    def _factors_have_laws(self) -> Conduction:
-        for key in ("closed", "open"):
-            if getattr(self, key) is None and f"{key}_factor" in self.model_fields_set:
-                raise problem(f"a factor without its law: {key} is null", at=(f"{key}_factor",))
-        return self
-
-
-class ContactPair(Part):
-    """slave, master: surfaces "body.surface"; gap_max [m]; penalty [Pa/m] or auto (E/h).
-
-    friction_share : of the friction heat that enters the slave; by effusivity where it is not stated.
-    """
-
-    slave: Text
-    master: Text
-    gap_max: Positive
-    penalty: Positive | Literal["auto"] = "auto"
-    conduction: Conduction | None = None
-    radiation: NearRadiation | None = None
-    friction_share: NotNegative | None = None
-
-    @model_validator(mode="after")
-    def _share_of_a_whole(self) -> ContactPair:
-        if self.friction_share is not None and self.friction_share > 1.0:
-            raise problem("a share lies between 0 and 1", at=("friction_share",))
         return self

@@ -8,7 +8,7 @@ from __future__ import annotations
 from coupler.scenario.base import Polynomial, PropertyTable
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.document import Key
-from coupler.scenario.schema_scene import Conduction
+from coupler.scenario.schema_contact import Conduction
 from coupler.scenario.schema_thermal import (
     SIGMA_SB,
     Convection,
@@ -92,8 +92,8 @@ def _pair(c: Context, name: str) -> Model:
     model = _conduction(c, pair.conduction, (*key, "conduction"))
     if pair.radiation is not None:
         model["radiation"] = _near_radiation(c, pair.radiation, (*key, "radiation"))
-    if pair.friction_share is not None:
-        model["friction_share"] = pair.friction_share
+    if pair.friction is not None and pair.friction.share is not None:
+        model["friction_share"] = pair.friction.share
     return model
 
 

@@ -56,7 +56,6 @@ WRONG = {
     "a signal that names a signal": ("  idle: {t: [0, 7], value: [0, 1]}", "  idle: push", "signals.idle", "another"),
     "unknown surface of a pair": ("slave: upper.bottom", "slave: upper.botom", "contact.face.slave",
                                   "lower.bottom, lower.left, lower.right, lower.top, upper.bottom"),
-    "slave is master": ("slave: upper.bottom", "slave: lower.top", "contact.face.master", "slave and master"),
     "sides with a common node": ("slave: upper.bottom", "slave: lower.left", "contact.face.master", "in common"),
     "unknown surface of a boundary": ("{on: lower.bottom, temperature", "{on: lower.floor, temperature",
                                       "thermal.boundary.0.on", "lower.bottom"),

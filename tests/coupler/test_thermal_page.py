@@ -13,9 +13,9 @@ from pydantic import BaseModel
 from ruamel.yaml import YAML
 
 from coupler.scenario import load_scenario
+from coupler.scenario.schema_contact import Conduction
 from coupler.scenario.schema_field import FieldSum, Term
 from coupler.scenario.schema_material import Axes, Latent, Phases
-from coupler.scenario.schema_scene import Conduction
 from coupler.scenario.schema_thermal import (
     Adaptive,
     Convection,
