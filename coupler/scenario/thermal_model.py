@@ -18,6 +18,7 @@ from coupler.scenario.schema_thermal import (
     Thermal,
     ThermalBoundary,
 )
+from coupler.scenario.thermal_checks import steady_is_held, temperatures_once
 
 
 def thermal_model(c: Context) -> Model:
@@ -26,6 +27,8 @@ def thermal_model(c: Context) -> Model:
     c.no_options("thermal", thermal.options)
     place: Key = ("thermal", "boundary")
     c.names_once(thermal.boundary, place)
+    temperatures_once(c, place)
+    steady_is_held(c)
     return {
         "half": "thermal",
         "format": FORMAT,

@@ -82,6 +82,11 @@ def test_thermal_data_that_only_bend_restart_nothing(tmp_path: Path) -> None:
     assert c.bends == {20.0}
 
 
+def test_without_a_title_a_run_is_called_by_its_file(tmp_path: Path) -> None:
+    assert load_text(tmp_path, GOOD).title == "Two blocks"
+    assert load_text(tmp_path, GOOD.replace("title: Two blocks\n", "")).title == "s"
+
+
 def test_kinks_come_from_the_file_and_from_signals_in_use_only(tmp_path: Path) -> None:
     c = load_text(tmp_path, GOOD).coupling
     # push: 10, 30; oven: 20; stated: 25. `idle` has a kink at 7 but drives nothing.

@@ -13,7 +13,7 @@ from contact.half.field import field_from
 from coupler.errors import ScenarioError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from scenario_text import GOOD, line_of, load_text
+from scenario_text import GOOD, error_of, line_of, load_text
 
 # The good scenario with every thermal key in it.
 RICH = GOOD
@@ -245,3 +245,28 @@ def test_the_line_is_that_of_the_wrong_value(old: str, new: str, piece: str, tmp
 def test_what_is_no_error_is_noted(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert RICH.count(old) == 1
     assert any(words in note for note in load_text(tmp_path, RICH.replace(old, new)).notes)
+
+
+def test_a_place_has_one_temperature(tmp_path: Path) -> None:
+    """The later one would be taken in silence; a corner of two surfaces is no such case."""
+    once = "    - {on: lower.bottom, temperature: oven}\n"
+    error = error_of(tmp_path, once, once + "    - {on: lower.bottom, temperature: 20}\n")
+    assert (error.key, error.line) == ("thermal.boundary.1.on", line_of(once.strip(), GOOD) + 1)
+    assert "already prescribed by entry 0" in error.message
+    load_text(tmp_path, GOOD.replace(once, once + "    - {on: lower.left, temperature: 20}\n"))
+
+
+def test_a_steady_temperature_must_be_held(tmp_path: Path) -> None:
+    """By a surface of the body, or through a pair; a flux holds nothing."""
+    steady = GOOD.replace("half: thermal\n", "half: thermal\n  method: steady\n")
+    load_text(tmp_path, steady)
+    oven, film = "{on: lower.bottom, temperature: oven}", "{on: lower.top, convection: {h: 40"
+    flux = steady.replace(oven, "{on: lower.bottom, flux: 3}").replace(film, film.replace("lower", "upper"))
+    load_text(tmp_path, flux)
+    start, stop = steady.index("    conduction:"), steady.index("thermal:\n")
+    apart = steady[:start] + steady[stop:]
+    with pytest.raises(ScenarioError, match="nothing fixes the temperature of body 'upper'") as caught:
+        load_text(tmp_path, apart)
+    assert caught.value.key == "bodies.upper"
+    load_text(tmp_path, apart.replace("T0: 100\n", "T0: 100\n    Q_T: 3\n    Q_T_factor: {polynomial: [1, -0.1]}\n"))
+    load_text(tmp_path, apart.replace("method: steady", "method: sdirk2"))
