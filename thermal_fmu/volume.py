@@ -196,9 +196,9 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at:
     """
     for b, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
         material = bodies[block.body].material
-        own = replace(into, data=into.of(b))
+        data = into.of(b)
         if not material.k.is_plain or material.phase is not None:
-            _conduct_tensor(block, shape, bodies[block.body], at, f, own)
+            _conduct_tensor(block, shape, bodies[block.body], at, f, replace(into, data=data))
             continue
         k = material.k.k_1.solid
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
@@ -206,7 +206,7 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at:
         if not k.is_constant:
             _demand_positive("conductivity", k_q, block, bodies[block.body].name)
         add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
-                       block.slots, own.slope, own.data)
+                       block.slots, into.slope, data)
 
 
 def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Floats, into: Entries) -> None:
