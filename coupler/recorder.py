@@ -59,7 +59,7 @@ class Recorder:
         self._seconds = time.perf_counter() - started
 
     def frame(self, level: Level, more: Mapping[str, Array]) -> None:
-        """The fields of both halves at one time.  more : what else the halves show: sigma_v, f_s, q."""
+        """The fields of both halves at one time.  more : what else the halves show: sigma_v, sigma, f_s, q."""
         started = time.perf_counter()
         n, s = len(level.T), self._interface.contact_nodes
         p, gap = np.zeros(n), np.full(n, np.nan)

@@ -180,7 +180,7 @@ class Run:
             "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
             "probes": {n: {"quantity": p.quantity, "unit": p.unit} for n, p in s.probes.items()},
             "fields": {"thermal": {"point": ["T", *self._has("thermal", "f_s")], "cell": self._has("thermal", "q")},
-                       "mechanical": {"point": ["u", "p", "gap"], "cell": self._has("mechanical", "sigma_v")}},
+                       "mechanical": {"point": ["u", "p", "gap"], "cell": self._has("mechanical", "sigma_v", "sigma")}},
             "processes": self.processes, "notes": self.notes, "machine": platform.platform(),
             "versions": {"python": platform.python_version(), **{p: version(p) for p in PACKAGES}},
         }
@@ -196,7 +196,7 @@ class Run:
         self._framed = self.state.now.t
         more: dict[str, Array] = {}
         for half, names in ((self.halves.thermal, self._has("thermal", "f_s", "q")),
-                            (self.halves.mechanical, self._has("mechanical", "sigma_v"))):
+                            (self.halves.mechanical, self._has("mechanical", "sigma_v", "sigma"))):
             more |= half.read(names) if names else {}
         self._recorder.frame(self.state.now, more)
 

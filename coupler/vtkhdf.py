@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from coupler.errors import ResultsError
 
 VTK_TRIANGLE, VTK_QUAD = 5, 9
-VECTORS = ("u", "q")  # fields of two columns; the third is zero
+# Fields of two columns are vectors (the third is zero); sigma is 11, 22, 12, 33 and becomes XX, YY, ZZ, XY, YZ, XZ,
+# which ParaView takes for a symmetric tensor.
+WIDTHS = {"u": 3, "q": 3, "sigma": 6}
 Array = NDArray[np.float64]
 
 
@@ -48,12 +50,12 @@ class FieldFile:
                             ("NumberOfConnectivityIds", connectivity.size)):
             root[name] = np.array([value], dtype=np.int64)
         root.create_dataset("Points", (0, 3), maxshape=(None, 3), dtype="f8", chunks=(max(n_points, 1), 3))
-        self._points = {n: _growing(root.require_group("PointData"), n, n_points, vector=n in VECTORS)
+        self._points = {n: _growing(root.require_group("PointData"), n, n_points, WIDTHS.get(n, 0))
                         for n in point_fields}
         cells = root.require_group("CellData")
         for n, v in cell_constants.items():
             cells[n] = v
-        self._cells = {n: _growing(cells, n, self._n_cells, n in VECTORS) for n in cell_fields}
+        self._cells = {n: _growing(cells, n, self._n_cells, WIDTHS.get(n, 0)) for n in cell_fields}
         self._steps = self._prepare_steps(root)
         self._root = root
 
@@ -104,13 +106,15 @@ class FieldFile:
         self.close()
 
 
-def _growing(group: h5py.Group, name: str, rows: int, vector: bool = False) -> h5py.Dataset:
-    shape, most = ((0, 3), (None, 3)) if vector else ((0,), (None,))
+def _growing(group: h5py.Group, name: str, rows: int, width: int) -> h5py.Dataset:
+    shape, most = ((0, width), (None, width)) if width else ((0,), (None,))
     return group.create_dataset(name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]))
 
 
 def _in_space(value: Array) -> Array:
-    """Scalars as they are, vectors of a plane with a third component."""
+    """Scalars as they are, vectors and tensors of a plane with the components that are zero."""
+    if value.ndim == 2 and value.shape[1] == 4:
+        return np.column_stack([value[:, [0, 1, 3, 2]], np.zeros((len(value), 2))])
     return np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 else value
 
 
@@ -155,7 +159,7 @@ class FieldReader:
         return self._rows(self._root["PointData"][name], frame, self._n_points)
 
     def cell_field(self, name: str, frame: int) -> Array:
-        """(n_cells,) or (n_cells, 3) in SI."""
+        """(n_cells,), (n_cells, 3), or (n_cells, 6) = XX, YY, ZZ, XY, YZ, XZ, in SI."""
         return self._rows(self._root["CellData"][name], frame, self._n_cells)
 
     @staticmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,7 @@ class Found:
     """Where pieces of a step ended.  heat : (n_cells,) [J] of all of them, empty where none can be made.
 
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
+    last : what the points remembered when the last piece began, and its length.
     """
 
     balance: Balance
@@ -53,6 +54,7 @@ class Found:
     residual: float
     cuts: int = 0
     dt_stable: float = 0.0
+    last: Step = field(default_factory=Step)
 
 
 class PartWayError(ArithmeticError):
@@ -66,7 +68,7 @@ class PartWayError(ArithmeticError):
 def loading_of(system: System, task: Task, share: float, dt: float, history: Floats) -> Loading:
     """The loading after a share of the step, dt [s] after history.  Raises MaterialRangeError."""
     drive = between(task.start, task.end, share)
-    moduli = system.moduli(drive.T)
+    moduli = system.moduli(drive.T, drive.f_s)
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
     dead = system.masses.dead.at(drive.dead) if drive.dead.size else None
@@ -120,7 +122,8 @@ def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple
             return loading_of(system, task, a + share * (b - a), h, at)
 
         flight = fly(system, motion, history, dt, loading_at)
-        return Found(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable)
+        return Found(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable,
+                     flight.last)
     loading = loading_of(system, task, b, dt, history)
     if dynamics is None:
         equilibrium = settle(system, loading, predicted(system, motion.u, loading, True), None, settings)
@@ -134,7 +137,7 @@ def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple
         equilibrium = settle(system, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
-    return Found(found, after, found.heat, equilibrium.iterations, equilibrium.residual)
+    return Found(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
@@ -146,4 +149,4 @@ def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
 def _joined(first: Found, then: Found) -> Found:
     heat = first.heat + then.heat if first.heat.size else then.heat
     return Found(then.balance, then.motion, heat, first.iterations + then.iterations,
-                 max(first.residual, then.residual), first.cuts + 1, then.dt_stable)
+                 max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from contact.half.model import Value, Variable
 from mechanical_fmu.advance import Found
 from mechanical_fmu.contact_forces import contact_outputs, contact_variables
+from mechanical_fmu.drive import NOT_GIVEN, Drive, between
 from mechanical_fmu.elastic_state import ElasticState
 from mechanical_fmu.heat import moved_heat
 from mechanical_fmu.system import Loading, System
@@ -20,14 +21,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Moved:
-    """What a step began with.  loading : at its end.  u : (n, 2) [m] and T : (n_nodes,) [K] at its start.
+    """What a step began with.  loading : at its end.  u : (n, 2) [m], history : of points, drive : at its start.
 
     frozen : whether its entropy was held.
     """
 
     loading: Loading
     u: Floats
-    T: Floats
+    history: Floats
+    drive: Drive
     frozen: bool
 
 
@@ -43,11 +45,14 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     T_ref = np.array([m.T_ref for m in spec.materials])[spec.body_material]
     # A node outside every cell (body -1) takes the last body's; nothing depends on it.
     inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end")]
+    if system.melts:
+        inputs.append(Variable("f_s", (n,), "input", "1", NOT_GIVEN, description="solid fraction at the end; -1: by T"))
     for name in spec.load_names:
         inputs += [Variable(f"load.{name}", (), "input", "1", 1.0, description="factor"),
                    Variable(f"bc.{name}", (), "input", _unit(system, name), 0.0, description="added to the value")]
     outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates"),
                Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean"),
+               Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean"),
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
                Variable("cuts", description="pieces of the step beyond the first")]
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
@@ -75,10 +80,11 @@ def mesh_nodes(system: System) -> int:
 def outputs_of(system: System, found: Found, moved: Moved, state: ElasticState) -> dict[str, Value]:
     """All outputs at the end of a step that was solved."""
     balance, n = found.balance, mesh_nodes(system)
-    sigma_v, increment = _stresses(system, found, moved)
+    sigma, sigma_v, increment = _stresses(system, found, moved)
     outputs: dict[str, Value] = {
-        "x": system.interface.nodes[:n] + balance.u[:n], "sigma_v": sigma_v, "iterations": float(found.iterations),
-        "residual": found.residual, "max_strain_increment": increment, "cuts": float(found.cuts)}
+        "x": system.interface.nodes[:n] + balance.u[:n], "sigma": sigma, "sigma_v": sigma_v,
+        "iterations": float(found.iterations), "residual": found.residual,
+        "max_strain_increment": increment, "cuts": float(found.cuts)}
     held = balance.r * (1.0 - system.constraints.free.reshape(-1, 2))
     for i, name in enumerate(system.interface.bodies):
         outputs[f"reaction.{name}"] = held[system.interface.node_body == i].sum(axis=0)
@@ -96,16 +102,21 @@ def outputs_of(system: System, found: Found, moved: Moved, state: ElasticState) 
     return outputs
 
 
-def _stresses(system: System, found: Found, moved: Moved) -> tuple[Floats, float]:
-    """Von Mises stress of every cell [Pa], and the largest change of a strain component over the step."""
-    moduli, step = moved.loading.moduli, Step(0.0, found.balance.history)
-    now = system.volume.stress(found.balance.u, moduli, step)
-    before = system.volume.stress(moved.u, moduli, step)
+def _stresses(system: System, found: Found, moved: Moved) -> tuple[Floats, Floats, float]:
+    """(n_cells, 4) stress 11, 22, 12, 33 and (n_cells,) von Mises stress [Pa], means of the points of each cell.
+
+    And the largest change of a Green-Lagrange component over the step, each end by the history and moduli of its own.
+    """
+    volume, moduli = system.volume, moved.loading.moduli
+    # At its end a history knows all stresses but a liquid's, which is of the rate and needs the last piece itself.
+    now = volume.stress(found.balance.u, moduli, found.last if system.melts else Step(0.0, found.balance.history))
+    sigma, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
+    for cells, (stress, _) in zip(volume.kinds, now, strict=True):
+        sigma[cells.number], sigma_v[cells.number] = stress.mean(axis=1), von_mises(stress).mean(axis=1)
+    then = moduli if volume.elastic else system.moduli(moved.drive.T, moved.drive.f_s)
+    before = volume.stress(moved.u, then, Step(0.0, moved.history))
     increment = max([float(np.abs(a[1] - b[1]).max()) for a, b in zip(now, before, strict=True)], default=0.0)
-    sigma_v = np.zeros(system.volume.n_cells)
-    for cells, (stress, _) in zip(system.volume.kinds, now, strict=True):
-        sigma_v[cells.number] = von_mises(stress).mean(axis=1)
-    return sigma_v, increment
+    return sigma, sigma_v, increment
 
 
 def _heats(system: System, found: Found, moved: Moved, state: ElasticState) -> dict[str, Value]:
@@ -114,12 +125,16 @@ def _heats(system: System, found: Found, moved: Moved, state: ElasticState) -> d
     n = system.volume.n_cells
     made = found.heat if found.heat.size else np.zeros(n)
     squeezed = moved.frozen or system.spec.thermoelastic_heat
-    heat = moved_heat(system, 0.5 * (moved.T + state.drive.T), moved.u, found.balance.u) if squeezed else np.zeros(n)
+    end = state.drive
+    heat = np.zeros(n)
+    if squeezed:
+        middle = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
+        heat = moved_heat(system, middle, moved.u, found.balance.u)
     if makes_heat(system):
         # What is moved at frozen entropy goes out as E_S: counted once.
         out["E_M"] = made if moved.frozen else made + heat
     if system.spec.adiabatic:
-        out["E_S"] = moved_heat(system, state.drive.T, moved.u, found.balance.u) if moved.frozen else np.zeros(n)
+        out["E_S"] = moved_heat(system, (end.T, end.f_s), moved.u, found.balance.u) if moved.frozen else np.zeros(n)
     return out
 
 

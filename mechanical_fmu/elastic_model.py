@@ -62,16 +62,17 @@ class ElasticHalf:
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
-            found = Found(balance, motion, balance.heat, 0, 0.0, dt_stable=self._dt_stable(balance, loading))
+            found = Found(balance, motion, balance.heat, 0, 0.0, dt_stable=self._dt_stable(balance, loading),
+                          last=loading.step)
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
             equilibrium = settle(system, loading, self._predicted(u, loading), None, settings)
-            found = _found(equilibrium, motion)
+            found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
         state = ElasticState(t, now.u, remembered(system, now, history), now.u, drive.T, False, drive, t, now.history,
                              motion.v, motion.a, motion.f)
-        return state, outputs_of(system, found, Moved(loading, u, drive.T, False), state)
+        return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Equilibrium, or motion, at t + h."""
@@ -105,7 +106,7 @@ class ElasticHalf:
         contact = remembered(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0)
-        moved = Moved(loading, u, state.drive.T, frozen is not None)
+        moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
         return Done(after, outputs_of(system, found, moved, after), found.dt_stable)
 
     def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mechanical_fmu.dynamics import Motion
 from mechanical_fmu.newton import NoEquilibriumError
 from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.volume import Step
 
 Floats = NDArray[np.float64]
 
@@ -32,13 +33,17 @@ ENERGY_ERROR = 0.1
 
 @dataclass(frozen=True)
 class Flight:
-    """Where a step ended.  heat : (n_cells,) [J] of all pieces.  pieces : how many.  dt_stable : [s] at the end."""
+    """Where a step ended.  heat : (n_cells,) [J] of all pieces.  pieces : how many.  dt_stable : [s] at the end.
+
+    last : the step of the points in the last piece.
+    """
 
     motion: Motion
     balance: Balance
     heat: Floats
     pieces: int
     dt_stable: float
+    last: Step
 
 
 def fly(system: System, start: Motion, history: Floats, dt: float,
@@ -49,7 +54,7 @@ def fly(system: System, start: Motion, history: Floats, dt: float,
     """
     now, heat, share, pieces = start, np.empty(0), 0.0, 0
     m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
-    limit, balance, drift, largest = 0.0, None, 0.0, float(np.finfo(float).tiny)
+    limit, balance, drift, largest, last = 0.0, None, 0.0, float(np.finfo(float).tiny), Step()
     while share < 1.0:
         if pieces % RECHECK == 0:
             limit = stable_step(system, now.u, loading_at(share, 0.0, history))
@@ -59,6 +64,7 @@ def fly(system: System, start: Motion, history: Floats, dt: float,
         n = math.ceil(left / (SAFETY * limit))
         h, share = left / n, 1.0 if n == 1 else share + (1.0 - share) / n
         loading = loading_at(share, h, history)
+        last = loading.step
         after, balance = _piece(system, now, loading, h)
         drift += float((m * (after.a**2 - now.a**2)).sum()) * h * h / 8.0
         largest = max(largest, 0.5 * float((m * after.v**2).sum()))
@@ -68,7 +74,7 @@ def fly(system: System, start: Motion, history: Floats, dt: float,
         now, history, pieces = after, balance.history, pieces + 1
         heat = balance.heat if heat.size == 0 else heat + balance.heat
     assert balance is not None
-    return Flight(now, balance, heat, pieces, limit)
+    return Flight(now, balance, heat, pieces, limit, last)
 
 
 def _piece(system: System, now: Motion, loading: Loading, h: float) -> tuple[Motion, Balance]:

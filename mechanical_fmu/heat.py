@@ -26,12 +26,12 @@ def log_dilatation(system: System, u: Floats) -> tuple[Floats, ...]:
     return tuple(np.log(_volumes(cells, u) / cells.volume) for cells in system.volume.kinds)
 
 
-def moved_heat(system: System, T: Floats, u_n: Floats, u: Floats) -> Floats:
-    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u at nodal temperatures T [K]."""
+def moved_heat(system: System, at: tuple[Floats, Floats], u_n: Floats, u: Floats) -> Floats:
+    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.  at : nodal T [K] and f_s (Drive)."""
     out = np.zeros(system.volume.n_cells)
     before, after = log_dilatation(system, u_n), log_dilatation(system, u)
-    for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, system.moduli(T), system.volume.means(T),
-                                             strict=True)):
+    moduli, means = system.moduli(*at), system.volume.means(at[0])
+    for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, moduli, means, strict=True)):
         per_volume = thermoelastic_heat(system.spec.materials, system.spec.body_material[cells.body], mean, m.kappa,
                                         after[i] - before[i])
         out[cells.number] = per_volume * cells.volume

@@ -22,6 +22,7 @@ from mechanical_fmu.inertia import Inertia
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Masses, masses_of
 from mechanical_fmu.material import Moduli, moduli
+from mechanical_fmu.point_layout import LIQUID
 from mechanical_fmu.rigid_bodies import RigidBodies, rigid_bodies
 from mechanical_fmu.volume import Step, Volume
 
@@ -119,10 +120,20 @@ class System:
             sizes.append(L * (2.0 * np.pi * float(X[:, 0].max()) if self.interface.axisymmetric else 1.0))
         return np.array(sizes)
 
-    def moduli(self, T: Floats) -> tuple[Moduli, ...]:
-        """Moduli of all cells at nodal temperatures T : (n_nodes,) [K].  Raises MaterialRangeError."""
-        return tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean)
-                     for cells, mean in zip(self.volume.kinds, self.volume.means(T), strict=True))
+    def moduli(self, T: Floats, f_s: Floats | None = None) -> tuple[Moduli, ...]:
+        """Moduli of all cells at nodal temperatures T : (n_nodes,) [K].  Raises MaterialRangeError.
+
+        f_s : (n_nodes,) solid fraction; None or (0,): what melts takes it from T.
+        """
+        kinds = self.volume.kinds
+        solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
+        return tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean, part)
+                     for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
+
+    @cached_property
+    def melts(self) -> bool:
+        """Whether some cell can be liquid."""
+        return any(cells.treatment.kind & LIQUID for cells in self.volume.kinds)
 
     def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> Balance:
         """Forces at u.  Raises InvertedCellError, CellError, ContactRefusedError."""
