@@ -18,7 +18,7 @@ from coupler.scenario.schema_thermal import (
     Thermal,
     ThermalBoundary,
 )
-from coupler.scenario.thermal_checks import steady_is_held, temperatures_once
+from coupler.scenario.thermal_checks import steady_is_held, surfaces_work_at_start, temperatures_once
 
 
 def thermal_model(c: Context) -> Model:
@@ -29,6 +29,7 @@ def thermal_model(c: Context) -> Model:
     c.names_once(thermal.boundary, place)
     temperatures_once(c, place)
     steady_is_held(c)
+    surfaces_work_at_start(c, place)
     return {
         "half": "thermal",
         "format": FORMAT,

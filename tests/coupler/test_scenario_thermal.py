@@ -33,7 +33,7 @@ for old, new in (
     ("mechanical:\n  half", "    - {on: upper.bottom, radiation: {emissivity: {T: [0, 100], value: [0.1, 0.8]}, T: 27, "
                             "gap: {d_near: 1.0e-3, d_far: 5.0e-3}}, name: sky}\nmechanical:\n  half"),
     ("g_m: 25.0e-6}\n", "g_m: 25.0e-6}\n    radiation: {emissivity_slave: 0.1, emissivity_master: {T: [0, 9], value: "
-                        "[0.2, 1]}, gap: {d_near: 1.0e-3, d_far: 5.0e-3}}\n    friction_share: 0.5\n"),
+                        "[0.2, 1]}, gap: {d_near: 1.0e-3, d_far: 5.0e-3}}\n    friction: {share: 0.5}\n"),
 ):
     assert GOOD.count(old) == 1, old
     RICH = RICH.replace(old, new)
@@ -137,6 +137,13 @@ K, MELTS = "materials.steel.k", "materials.steel.latent"
 
 # old text, new text, dotted key, words that the message or its remedy must hold
 WRONG = {
+    "an emissivity that begins above one": ("{T: [0, 100], value: [0.1, 0.8]}", "{polynomial: [0.9, 0.01]}",
+                                            f"{SKY}.emissivity", "is 1.9 at the T0 of body 'upper'"),
+    "a master emissivity that begins at zero": ("emissivity_master: {T: [0, 9], value: [0.2, 1]}",
+                                                "emissivity_master: {polynomial: [0, 0.1], T_ref: 20}",
+                                                f"{NEAR}.emissivity_master", "is 0 at the T0 of body 'lower'"),
+    "an h_factor that begins below zero": ("{T: [0, 50], value: [0, 1]}", "{polynomial: [1, -0.1]}",
+                                           "thermal.boundary.2.convection.h_factor", "must not be negative"),
     "a sum of nothing": (SOURCE, "{terms: []}", f"{Q}.terms", "at least one term"),
     "a term of nothing": (SOURCE, "{terms: [{}]}", f"{Q}.terms.0", "at least one of t, x, y"),
     "a term without its list": (SOURCE, "{t: lamp, x: {at: [0], value: [1]}}", f"{Q}.t", "terms"),
@@ -178,9 +185,9 @@ WRONG = {
                              "thermal.boundary.3.at", "on a surface"),
     "radiation on no surface": ("{on: upper.bottom, radiation", "{on: upper.botom, radiation",
                                 "thermal.boundary.3.on", "Did you mean 'upper.bottom'"),
-    "more than the whole": ("friction_share: 0.5", "friction_share: 1.5", "contact.face.friction_share",
+    "more than the whole": ("share: 0.5", "share: 1.5", "contact.face.friction.share",
                             "between 0 and 1"),
-    "a negative share": ("friction_share: 0.5", "friction_share: -1", "contact.face.friction_share", "negative"),
+    "a negative share": ("share: 0.5", "share: -1", "contact.face.friction.share", "negative"),
     "theta below a half": ("theta: 0.6", "theta: 0.4", "thermal.theta", "between 0.5 and 1"),
     "theta above one": ("theta: 0.6", "theta: 1.1", "thermal.theta", "between 0.5 and 1"),
     "theta left out": (STEPS, "  method: theta\n", "thermal.method", "Add theta"),
@@ -230,7 +237,7 @@ def test_wrong_input_is_named(case: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("old", "new", "piece"), [
     ("T: 27,", "T: -274,", "T: -274"), (OVEN, "{terms: [{t: -300}]}", "- {on: lower.bottom, temperature"),
-    ("T_s: 650,", "T_s: -280,", "T_s: -280"), ("friction_share: 0.5", "friction_share: 2", "friction_share")])
+    ("T_s: 650,", "T_s: -280,", "T_s: -280"), ("share: 0.5", "share: 2", "share: 2")])
 def test_the_line_is_that_of_the_wrong_value(old: str, new: str, piece: str, tmp_path: Path) -> None:
     assert error_in(tmp_path, old, new).line == line_of(piece, RICH.replace(old, new))
 
@@ -270,3 +277,7 @@ def test_a_steady_temperature_must_be_held(tmp_path: Path) -> None:
     assert caught.value.key == "bodies.upper"
     load_text(tmp_path, apart.replace("T0: 100\n", "T0: 100\n    Q_T: 3\n    Q_T_factor: {polynomial: [1, -0.1]}\n"))
     load_text(tmp_path, apart.replace("method: steady", "method: sdirk2"))
+
+
+def test_an_h_factor_may_begin_at_zero(tmp_path: Path) -> None:
+    load_text(tmp_path, RICH.replace("h_factor: {T: [0, 50], value: [0, 1]}", "h_factor: {polynomial: [-2, 0.1]}"))
