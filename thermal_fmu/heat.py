@@ -18,7 +18,8 @@ class Heat:
     """Energies INTO the bodies [J], weighted with the stages the method used.
 
     stored : (n_bodies,) increase of enthalpy, from where it is stored: quadrature points, nodes of what melts.
-    temperature : through prescribed temperatures, from the residual at their nodes.  terms : in the order of boundary.TERMS.
+    temperature : through prescribed temperatures, from the residual at their nodes.  terms : in the order of
+    boundary.TERMS.
     """
 
     stored: Floats
