@@ -226,3 +226,25 @@ def test_a_body_warms_where_it_is_rubbed():
 def test_a_share_outside_0_to_1_is_refused(share):
     with pytest.raises(ValueError, match=r"pairs\.p\.friction_share must"):
         load(curved("plane"), two_metals({"friction_share": share}))
+
+
+@pytest.mark.parametrize("p", [0.0, 1e6])
+def test_a_surface_that_folds_is_as_two(p):
+    """Both faces as one surface that meets itself: the same temperatures, and half of the friction heat a side."""
+    apart = scene(Box(0, 0.1, 0, 0.1, 3, 2), Box(0.02, 0.12, 0.1005, 0.2, 4, 2), pairs=PAIRS)
+    both = np.concatenate([apart.surfaces["b.bottom"], apart.surfaces["a.top"]])
+    folded = replace(apart, surfaces=dict(apart.surfaces) | {"a.all": both},
+                     pairs=(replace(PAIRS[0], slave="a.all", master="a.all"),))
+    eps = {"polynomial": [0.1, 5e-4]}
+    pair = LAWS | {"radiation": {"emissivity_slave": eps, "emissivity_master": eps}, "friction_share": 0.5}
+    found = []
+    for mesh, surfaces in ((apart, ("a.top", "b.bottom")), (folded, ("a.all",))):
+        film = [{"kind": "convection", "on": s, "h": 40.0, "T": 300.0, "d_cut": 0.0, "d_full": 1e-3} for s in surfaces]
+        model = two_metals(pair, boundary=film)
+        model["bodies"]["b"]["T0"] = 700.0
+        # Only the faces of b carry heat; where they face nothing they keep it.
+        E = np.where(mesh.node_body[mesh.contact_nodes] == 1, 3.0, 0.0)
+        found.append(run(mesh, model, 1.0, 1, service(), t_N=np.full(E.size, -p), **{"contact.E_friction": E}))
+    assert np.abs(found[0].T - found[1].T).max() < 1e-9
+    assert found[1].imbalance() < EXPECTED["A16"]["tolerance"]
+    assert abs(found[1].outputs[0]["heat.convection"] / found[0].outputs[0]["heat.convection"] - 1.0) < 1e-12
