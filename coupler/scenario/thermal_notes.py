@@ -47,7 +47,7 @@ def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
     if near is None:
         return []
     notes = []
-    for surface in (pair.slave, pair.master):
+    for surface in dict.fromkeys((pair.slave, pair.master)):
         far = [b for b in model.get("boundary", ()) if b["kind"] == "radiation" and b["on"] == surface]
         what = f"pair {pair.name}: near radiation"
         if not far and near["d_far"] is not None:

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from contact.half.field import field_from
+from contact.half.interface import Pair
 from coupler.errors import ScenarioError
+from coupler.scenario.thermal_notes import thermal_notes
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, line_of, load_text
@@ -252,6 +254,13 @@ def test_the_line_is_that_of_the_wrong_value(old: str, new: str, piece: str, tmp
 def test_what_is_no_error_is_noted(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert RICH.count(old) == 1
     assert any(words in note for note in load_text(tmp_path, RICH.replace(old, new)).notes)
+
+
+def test_a_surface_that_folds_is_told_once() -> None:
+    near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "d_near": 1e-3, "d_far": 5e-3}
+    notes = thermal_notes({"pairs": {"fold": {"radiation": near}}}, [Pair("fold", "a.top", "a.top", 0.1, 0.0)])
+    assert len(notes) == 1
+    assert "a.top has no radiation of its own" in notes[0]
 
 
 def test_a_place_has_one_temperature(tmp_path: Path) -> None:
