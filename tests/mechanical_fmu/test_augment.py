@@ -36,8 +36,8 @@ def bar(eps_L_over_E, augmented=None, stroke=(0.0, -DELTA), **more):
     """Two blocks squeezed by DELTA in the first second; a tolerance where they are augmented."""
     pairs = {} if augmented is None else {"pairs": {"interface": {"augmented": augmented}}}
     driven = hold("upper.top", 1, {"t": list(range(len(stroke))), "value": list(stroke)})
-    return elastic(blocks(4, 4, eps_N=eps_L_over_E * MODULUS / LENGTH), [*HOLDS, driven], **({"tolerance": 1e-11} | pairs
-                                                                                              | more))
+    interface = blocks(4, 4, eps_N=eps_L_over_E * MODULUS / LENGTH)
+    return elastic(interface, [*HOLDS, driven], **({"tolerance": 1e-11} | pairs | more))
 
 
 def steps(half, link, n, state=None, first=0):
