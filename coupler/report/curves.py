@@ -70,13 +70,14 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     span = f"from {number(low, 6)} s to {number(high, 6)} s"
     of = counted(len(names), "probe") if len(names) > 1 else f"probe {names[0]}"
     title = f"{what[0].upper()}{what[1:]} of {of} against time, {span}"
-    return svg(figure, f"{title}: {_ends(names, values, scale)}.", _caption(quantity, title, span, near is not None))
+    caption = _caption(quantity, title, span, near is not None, bool(kinks_of(results)))
+    return svg(figure, f"{title}: {_ends(names, values, scale)}.", caption)
 
 
-def _caption(quantity: str, title: str, span: str, near: bool) -> str:
+def _caption(quantity: str, title: str, span: str, near: bool, lines: bool) -> str:
     if near:
         return f"The same where most of it happens, {span}."
-    more = {"T": " Thin vertical lines: kinks, where boundary data jump or change slope.",
+    more = {"T": " Thin vertical lines: kinks, where boundary data jump or change slope." if lines else "",
             "gap": " Where nothing is faced there is no gap."}
     return f"{title}.{more.get(quantity, '')}"
 

@@ -39,6 +39,7 @@ class Case:
     message: str = "thermal: no convergence in 25 iterations"
     text: str = "slideline: 1\ntitle: synthetic\n"
     ledger: bool = True
+    kinks: tuple[float, ...] = KINKS
     melts: bool = False  # with a solid fraction and a heat flux in its frames
 
 
@@ -91,7 +92,7 @@ def header(case: Case) -> dict:
                      "file": "s.yaml"},
         "temperature_unit": "degC", "geometry": "plane",
         "halves": {"thermal": "thermal", "mechanical": "elastic"},
-        "coupling": {"scheme": "extrapolated", "end": END, "windows": case.windows, "kinks": list(KINKS),
+        "coupling": {"scheme": "extrapolated", "end": END, "windows": case.windows, "kinks": list(case.kinks),
                      "substeps": {"thermal": 1, "mechanical": 1}},
         "bodies": ["lower", "upper"], "pairs": [vars(p) for p in blocks(1 + 1).pairs],
         "probes": PROBES if case.probes else {},

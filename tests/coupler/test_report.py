@@ -16,6 +16,7 @@ from coupler.report import write_report
 from coupler.report.curves import eventful
 from coupler.report.frames import choose
 from coupler.report.kinks import spread
+from coupler.report.page import render
 from coupler.report.snapshots import outline
 from coupler.report.units import duration, number, shown
 from coupler.results import Results, journal_of
@@ -254,6 +255,12 @@ def test_outline_is_the_boundary_of_both_bodies() -> None:
     edges = outline(scene.quads, scene.triangles)
     lengths = np.linalg.norm(np.diff(scene.nodes[edges], axis=1), axis=2)
     assert lengths.sum() == pytest.approx(8 * 0.0762, rel=1e-12)
+
+
+def test_a_caption_speaks_of_kinks_only_where_there_are_some(tmp_path: Path) -> None:
+    for kinks in ((2500.0,), ()):
+        page = Page(render(write_run(tmp_path / f"{len(kinks)}.h5", Case(windows=3, frames=2, kinks=kinks))))
+        assert ("Thin vertical lines" in page.text) == bool(kinks)
 
 
 def test_labels_of_kinks_do_not_cover_each_other() -> None:
