@@ -52,7 +52,8 @@ def imbalance(terms: Mapping[str, float]) -> float:
 
 
 MECHANISMS = {
-    "heat.temperature": "prescribed temperature",
+    "heat.temperature.in": "prescribed temperature, in",
+    "heat.temperature.out": "prescribed temperature, out",
     "heat.flux": "prescribed flux",
     "heat.convection": "convection",
     "heat.radiation": "far radiation",

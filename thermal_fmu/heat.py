@@ -18,12 +18,12 @@ class Heat:
     """Energies INTO the bodies [J], weighted with the stages the method used.
 
     stored : (n_bodies,) increase of enthalpy, from where it is stored: quadrature points, nodes of what melts.
-    temperature : through prescribed temperatures, from the residual at their nodes.  terms : in the order of
-    boundary.TERMS.
+    temperature : (2,) through prescribed temperatures, in at some nodes and out (< 0) at others, from the residual
+    there: a net sum would be round-off where as much comes in as goes out.  terms : in the order of boundary.TERMS.
     """
 
     stored: Floats
-    temperature: float
+    temperature: Floats
     terms: Floats
 
     def __add__(self, other: Heat) -> Heat:
@@ -33,14 +33,19 @@ class Heat:
     def outputs(self, model: Model) -> dict[str, float]:
         """By the names of the outputs heat.*: the terms that the scene can have."""
         named = {f"heat.stored.{body.name}": float(J) for body, J in zip(model.bodies, self.stored, strict=True)}
-        named["heat.temperature"] = self.temperature
+        named |= {f"heat.temperature.{way}": float(J) for way, J in zip(("in", "out"), self.temperature, strict=True)}
         possible = terms_of(model)
         return named | {f"heat.{name}": float(J) for name, J in zip(TERMS, self.terms, strict=True) if name in possible}
 
 
+def both_ways(through: Floats) -> Floats:
+    """(2,) what comes in and what goes out [J], of through : (n,) at nodes."""
+    return np.array([through[through > 0.0].sum(), through[through < 0.0].sum()])
+
+
 def no_heat(n_bodies: int) -> Heat:
     """Nothing has flowed yet."""
-    return Heat(np.zeros(n_bodies), 0.0, np.zeros(len(TERMS)))
+    return Heat(np.zeros(n_bodies), np.zeros(2), np.zeros(len(TERMS)))
 
 
 def terms_of(model: Model) -> frozenset[str]:

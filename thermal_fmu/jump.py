@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu.boundary import TERMS
-from thermal_fmu.heat import Heat
+from thermal_fmu.heat import Heat, both_ways
 from thermal_fmu.loads import loads_at
 from thermal_fmu.methods import Stage
 from thermal_fmu.newton import solve_stage
@@ -33,5 +33,5 @@ def entropy_jump(course: Course, E_S: Floats, s_n: Floats, anchor: Anchor | None
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E_S.sum()
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)
-    heat = Heat(solved.balance.stored, float(held_back.sum()), terms)
+    heat = Heat(solved.balance.stored, both_ways(held_back), terms)
     return Stepped(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase
-from thermal_fmu.heat import Heat
+from thermal_fmu.heat import Heat, both_ways
 from thermal_fmu.held import Held, prescribed_values
 from thermal_fmu.loads import Calendar, LoadFactors, Loads, loads_at
 from thermal_fmu.methods import METHODS, Method
@@ -120,6 +120,7 @@ def flow_at(course: Course, s: Floats, t: float, dt: float, side: int) -> tuple[
 def _heat(scene: Scene, method: Method, solved: list[Solved], dt: float) -> Heat:
     """Energies with the weights of the stages; the reaction of a stage is its residual at fixed nodes."""
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
-    reaction = sum(w * float(s.balance.R[scene.fixed].sum()) / stage.a
-                   for w, s, stage in zip(method.weights, solved, method.stages, strict=True))
-    return Heat(solved[-1].balance.stored, float(reaction), np.asarray(terms))
+    through = np.zeros(np.count_nonzero(scene.fixed))
+    for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
+        through += w / stage.a * s.balance.R[scene.fixed]
+    return Heat(solved[-1].balance.stored, both_ways(through), np.asarray(terms))

@@ -21,7 +21,7 @@ PROBES = {f"lower.top.{n}": {"quantity": "T", "unit": "K"} for n in ("left", "ce
     "upper.bottom.centre": {"quantity": "T", "unit": "K"}, "gap": {"quantity": "gap", "unit": "m"},
     "pressure": {"quantity": "p", "unit": "Pa"}}
 # Heat of one window [J]: what came in differs from what was stored by STORED_OFF, a part in 1e4 of the lot.
-TERMS = {"heat.temperature": 70.0, "heat.convection": -20.0, "heat.contact.slave": -30.0,
+TERMS = {"heat.temperature.in": 70.0, "heat.convection": -20.0, "heat.contact.slave": -30.0,
          "heat.contact.master": 30.0, "heat.stored.lower": 35.0, "heat.stored.upper": 14.98}
 IMBALANCE = 0.02 / 199.98
 

@@ -90,7 +90,7 @@ def test_a_completed_run_has_no_banner(page: Page) -> None:
 
 
 def test_heat_table_holds_the_ledger(page: Page) -> None:
-    assert page.row("prescribed temperature") == ["prescribed temperature", "2.8"]
+    assert page.row("prescribed temperature, in") == ["prescribed temperature, in", "2.8"]
     assert page.row("convection")[1] == "-0.8"
     names = [r[0] for r in page.rows if r]
     assert [names.count(n) for n in ("convection", "stored in lower", "stored in upper")] == [1, 1, 1]

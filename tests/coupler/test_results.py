@@ -87,7 +87,7 @@ def test_ledger_and_imbalance_by_construction(run: Results) -> None:
     assert run.heat_imbalance == pytest.approx(IMBALANCE, rel=1e-12)
     t, history = run.ledger_history()
     assert len(t) == CASE.windows + 1
-    assert np.allclose(history["temperature"], 70.0 * np.arange(CASE.windows + 1), rtol=1e-14)
+    assert np.allclose(history["temperature.in"], 70.0 * np.arange(CASE.windows + 1), rtol=1e-14)
 
 
 def test_a_completed_run_leaves_only_its_files(run: Results) -> None:

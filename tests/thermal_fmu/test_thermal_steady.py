@@ -124,3 +124,13 @@ def test_bad_stepping_is_named(key, value, text):
     bar, model = furnace(1.0, 400.0)
     with pytest.raises(ValueError, match=text):
         load(bar, model | {key: value})
+
+
+def test_heat_that_goes_in_and_out_at_rest_is_balanced():
+    """A slab between two walls: a net sum of 0 would be compared with itself; each way is its own term."""
+    bar = scene(Box(0, 1, 0, 1, 4))
+    ran = run(bar, spec([{"kind": "temperature", "on": "a.left", "value": 400.0},
+                         {"kind": "temperature", "on": "a.right", "value": 300.0}], T0=300.0, method="steady"), 1.0, 1)
+    assert ran.outputs[-1]["heat.temperature.in"] == pytest.approx(100.0, rel=1e-12)
+    assert ran.outputs[-1]["heat.temperature.out"] == pytest.approx(-100.0, rel=1e-12)
+    assert ran.imbalance() <= EXPECTED["A16"]["tolerance"]
