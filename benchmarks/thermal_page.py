@@ -1,4 +1,4 @@
-"""The scenes of docs/thermal.md: its YAML blocks, each merged into the first."""
+"""The scenes of a page of docs: its YAML blocks, each merged into the first."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "thermal.md"
 BLOCK = re.compile(r"<!-- scene: (\w+) -->\n```yaml\n(.*?)```", re.DOTALL)
 
 
-def scenes() -> dict[str, dict[str, Any]]:
+def scenes(page: Path = PAGE) -> dict[str, dict[str, Any]]:
     """name -> the whole scenario of each block of the page; a name given twice is an error."""
-    blocks = BLOCK.findall(PAGE.read_text(encoding="utf-8"))
+    blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
     read = {name: YAML(typ="safe").load(text) for name, text in blocks}
     assert len(read) == len(blocks), "a name stands twice on the page"
     return {name: merged(read["base"], scene) for name, scene in read.items()}

@@ -84,11 +84,12 @@ def test_let_go_it_opens_without_pull_and_touches_again_as_before(link):
 
 
 def test_what_just_touches_settles(link):
-    """Brought to a gap of 0, pressures are round-off: no share of their largest is ever reached, and none is asked."""
-    stroke = (0.0, 1e-6, 0.0, -1e-13, -DELTA)
+    """A thousandth of 110 Pa is less than the half's tolerance resolves (.2 Pa here): no more is asked than that."""
+    stroke = (0.0, 1e-6, 0.0, -1e-9, -DELTA)
     went = steps(bar(4.0, 1e-3, stroke=stroke, tolerance=1e-8, cuts=0), link, 4)
-    assert max(outputs["iterations"] for _, outputs in went[:3]) <= 4
+    assert max(outputs["iterations"] for _, outputs in went[:3]) <= 6
     assert np.abs(went[1][1]["contact.t_N"]).max() < 1.0
+    assert -went[2][1]["contact.t_N"] / P * DELTA / 1e-9 == pytest.approx(1.0, rel=0.01)
     assert -went[3][1]["contact.t_N"] / P == pytest.approx(1.0, rel=1e-3)
 
 

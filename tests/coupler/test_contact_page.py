@@ -1,0 +1,66 @@
+"""docs/contact.md: every YAML block is a scenario, every key of contact is in one, every picture is there."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from coupler.scenario import load_scenario
+from coupler.scenario.schema_contact import Augmented, ContactPair, Form, Friction
+from mechanical_fmu.elastic_spec import parse_elastic
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from contact_runs import PAGE
+from thermal_page import scenes
+
+TEXT = PAGE.read_text(encoding="utf-8")
+SCENES = scenes(PAGE)
+PARTS = (ContactPair, Friction, Augmented)
+ELSEWHERE = {"conduction", "radiation"}  # said in thermal.md
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_block_is_a_scenario(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    with path.open("w", encoding="utf-8") as file:
+        YAML(typ="safe").dump(SCENES[name], file)
+    scenario = load_scenario(path)
+    assert parse_elastic(scenario.interface, scenario.models["mechanical"])
+
+
+def keys_in(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield key
+            yield from keys_in(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from keys_in(inner)
+
+
+def test_every_key_of_contact_is_in_a_block() -> None:
+    used = set(keys_in([scene["contact"] for scene in SCENES.values()]))
+    known = {key for part in PARTS for key in part.model_fields}
+    assert known - used == ELSEWHERE
+    assert all(f"`form: {form.value}`" in TEXT for form in Form)
+
+
+def test_every_block_is_named_and_every_picture_is_there() -> None:
+    assert TEXT.count("```yaml") == len(SCENES)
+    pictures = re.findall(r"\]\((images/[^)]*)\)", TEXT)
+    assert len(pictures) == len(set(pictures)) == 4
+    for picture in pictures:
+        assert (PAGE.parent / picture).is_file(), picture
+
+
+def test_links_lead_somewhere() -> None:
+    for page, heading in re.findall(r"\]\((\w*\.?m?d?)#([^)]*)\)", TEXT):
+        text = (PAGE.parent / page).read_text(encoding="utf-8") if page else TEXT
+        known = {re.sub(r"[^a-z0-9 -]", "", h.lower()).replace(" ", "-") for h in re.findall(r"^## (.*)$", text, re.M)}
+        assert heading in known, f"{page}#{heading}"
