@@ -47,7 +47,7 @@ def dead_forces(interface: Interface, loads: Sequence[DeadLoad], shares: tuple[F
             f.ravel()[rigid[0][load.rigid, load.component]] = 1.0 if load.component < 2 else rigid[1][load.rigid]
         elif load.kind == "traction":
             edges = interface.surfaces[load.on]
-            np.add.at(f[:, load.component], edges, _edge_shares(interface, edges))
+            np.add.at(f[:, load.component], edges, edge_shares(interface, edges))
         elif load.kind == "force":
             nodes = np.unique(interface.node_sets[load.on])
             f[nodes, load.component] = 1.0 / len(nodes)
@@ -66,7 +66,7 @@ def nodal_shares(interface: Interface, kinds: Sequence[Cells], n: int) -> Floats
     return shares
 
 
-def _edge_shares(interface: Interface, edges: Ints) -> Floats:
+def edge_shares(interface: Interface, edges: Ints) -> Floats:
     """(n_edges, 2) [m2]: int N_a (2 pi R) dS."""
     X = interface.nodes[edges]
     length = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
