@@ -24,7 +24,17 @@ IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+([\w.]+)", re.MULTILINE)
 def kernel(function: F) -> F:
     """The function compiled by numba, and cached until a file it is compiled from changes."""
     # Division as in numpy: checks that could raise cost a tenth, and nothing may raise out of a half's loop.
-    dispatcher: Any = njit(cache=True, error_model="numpy")(function)
+    return _cached(function, njit(cache=True, error_model="numpy")(function))
+
+
+def inner(function: F) -> F:
+    """A kernel that makes no array.  It borrows those of its caller without counting, which costs as much as the work
+    of a small kernel, in time and in compiling."""
+    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+    return _cached(function, njit(**options)(function))
+
+
+def _cached(function: F, dispatcher: Any) -> F:
     path = Path(function.__code__.co_filename)
     # numba has no public way to say this; test_compiled.py notices if it moves.
     dispatcher._cache._cache_file._source_stamp = stamp(path, path.parents[function.__module__.count(".")])

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner, kernel
 from mechanical_fmu.enhanced import (
     LONGEST_MODE,
     MODE_ROUND_OFF,
@@ -73,6 +73,8 @@ class Cell(NamedTuple):
     r: Floats
     H: Floats
     a: Floats
+    d: Floats
+    dJ: Floats
 
 
 @kernel
@@ -84,8 +86,10 @@ def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) 
     n_e, nq, n_all = shape.B.shape[0], shape.B.shape[1], shape.B.shape[2]
     nn, nm = shape.nodes.shape[1], shape.n_modes
     cell = Cell(np.empty((n_all, 2)), np.empty((nq, 5)), np.empty(nq), np.empty((nq, 5)), np.empty((nq, 5, 5)),
-                np.empty((2 * nn + nm, 2 * nn + nm)), np.empty(2 * nn + nm), np.empty((nm, nm)), np.empty(nm))
-    work = Work(np.empty(4), np.empty(4), np.empty((4, 5)), np.empty((4, 4)))
+                np.empty((2 * nn + nm, 2 * nn + nm)), np.empty(2 * nn + nm), np.empty((nm, nm)), np.empty(nm),
+                np.empty(2 * nn), np.empty(5))
+    work = Work(np.empty(4), np.empty(4), np.empty((4, 5)), np.empty((4, 4)),
+                out.K.shape[0] > 0 or nm > 0)
     for e in range(n_e):
         cell.u[:, :] = 0.0
         for a in range(nn):
@@ -105,7 +109,7 @@ def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) 
     return -1, 0
 
 
-@kernel
+@inner
 def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
     """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
     nn, nm = shape.nodes.shape[1], shape.n_modes
@@ -125,7 +129,10 @@ def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, 
         if not eliminate(cell.H, cell.a, 0, nm):
             return NO_MODES, heat
         back(cell.H, cell.a, 0, nm)
-        strain = largest * np.abs(cell.a).max()
+        longest = 0.0
+        for m in range(nm):
+            longest = max(longest, abs(cell.a[m]))
+        strain = largest * longest
         if strain <= MODE_TOLERANCE or (before <= MODE_ROUND_OFF and strain >= 0.5 * before):
             return 0, heat
         # Yielding that changes hands can make whole steps go round in a circle.
@@ -136,7 +143,7 @@ def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, 
     return NO_MODES, 0.0
 
 
-@kernel
+@inner
 def at_points(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
     """F, J, P, A and h of the points of cell e at cell.u.  Returns (code, heat [J])."""
     nq = shape.weight.shape[1]
@@ -152,12 +159,13 @@ def at_points(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Float
     return 0, total
 
 
-@kernel
+@inner
 def close_cell(shape: Shape, law: Law, e: int, cell: Cell, out: Out) -> None:
     """Add the cell's forces to out.f and fill its out.K, the pressure of the cell and its modes settled."""
     nn, nm, nq = shape.nodes.shape[1], shape.n_modes, shape.weight.shape[1]
     tangent = out.K.shape[0] > 0
-    dJ, d, factor = np.empty(5), np.zeros(2 * nn), 0.0
+    dJ, d, factor = cell.dJ, cell.d, 0.0
+    d[:] = 0.0
     if law.mean:
         v = 0.0
         for q in range(nq):
@@ -190,7 +198,7 @@ def close_cell(shape: Shape, law: Law, e: int, cell: Cell, out: Out) -> None:
             out.K[e, i, j] = cell.K[i, j] + factor * d[i] * d[j]
 
 
-@kernel
+@inner
 def add_forces(B: Floats, N_over_R: Floats, w: float, P: Floats, r: Floats) -> None:
     """r += w P : dF of the unit displacements; r : (n,), as many of them as it has room for."""
     for a in range((r.shape[0] + 1) // 2):
@@ -199,7 +207,7 @@ def add_forces(B: Floats, N_over_R: Floats, w: float, P: Floats, r: Floats) -> N
             r[2 * a + 1] += w * (P[2] * B[a, 0] + P[3] * B[a, 1])
 
 
-@kernel
+@inner
 def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -> None:
     """K += w dF : A : dF of the unit displacements; K : (n, n), as many of them as it has room for."""
     n = K.shape[0]
@@ -221,7 +229,7 @@ def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -
                     K[2 * a + 1, 2 * b + 1] += B[a, 0] * y2 + B[a, 1] * y3
 
 
-@kernel
+@inner
 def measure(cell: Cell, stress: Floats, strain: Floats) -> None:
     """Fill stress, strain : (nq, 4) of a closed cell."""
     for q in range(stress.shape[0]):

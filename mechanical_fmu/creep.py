@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from contact.compiled import kernel
+from contact.compiled import inner
 
 MOST = 100
 # exp() of more overflows.
 LARGEST = 700.0
 
 
-@kernel
+@inner
 def relaxed(Q: float, G: float, dt: float, log_a: float, n: float) -> tuple[float, float]:
     """q [Pa] at the end of the step and the creep strain made in it, from the trial stress Q > 0 [Pa]."""
     lc = np.log(3.0 * G) + np.log(dt) + log_a + (n - 1.0) * np.log(Q)
@@ -33,7 +33,7 @@ def relaxed(Q: float, G: float, dt: float, log_a: float, n: float) -> tuple[floa
     return Q * np.exp(v), Q / (3.0 * G) * np.exp(min(lc + n * v, LARGEST))
 
 
-@kernel
+@inner
 def crept(q: float, dt: float, log_a: float, n: float) -> float:
     """Creep strain of a step that ends at q [Pa]."""
     if q <= 0.0 or dt <= 0.0:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tup
     return gradients, hoop
 
 
-@kernel
+@inner
 def eliminate(K: Floats, r: Floats, n: int, m: int) -> bool:
     """Eliminate rows n to n + m of K and r in place, pivoting; False where they are singular.
 
@@ -82,7 +82,7 @@ def eliminate(K: Floats, r: Floats, n: int, m: int) -> bool:
     return True
 
 
-@kernel
+@inner
 def back(K: Floats, r: Floats, n: int, m: int) -> None:
     """After `eliminate` with n = 0: r becomes the solution of K x = r, m unknowns."""
     for k in range(n, n + m):

@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner
 from mechanical_fmu.point_layout import CUBIC, P_B, P_FORM, P_H, P_KNOTS, P_Q, P_ROW, P_SHARE, P_TABLE, P_YIELD, SLOPED
 
 Floats = NDArray[np.float64]
 
 
-@kernel
+@inner
 def flow_stress(p: Floats, tables: Floats, e: float) -> tuple[float, float]:
     """R [Pa] and dR/de at e >= 0."""
     n = int(p[P_KNOTS])
@@ -39,7 +39,7 @@ def flow_stress(p: Floats, tables: Floats, e: float) -> tuple[float, float]:
     return R, slope
 
 
-@kernel
+@inner
 def curve(tables: Floats, strains: int, row: int, n: int, form: int, e: float) -> tuple[float, float]:
     """Stress and slope of one row of a table at e."""
     if e >= tables[strains + n - 1]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner, kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -21,7 +21,7 @@ Corners = tuple[int, ...]
 unrolls them and saves a fifth of their time."""
 
 
-@kernel
+@inner
 def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
     """F = (F11, F12, F21, F22, F33) of one point from its cell's u : (nn, 2) [m]; returns J = det F."""
     F[0] = 1.0
@@ -38,7 +38,7 @@ def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
     return (F[0] * F[3] - F[1] * F[2]) * F[4]
 
 
-@kernel
+@inner
 def dilatation(B: Floats, N_over_R: Floats, weight: Floats, u: Floats, F: Floats, J: Floats) -> float:
     """Fill F : (nq, 5) and J : (nq,) of one cell; returns its current volume v [m3], or -1 where a J or F_33 <= 0."""
     v = 0.0
@@ -106,7 +106,7 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
     return -1
 
 
-@kernel
+@inner
 def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: float, g: Floats, h: Floats,
                 k: Floats, K: Floats, corners: Corners) -> None:
     """Add one point's lower triangle: c dF:dF - 2c/3 (h k' + k h') + n h h' + m (F^-T dF' F^-T):dF."""
@@ -126,7 +126,7 @@ def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: 
             K[2 * a + 1, 2 * b + 1] += along + h[a, 1] * x1 - k[a, 1] * y1 + g[a, 1] * g1
 
 
-@kernel
+@inner
 def close_tangent(factor: float, d: Floats, K: Floats, corners: Corners) -> None:
     """Add factor d d' and mirror the lower triangle."""
     for a in range(len(corners)):

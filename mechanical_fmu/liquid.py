@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner
 from mechanical_fmu.point_layout import (
     H_BACK,
     H_CREEP,
@@ -29,7 +29,7 @@ from mechanical_fmu.point_layout import (
 Floats = NDArray[np.float64]
 
 
-@kernel
+@inner
 def solidify(p: Floats, h_n: Floats, h: Floats) -> None:
     """Turn h, a copy of h_n, into the history the solid at the end of the step begins it with."""
     f, f_n = p[P_SOLID], h_n[H_SOLID]
@@ -41,11 +41,12 @@ def solidify(p: Floats, h_n: Floats, h: Floats) -> None:
     h[H_CREEP] = w * h_n[H_CREEP]
 
 
-@kernel
-def mix(p: Floats, e: Floats, dt: float, h_n: Floats, h: Floats, S: Floats, D: Floats) -> float:
+@inner
+def mix(p: Floats, e: tuple[float, float, float, float], dt: float, h_n: Floats, h: Floats, S: Floats,
+        D: Floats) -> float:
     """Mix the liquid into S and D of the solid and close h; returns the heat of the liquid [J/m3].
 
-    e : (4,) deviator of E.  In no time (dt = 0) a liquid cannot flow: it answers as an elastic solid would.
+    e : deviator of E.  In no time (dt = 0) a liquid cannot flow: it answers as an elastic solid would.
     """
     f = p[P_SOLID]
     twice = 2.0 * (p[P_ETA] / dt if dt > 0.0 else p[P_G])

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ SERIES_BELOW = 0.05
 SHORT_BELOW = 1e-3
 
 
-@kernel
+@inner
 def shape(y: float) -> tuple[float, float, float]:
     """g(y) = atanh(sqrt y)/sqrt y, g'(y), g''(y) for 0 <= y < 1: the sum of y^k/(2k + 1)."""
     if y >= SERIES_BELOW:
@@ -35,9 +35,12 @@ def shape(y: float) -> tuple[float, float, float]:
         over = 1.0 / (1.0 - y)
         g1 = (over - g) / (2.0 * y)
         return g, g1, (over * over - 3.0 * g1) / (2.0 * y)
-    last = 6 if y < SHORT_BELOW else 15
+    if y < SHORT_BELOW:
+        return ((((((y / 13.0 + 1.0 / 11.0) * y + 1.0 / 9.0) * y + 1.0 / 7.0) * y + 0.2) * y + 1.0 / 3.0) * y + 1.0,
+                ((((6.0 / 13.0 * y + 5.0 / 11.0) * y + 4.0 / 9.0) * y + 3.0 / 7.0) * y + 0.4) * y + 1.0 / 3.0,
+                (((30.0 / 13.0 * y + 20.0 / 11.0) * y + 4.0 / 3.0) * y + 6.0 / 7.0) * y + 0.4)
     g, g1, g2 = 0.0, 0.0, 0.0
-    for k in range(last, 1, -1):
+    for k in range(15, 1, -1):
         a = 1.0 / (2.0 * k + 1.0)
         g = g * y + a
         g1 = g1 * y + k * a
@@ -45,7 +48,7 @@ def shape(y: float) -> tuple[float, float, float]:
     return (g * y + 1.0 / 3.0) * y + 1.0, g1 * y + 1.0 / 3.0, g2
 
 
-@kernel
+@inner
 def log_strain(F: Floats, E: Floats) -> None:
     """Fill E : (4,) = (11, 22, 12, 33) of F : (5,) with J > 0 in the plane and F33 > 0."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -59,7 +62,7 @@ def log_strain(F: Floats, E: Floats) -> None:
     E[3] = np.log(F[4])
 
 
-@kernel
+@inner
 def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
     """Fill E : (4,) and L : (4, 5) = dE/dF."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -86,7 +89,7 @@ def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
     L[3, 4] = 1.0 / F[4]
 
 
-@kernel
+@inner
 def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
     """Fill H : (5, 5) = S : d2E/dFdF of S : (4,), symmetric [Pa]."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -98,51 +101,56 @@ def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
     b_mm, b_mq, b_qq = 2.0 * m * over * over, -over * over, g2 / m**5
     mean, half, w = 0.5 * (S[0] + S[1]) / J, 0.5 * (S[0] - S[1]), 0.5 * (S[0] - S[1]) * d + S[2] * c
     # S : E = mean ln J + b w + S33 ln F33 with w = half d + S12 c; i ^ 1 swaps the columns, 3 - i the corners.
+    # dm, dd, dc of F are F, its columns with signs, and swapped; a : of ln J, b and q/2 : of b and q, w : of w.
+    F0, F1, F2, F3 = F[0], F[1], F[2], F[3]
+    ds, cs, a = (F0, -F1, F2, -F3), (F1, F0, F3, F2), (F3 / J, -F2 / J, -F1 / J, F0 / J)
+    w_mm, w_mq, w_qq, w_q = w * b_mm, 2.0 * w * b_mq, 4.0 * w * b_qq, 2.0 * w * b_q
     for i in range(4):
-        side_i = 1.0 if i % 2 == 0 else -1.0
-        di, ci = side_i * F[i], F[i ^ 1]
-        ai = (F[3 - i] if i == 0 or i == 3 else -F[3 - i]) / J
-        qi, wi = 2.0 * (d * di + c * ci), half * di + S[2] * ci
-        bi = b_m * F[i] + b_q * qi
+        q_i, w_i = d * ds[i] + c * cs[i], half * ds[i] + S[2] * cs[i]
+        b_i, lean = b_m * F[i] + 2.0 * b_q * q_i, -mean * J * a[i]
+        along, across = w_mm * F[i] + w_mq * q_i, w_mq * F[i] + w_qq * q_i
         for j in range(i + 1):
-            side_j = 1.0 if j % 2 == 0 else -1.0
-            dj, cj = side_j * F[j], F[j ^ 1]
-            aj = (F[3 - j] if j == 0 or j == 3 else -F[3 - j]) / J
-            qj, wj = 2.0 * (d * dj + c * cj), half * dj + S[2] * cj
-            bj = b_m * F[j] + b_q * qj
-            value = -mean * J * ai * aj + wi * bj + bi * wj
-            q_ij = 2.0 * (di * dj + ci * cj)
-            if i == j:
-                value += b * half * side_i + w * b_m
-                q_ij += 2.0 * d * side_i
-            elif i == j ^ 1:
-                value += b * S[2]
-                q_ij += 2.0 * c
-            elif i + j == 3:
-                # d2J of F11 F22 and of -F12 F21.
-                value += mean if i == 3 else -mean
-            value += w * (b_q * q_ij + b_mm * F[i] * F[j] + b_mq * (F[i] * qj + qi * F[j]) + b_qq * qi * qj)
-            H[i, j] = value
-            H[j, i] = value
+            q_j, w_j = d * ds[j] + c * cs[j], half * ds[j] + S[2] * cs[j]
+            H[i, j] = (lean * a[j] + w_i * (b_m * F[j] + 2.0 * b_q * q_j) + b_i * w_j + along * F[j] + across * q_j
+                       + w_q * (ds[i] * ds[j] + cs[i] * cs[j]))
+    even, odd, swap = b * half + w_q * d, b * S[2] + w_q * c, w * b_m
+    H[0, 0] += even + swap
+    H[1, 1] += swap - even
+    H[2, 2] += even + swap
+    H[3, 3] += swap - even
+    H[1, 0] += odd
+    H[3, 2] += odd
+    # d2J of F11 F22 and of -F12 F21.
+    H[3, 0] += mean
+    H[2, 1] -= mean
+    for i in range(4):
+        for j in range(i):
+            H[j, i] = H[i, j]
         H[i, 4] = 0.0
         H[4, i] = 0.0
     H[4, 4] = -S[3] / (F[4] * F[4])
 
 
-@kernel
+@inner
 def piola(L: Floats, S: Floats, P: Floats) -> None:
     """Fill P : (5,) = S : dE/dF [Pa], conjugate to F."""
     for i in range(5):
         P[i] = S[0] * L[0, i] + S[1] * L[1, i] + 2.0 * S[2] * L[2, i] + S[3] * L[3, i]
 
 
-@kernel
+@inner
 def piola_tangent(F: Floats, L: Floats, S: Floats, D: Floats, A: Floats) -> None:
     """Fill A : (5, 5) = dP/dF [Pa] of S : (4,) and D : (4, 4) = dS/dE (plain components on both sides)."""
     log_strain_curvature(F, S, A)
-    for k in range(4):
-        weight = 2.0 if k == 2 else 1.0
-        for j in range(5):
-            along = weight * (D[k, 0] * L[0, j] + D[k, 1] * L[1, j] + D[k, 2] * L[2, j] + D[k, 3] * L[3, j])
-            for i in range(5):
-                A[i, j] += L[k, i] * along
+    # L is 3 x 4 in the plane and one number along 33: nothing else is multiplied.
+    out = L[3, 4]
+    for j in range(4):
+        E0, E1, E2 = L[0, j], L[1, j], L[2, j]
+        x0 = D[0, 0] * E0 + D[0, 1] * E1 + D[0, 2] * E2
+        x1 = D[1, 0] * E0 + D[1, 1] * E1 + D[1, 2] * E2
+        x2 = 2.0 * (D[2, 0] * E0 + D[2, 1] * E1 + D[2, 2] * E2)
+        for i in range(4):
+            A[i, j] += L[0, i] * x0 + L[1, i] * x1 + L[2, i] * x2
+        A[4, j] = out * (D[3, 0] * E0 + D[3, 1] * E1 + D[3, 2] * E2)
+        A[j, 4] = out * (E0 * D[0, 3] + E1 * D[1, 3] + 2.0 * E2 * D[2, 3])
+    A[4, 4] += out * out * D[3, 3]

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner
 from mechanical_fmu.creep import crept, relaxed
 from mechanical_fmu.hardening import flow_stress
 from mechanical_fmu.point_layout import (
@@ -45,13 +45,13 @@ MOST, PATIENCE = 60, 6
 CLOSE = 4e-15
 
 
-@kernel
+@inner
 def dot(a: Floats, b: Floats) -> float:
     """a : b of two tensors (11, 22, 12, 33)."""
     return a[0] * b[0] + a[1] * b[1] + 2.0 * a[2] * b[2] + a[3] * b[3]
 
 
-@kernel
+@inner
 def flow(kind: int, p: Floats, tables: Floats, dt: float, h: Floats, S: Floats, D: Floats) -> tuple[int, float]:
     """One step of the solid: code and heat [J/m3].
 
@@ -90,7 +90,7 @@ def flow(kind: int, p: Floats, tables: Floats, dt: float, h: Floats, S: Floats, 
     return 0, _close(kind, p, amounts, h, S)
 
 
-@kernel
+@inner
 def _amounts(kind: int, p: Floats, tables: Floats, dt: float, h: Floats,
              S: Floats) -> tuple[int, tuple[float, float, float, float, float, float, float]]:
     """How much flows from the trial stress S: code and (theta, dp, dc, q, Q, dq/d(dp), mean of q over the step)."""
@@ -122,7 +122,7 @@ def _amounts(kind: int, p: Floats, tables: Floats, dt: float, h: Floats,
     return 0, (theta, dp, dc, q, Q, slope, q + 0.5 * (R_n - R))
 
 
-@kernel
+@inner
 def _close(kind: int, p: Floats, amounts: tuple[float, float, float, float, float, float, float], h: Floats,
            S: Floats) -> float:
     """Write the history at the end and turn S from n to s; returns the heat [J/m3].
@@ -147,7 +147,7 @@ def _close(kind: int, p: Floats, amounts: tuple[float, float, float, float, floa
     return p[P_CHI] * dp * (R_mean + lost) + p[P_CHI_VISCOUS] * dc * q
 
 
-@kernel
+@inner
 def resistance(kind: int, p: Floats, tables: Floats, dt: float, e_p: float, dp: float) -> tuple[float, float]:
     """q [Pa] that flow by dp > 0 in dt takes, and its slope."""
     q, slope = flow_stress(p, tables, e_p + dp)
@@ -158,7 +158,7 @@ def resistance(kind: int, p: Floats, tables: Floats, dt: float, e_p: float, dp: 
     return q, slope
 
 
-@kernel
+@inner
 def plastic_strain(kind: int, p: Floats, tables: Floats, dt: float, e_p: float,
                    start: tuple[float, float, float, float, float]) -> float:
     """dp > 0 of the scalar equation, or -1.  start : R at e_p [Pa], its slope, and aa, ab, bb [Pa2] with
@@ -215,7 +215,7 @@ def plastic_strain(kind: int, p: Floats, tables: Floats, dt: float, e_p: float,
     return -1.0
 
 
-@kernel
+@inner
 def elastic(G: float, D: Floats) -> None:
     """Fill D with 2 G times the deviatoric projection."""
     D[:, :] = 0.0

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner
 from mechanical_fmu.liquid import mix, solidify
 from mechanical_fmu.plasticity import elastic, flow
 from mechanical_fmu.point_layout import (
@@ -45,7 +45,7 @@ __all__ = ["CODES", "CREEP", "KINEMATIC", "LIQUID", "N_P", "OVERSTRESS", "PLASTI
 Floats = NDArray[np.float64]
 
 
-@kernel
+@inner
 def deviator(E: Floats, e: Floats) -> None:
     """Fill e : (4,) with the deviator of E : (4,)."""
     third = (E[0] + E[1] + E[3]) / 3.0
@@ -55,7 +55,7 @@ def deviator(E: Floats, e: Floats) -> None:
     e[3] = E[3] - third
 
 
-@kernel
+@inner
 def update(kind: int, p: Floats, tables: Floats, E: Floats, dt: float, h_n: Floats, h: Floats, S: Floats,
            D: Floats) -> tuple[int, float]:
     """One step of a point, as said above."""
@@ -71,7 +71,7 @@ def update(kind: int, p: Floats, tables: Floats, E: Floats, dt: float, h_n: Floa
         for i in range(4):
             S[i] = 2.0 * p[P_G] * (S[i] - h[H_INELASTIC + i])
         return flow(kind, p, tables, dt, h, S, D)
-    e = S.copy()
+    e = (S[0], S[1], S[2], S[3])
     solidify(p, h_n, h)
     code, heat = 0, 0.0
     if p[P_SOLID] > 0.0:
