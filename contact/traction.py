@@ -71,7 +71,8 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
                                    points.doing)
     force = added_up(r.n_nodes, nodes, forces)
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
-    t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.p_N, points.tau, points.heat, r.n_nodes)
+    t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.c, points.p_N, points.tau, points.heat,
+                                       shear)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
                      np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, int(np.count_nonzero(points.p_N)),
                      int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
@@ -126,10 +127,15 @@ def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, nor
 
 
 @kernel
-def nodal_means(edges: Ints, met: Ints, values: Floats, p_N: Floats, tau: Floats, heat: Floats,
-                n_nodes: int) -> tuple[Floats, Floats, Floats]:
+def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, tau: Floats, heat: Floats,
+                before: Floats) -> tuple[Floats, Floats, Floats]:
     """t_N : (n_nodes,) [Pa] = -sum(A N p_N)/sum(A N) over what each node faces, both sides; shear : (n_nodes,) [Pa],
-    the mean over what it touches, and E_friction : (n_nodes,) [J], both of slave nodes."""
+    as before and the mean of its change over what it touches, and E_friction : (n_nodes,) [J], both of slave nodes.
+
+    Of the change, not of tau itself: a mean of what was interpolated is smoother than what it came from, and a surface
+    held still would lose its shear, and make heat, with every step.
+    """
+    n_nodes = before.size
     pushed, faced, dragged = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
     touched, made = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):
@@ -141,12 +147,12 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, p_N: Floats, tau: Floats
                 pushed[s] += weight * p_N[i]
                 faced[s] += weight
                 if side == 0 and p_N[i] > 0.0:
-                    dragged[s] += weight * tau[i]
+                    dragged[s] += weight * (tau[i] - (c[i, SHEAR_1] + values[i, 0] * (c[i, SHEAR_2] - c[i, SHEAR_1])))
                     touched[s] += weight
                     made[s] += N * heat[i]
     for s in range(n_nodes):
         pushed[s] = -pushed[s] / faced[s] if pushed[s] > 0.0 else 0.0
-        dragged[s] = dragged[s] / touched[s] if touched[s] > 0.0 else 0.0
+        dragged[s] = before[s] + dragged[s] / touched[s] if touched[s] > 0.0 else 0.0
     return pushed, dragged, made
 
 
