@@ -6,6 +6,7 @@ from coupler.scenario.base import Part
 from coupler.scenario.context import Context, Model
 from coupler.scenario.document import Key
 from coupler.scenario.schema_flow import Hardening, Liquid, Plastic
+from coupler.scenario.schema_material import Phases
 from coupler.scenario.schema_mechanical import Elastic, Solution
 
 ROOM = 293.15  # K
@@ -16,6 +17,15 @@ def mechanical_materials(c: Context, elastic: Elastic) -> Model:
     inert = elastic.dynamics is not None or elastic.method is Solution.EXPLICIT
     weighed = ("rho",) if inert or elastic.gravity is not None or elastic.adiabatic else ()
     warmed = ("c",) if elastic.adiabatic else ()
+    used = dict.fromkeys(b.material for b in c.file.bodies.values())
+    melt = any(c.file.materials[name].latent is not None for name in used)
+    for name in used:
+        if melt and c.file.materials[name].liquid is not None and c.file.materials[name].latent is None:
+            raise c.document.error(("materials", name, "liquid"), "the thermal half says what has melted, and it needs "
+                                   "latent heat for that", f"Add latent: {{L: ..., T_s: ..., T_l: ...}} to {name}.")
+        if elastic.adiabatic and isinstance(c.file.materials[name].c, Phases):
+            raise c.document.error(("materials", name, "c"), "frozen entropy needs one heat capacity for all phases",
+                                   "Give c as one PROPERTY, or leave mechanical.elastic.adiabatic out.")
     materials = c.materials("elastic", ("E", "nu", "alpha", *weighed, *warmed), also=("T_ref",))
     out: Model = {}
     for name, material in materials.items():

@@ -81,6 +81,9 @@ def _gravity(c: Context, elastic: Elastic) -> list[Model]:
     if elastic.gravity is None:
         return []
     gravity, key = elastic.gravity, ("mechanical", "elastic", "gravity")
+    if gravity.name is not None and any(b.name == gravity.name for b in elastic.boundary):
+        raise c.document.error((*key, "name"), f"the name {gravity.name!r} is already that of a boundary condition",
+                               "Each named condition is one input load.<name>.")
     name = {"name": gravity.name} if gravity.name else {}
     return [{"kind": "gravity", "on": body, "component": i, "value": c.convert.signal(spec, (*key, axis)), **name}
             for i, (axis, spec) in enumerate((("x", gravity.x), ("y", gravity.y))) if spec != 0.0

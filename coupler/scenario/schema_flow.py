@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from itertools import pairwise
 
 from pydantic import StrictBool, model_validator
 
 from coupler.scenario.base import Part, PropertySpec
+from coupler.scenario.property_checks import not_negative, numbers_in, positive
 from coupler.scenario.quantity import NotNegative, Number, Positive, problem
 
 
@@ -64,6 +66,18 @@ class Hardening(Part):
             self._rows_fit(self.strain, self.stress)
         return self
 
+    @property
+    def falls(self) -> bool:
+        """Whether its numbers say that the flow stress falls with strain; tables over T are left to the half."""
+        if self.law is HardeningLaw.LINEAR:
+            return any(H < 0.0 for _, H in numbers_in(self.H, ()))
+        if self.law is HardeningLaw.VOCE:
+            Q, b, H = self.Q, self.b, self.H or 0.0
+            return isinstance(Q, float) and isinstance(H, float) and b is not None and min(H, H + b * Q) < 0.0
+        rows = (self.stress,) if self.T is None else self.stress
+        values = [[v for v in row if isinstance(v, float)] for row in rows or () if isinstance(row, tuple)]
+        return any(after < before for row in values for before, after in pairwise(row))
+
     def _rows_fit(self, strain: tuple[float, ...], stress: tuple[float | tuple[float, ...], ...]) -> None:
         rows = stress if self.T is not None else (stress,)
         if self.T is not None and len(rows) != len(self.T):
@@ -80,6 +94,12 @@ class Kinematic(Part):
     C: PropertySpec
     gamma: PropertySpec | None = None
 
+    @model_validator(mode="after")
+    def _physical(self) -> Kinematic:
+        positive(self.C, ("C",))
+        not_negative(self.gamma, ("gamma",))
+        return self
+
 
 class Overstress(Part):
     """Stress beyond yield K rate^m, K [Pa s^m]."""
@@ -91,6 +111,7 @@ class Overstress(Part):
     def _exponent(self) -> Overstress:
         if self.m > 1.0:
             raise problem("must be at most 1", at=("m",))
+        not_negative(self.K, ("K",))
         return self
 
 
@@ -113,6 +134,12 @@ class Plastic(Part):
                           "Leave s_y out." if table else "Write s_y, in Pa.", at=("hardening",) if table else ())
         if self.chi > 1.0:
             raise problem("is a share, from 0 to 1", at=("chi",))
+        if self.s_y is not None:
+            positive(self.s_y, ("s_y",))
+        not_negative(self.factor, ("factor",))
+        if self.hardening is not None and self.hardening.falls and not self.softening:
+            raise problem("its flow stress falls with plastic strain", "If that is meant, write softening: true.",
+                          at=("hardening",))
         return self
 
 
@@ -133,6 +160,12 @@ class Creep(Part):
             raise problem("either A and n, or K and m are needed")
         if any(power) and "Q" in self.model_fields_set:
             raise problem("goes with A and n", at=("Q",))
+        not_negative(self.A, ("A",))
+        if self.K is not None:
+            positive(self.K, ("K",))
+        for key, most in (("m", 1.0), ("heat", 1.0)):
+            if (getattr(self, key) or 0.0) > most:
+                raise problem(f"must be at most {most:g}", at=(key,))
         return self
 
 
@@ -150,4 +183,11 @@ class Liquid(Part):
     def _in_order(self) -> Liquid:
         if self.T_s > self.T_l:
             raise problem("melting must not begin above where it ends", at=("T_s",))
+        positive(self.eta, ("eta",))
+        positive(self.bulk, ("bulk",))
+        if not -0.5 < self.shrinkage < 0.5:
+            raise problem("is a linear strain, between -0.5 and 0.5", "6.6 % of the volume is a shrinkage of 0.0225.",
+                          at=("shrinkage",))
+        if self.heat > 1.0:
+            raise problem("is a share, from 0 to 1", at=("heat",))
         return self

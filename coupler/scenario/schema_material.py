@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import inf
 from typing import Annotated, Any
 
 from pydantic import Discriminator, StrictBool, Tag, model_validator
 
 from coupler.scenario.base import Part, Polynomial, PropertySpec, PropertyTable
+from coupler.scenario.property_checks import At, numbers_in, positive
 from coupler.scenario.quantity import Number, Positive, problem
 from coupler.scenario.schema_flow import Creep, Liquid, Plastic
 
@@ -117,10 +117,13 @@ class Material(Part):
         if self.creep is not None and self.plastic is not None and self.plastic.kinematic is not None:
             raise problem("creep does not go with a kinematic backstress, which would have to creep too",
                           "Give plastic.overstress instead of creep, or leave plastic.kinematic out.", at=("creep",))
+        if self.liquid is not None and self.latent is not None:
+            melts = (self.liquid.T_s, self.liquid.T_l)
+            if melts != self.latent.limits:
+                raise problem(f"it melts from {melts[0]:g} to {melts[1]:g} here, but latent heat is taken up from "
+                              f"{self.latent.limits[0]:g} to {self.latent.limits[1]:g}",
+                              "One material melts once: state the same temperatures.", at=("liquid",))
         return self
-
-
-At = tuple[str | int, ...]
 
 
 def properties_in(spec: Any, at: At) -> Iterator[tuple[At, float | PropertyTable | Polynomial]]:
@@ -129,26 +132,4 @@ def properties_in(spec: Any, at: At) -> Iterator[tuple[At, float | PropertyTable
         for name in ("solid", "liquid", "k_1", "k_2"):
             yield from properties_in(getattr(spec, name, None), (*at, name))
     elif spec is not None:
-        yield at, spec
-
-
-def positive(spec: float | PropertyTable | Polynomial, at: At, most: float = inf, zero_in_table: bool = False) -> None:
-    """Raises a problem where a number or table is not above zero, or is above `most`.
-
-    zero_in_table : a table may be zero in places, not everywhere.
-    A polynomial cannot be checked here: the step that meets a wrong value is discarded.
-    """
-    numbers = list(numbers_in(spec, at))
-    may_be_zero = zero_in_table and isinstance(spec, PropertyTable) and any(value for _, value in numbers)
-    for place, value in numbers:
-        if not (0 < value <= most or (value == 0 and may_be_zero)):
-            raise problem("must be greater than zero" + (f" and at most {most:g}" if most < inf else ""), at=place)
-
-
-def numbers_in(spec: Any, at: At) -> Iterator[tuple[At, float]]:
-    """The number of a property, or those of its table, and their places; none for what cannot be looked at."""
-    if isinstance(spec, PropertyTable):
-        for i, value in enumerate(spec.value):
-            yield (*at, "value", i), value
-    elif isinstance(spec, float):
         yield at, spec

@@ -169,6 +169,8 @@ class Elastic(Part):
     @model_validator(mode="after")
     def _fits(self) -> Elastic:
         inert = self.dynamics is not None or self.method is Solution.EXPLICIT
+        if self.tolerance >= 1.0:
+            raise problem("is a share of the forces, below 1", at=("tolerance",))
         if self.skip is not None and inert:
             raise problem("with inertia every step must be solved", at=("skip",))
         for name, body in self.bodies.items():

@@ -8,10 +8,10 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from coupler.scenario.base import Part, PropertySpec, exactly_one
+from coupler.scenario.property_checks import positive
 from coupler.scenario.quantity import NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.schema_field import FieldSpec
 from coupler.scenario.schema_halves import Supported
-from coupler.scenario.schema_material import positive
 
 MOST_INCREMENTS = 100_000  # a count beyond this is a slip of the pen
 SIGMA_SB = 5.670374419e-8  # W/m2K4

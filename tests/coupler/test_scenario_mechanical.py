@@ -106,6 +106,25 @@ def test_materials_that_flow_arrive_in_kelvin(tmp_path):
     (STEEL, STEEL[:-1] + ", plastic: {s_y: 1.0e8, hardening: {law: linear, H: 1.0e8, b: 3}}}", "has no b"),
     (STEEL, STEEL[:-1] + ", creep: {A: 1, m: 0.5}}", "either A and n, or K and m"),
     (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 800}}", "melting must not begin above"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: -1}}", "plastic.s_y: must be greater than zero"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: {T: [0, 9], value: [1, 0]}}}", "plastic.s_y.value.1: must be greater"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, factor: -1}}", "plastic.factor: must not be less than zero"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, hardening: {law: linear, H: -1}}}", "falls with plastic strain"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, hardening: {law: voce, Q: -1, b: 2, H: 1}}}", "falls with plastic"),
+    (STEEL, STEEL[:-1] + ", plastic: {hardening: {law: table, strain: [0, 1], stress: [2, 1]}}}", "falls with"),
+    (STEEL, STEEL[:-1] + ", plastic: {hardening: {law: table, T: [0, 1], strain: [0, 1], stress: [[2, 2], [2, 1]]}}}",
+     "softening: true"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, kinematic: {C: 0}}}", "kinematic.C: must be greater than zero"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, kinematic: {C: 1, gamma: -1}}}", "gamma: must not be less than zero"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, overstress: {K: -1, m: 1}}}", "overstress.K: must not be less than zero"),
+    (STEEL, STEEL[:-1] + ", creep: {A: -1, n: 3}}", "creep.A: must not be less than zero"),
+    (STEEL, STEEL[:-1] + ", creep: {K: 0, m: 0.5}}", "creep.K: must be greater than zero"),
+    (STEEL, STEEL[:-1] + ", creep: {K: 1, m: 2}}", "creep.m: must be at most 1"),
+    (STEEL, STEEL[:-1] + ", liquid: {eta: 0, bulk: 1, T_s: 900, T_l: 910}}", "liquid.eta: must be greater than zero"),
+    (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 0, T_s: 900, T_l: 910}}", "liquid.bulk: must be greater than zero"),
+    (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 910, shrinkage: 2}}", "is a linear strain"),
+    (STEEL, STEEL[:-1] + ", latent: {L: 1, T_m: 700}, liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 910}}",
+     "One material melts once"),
     (STEEL, STEEL.replace("nu: 0.3", "nu: {T: [0, 1], value: [0.3, 0.5]}"), "Poisson's ratio"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, u_y: push, t_x: 1}", "one kind of condition"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, f_y: push}", "a force acts at a point"),
@@ -117,6 +136,9 @@ def test_materials_that_flow_arrive_in_kelvin(tmp_path):
     (ENTRIES, ENTRIES + "    bodies: {upper: {v0: [1, 0]}}\n", "without dynamics a body has no velocity"),
     (ENTRIES, ENTRIES + "    dynamics: {}\n    skip: {u: 1.0e-6}\n", "with inertia every step must be solved"),
     (ENTRIES, ENTRIES + "    dynamics: {beta: 0.25, alpha: -0.1}\n", "is enough"),
+    (ENTRIES, ENTRIES + "    tolerance: 2\n", "is a share of the forces"),
+    (ENTRIES, ENTRIES.replace("push}", "push, name: p}") + "    gravity: {y: -9, name: p}\n",
+     "already that of a boundary"),
     (ENTRIES, ENTRIES + "    cuts: 2.5\n", "whole number from 0 to 12"),
     (ENTRIES, ENTRIES + "    method: newtn\n", "newton"),
 ])
@@ -131,3 +153,21 @@ def test_what_gravity_needs_is_asked_for(tmp_path):
     text = GOOD.replace("rho: 8000, ", "").replace(ENTRIES, ENTRIES + "    gravity: {y: -9.81}\n")
     with pytest.raises(Exception, match="lacks rho"):
         load_text(tmp_path, text.replace("half: thermal", "half: thermal"))
+
+
+def test_frozen_entropy_asks_for_one_heat_capacity(tmp_path):
+    text = GOOD.replace("c: 500", "c: {solid: 500, liquid: 600}, latent: {L: 2.0e5, T_m: 1500}")
+    load_text(tmp_path, text)
+    with pytest.raises(Exception, match=r"materials\.steel\.c: frozen entropy needs one heat capacity"):
+        load_text(tmp_path, text.replace(ENTRIES, ENTRIES + "    adiabatic: true\n"))
+
+
+def test_where_one_body_melts_for_both_halves_all_that_melt_do(tmp_path):
+    """Else the thermal half would say that the other is solid for ever."""
+    melts = STEEL[:-1] + ", liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 910}}"
+    two = GOOD.replace(STEEL, melts + "\n  ice: {rho: 900, c: 2000, k: 2, E: 9.0e9, nu: 0.3, alpha: 0, "
+                       "latent: {L: 3.0e5, T_m: 0}}")
+    load_text(tmp_path, two)
+    head, tail = two.rsplit("material: steel", 1)
+    with pytest.raises(Exception, match=r"materials\.steel\.liquid: the thermal half says what has melted"):
+        load_text(tmp_path, head + "material: ice" + tail)

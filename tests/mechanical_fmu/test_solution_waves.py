@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,7 @@ def test_two_blocks_collide_and_exchange_their_velocities(how, penalty):
     t, steps = 1e-4 / V + 4.0 / SPEED, 100
     # The gap is flown through in one step, then the collision is followed.
     times = np.concatenate([[0.0], np.linspace(0.98e-4 / V, t, steps)])
-    for a, b in zip(times[:-1], times[1:], strict=True):
+    for a, b in pairwise(times):
         state, outputs = done(half.step(state, inputs, a, b - a, with_contact))
         pressed.append(float(outputs["contact.t_N"].min()))
     with_contact.close()
