@@ -40,6 +40,8 @@ class ProgressLine:
         return self
 
     def __call__(self, p: Progress) -> None:
+        for note in p.notes:
+            self._console.print(f"note: {note}", soft_wrap=True, markup=False)
         if p.verdict != Verdict.ACCEPTED.value:
             self._rejected += 1
             # The reason once: halving a window ten times repeats it ten times.
@@ -96,4 +98,4 @@ def summary(results: Results) -> str:
     ]
     if results.message:
         lines.insert(1, f"  {results.message}")
-    return "\n".join(lines + [f"  note: {n}" for n in results.header.get("notes", [])])
+    return "\n".join(lines + [f"  note: {n}" for n in results.notes])

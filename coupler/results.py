@@ -89,6 +89,11 @@ class Results:
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know though it is no error: of the scenario, then of what happened in the run."""
+        return tuple(map(str, (*self.header.get("notes", ()), *self.totals.get("notes", ()))))
+
+    @property
     def probe_names(self) -> tuple[str, ...]:
         return tuple(self._probes)
 

@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -33,6 +33,7 @@ from coupler.results import Results
 from coupler.scenario import Scenario
 from coupler.schedule import schedule
 from coupler.target import check_target
+from coupler.watched import Watched
 from coupler.window import CoupledState, wanted_outputs
 
 Array = NDArray[np.float64]
@@ -43,7 +44,10 @@ PACE = 50
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run stands after a window.  t, t_end [s]; max_T [K]; max_p [Pa]; left : seconds to go, estimated."""
+    """Where a run stands after a window.  t, t_end [s]; max_T [K]; max_p [Pa]; left : seconds to go, estimated.
+
+    notes : what happened to contact in it that should not go by in silence.
+    """
 
     t: float
     t_end: float
@@ -57,6 +61,7 @@ class Progress:
     imbalance: float
     elapsed: float
     left: float
+    notes: tuple[str, ...] = ()
 
 
 class Run:
@@ -92,6 +97,7 @@ class Run:
             self.halves = wanted_outputs(launched.thermal, launched.mechanical)
             self._check(launched.thermal, launched.mechanical)
             self.plan = plan_of(self.scenario)
+            self._watched = Watched(self.scenario.interface, self.halves.mechanical_outputs)
             self.state = self._first_state(launched)
             self._recorder = Recorder(self.out, self._header(), self.scenario.interface)
             self._stack = stack.pop_all()
@@ -123,7 +129,9 @@ class Run:
         self._recorder.start(0.0, self._probed())
         self._frame()
         for tried in windows(self.halves, self.state, self.plan):
+            notes: tuple[str, ...] = ()
             if tried.accepted:
+                notes = self._watched.after(self.state.now, tried.solved.state.now)
                 self.state = tried.solved.state
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
@@ -131,7 +139,7 @@ class Run:
             self._recorder.window(tried.solved, facts, self.ledger, self._probed())
             if tried.accepted and (frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks):
                 self._frame()
-            yield self._progress(tried)
+            yield replace(self._progress(tried), notes=notes)
             if self._interrupted:
                 return
         self._finished = True
@@ -203,7 +211,8 @@ class Run:
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
-        return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds, **heats}
+        return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds,
+                "notes": self._watched.at_end(self.state.now), **heats}
 
     def _progress(self, tried: Tried) -> Progress:
         elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1

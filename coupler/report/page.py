@@ -64,7 +64,7 @@ def render(results: Results) -> str:
 
 
 def _notes(results: Results) -> list[str]:
-    notes = [str(n) for n in results.header["notes"]]
+    notes = list(results.notes)
     if results.later is not None:
         notes.append(f"A later run to the same file has not ended: {results.later.name} is beside it. "
                      f"This page shows the run before. If the later one was killed, move {results.path.name} away "

@@ -10,8 +10,8 @@ from typing import Any
 
 from contact.half.interface import Interface, write_interface
 from contact.half.signal import Signal
+from coupler.scenario.contact_notes import contact_notes
 from coupler.scenario.output import Output
-from coupler.scenario.overlap import overlap_notes
 from coupler.scenario.probes import Probe
 from coupler.scenario.scene import NEAREST
 from coupler.scenario.thermal_notes import thermal_notes
@@ -50,8 +50,8 @@ class Scenario:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user should know though it is no error: conditions moved to a node, bodies that overlap, laws
-        that do not join, radiation that is missing or counted twice."""
+        """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
+        face nothing, laws that do not join, radiation that is missing or counted twice."""
         found = []
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
@@ -60,8 +60,9 @@ class Scenario:
                     x, y = self.interface.nodes[self.interface.node_sets[name][0]]
                     found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
-        return tuple(found + overlap_notes(self.interface) +
-                     thermal_notes(self.models["thermal"], self.interface.pairs))
+        thermal = self.models["thermal"]
+        return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
+                     thermal_notes(thermal, self.interface.pairs))
 
     @property
     def thermal_half(self) -> str:

@@ -1,0 +1,117 @@
+"""What is said of contact unasked: nothing faced, folds, stiff penalties; nodes slid off or pushed through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contact.half.interface import Interface, Pair
+from contact.notes import facing_at, start_notes
+from contact.watch import Contact, Seen, Watch, behind
+from contact.wire import Floats
+
+E, H = 1e9, 0.25
+N = 5  # nodes along each face
+
+
+def strips(gap: float = 0.0, slide: float = 0.0, **pair: object) -> Interface:
+    """The faces of two bodies, one above the other; slave above."""
+    s = np.linspace(0.0, 1.0, N)
+    nodes = np.concatenate([np.column_stack([s + slide, np.full(N, gap)]), np.column_stack([1.0 - s, np.zeros(N)])])
+    chain = np.column_stack([np.arange(N - 1), np.arange(1, N)]).astype(np.int32)
+    none = np.empty(0, np.int32)
+    given = Pair("p", "upper.bottom", "lower.top", 0.5, E / H)
+    return Interface("plane", nodes, none.reshape(0, 4), none.reshape(0, 3), none, none, ("lower", "upper"), ("m", "m"),
+                     {"upper.bottom": chain, "lower.top": chain + N}, {}, (replace(given, **pair),))
+
+
+def test_nothing_is_said_of_a_pair_that_is_as_it_should_be() -> None:
+    assert start_notes(strips(0.1), {"upper": E, "lower": 2 * E}) == []
+    assert start_notes(replace(strips(), pairs=()), {}) == []
+
+
+def test_a_pair_too_far_apart_is_named_with_its_distance() -> None:
+    note, = start_notes(strips(0.75), {})
+    assert "pair p: nothing of upper.bottom faces anything of lower.top" in note
+    assert "0.75 m apart, gap_max is 0.5 m" in note
+
+
+def test_a_pair_beside_each_other_is_told_from_one_too_far_apart() -> None:
+    note, = start_notes(strips(0.0, slide=1.3), {})
+    assert "0.3 m apart" in note
+    assert "beside each other" in note
+
+
+def test_a_surface_that_faces_itself_says_what_it_leaves_out() -> None:
+    interface = strips(master="upper.bottom")
+    notes = start_notes(interface, {})
+    assert len(notes) == 2, "it faces nothing at the start either: it is flat"
+    assert "overlaps by more than 0.25 of an edge (0.0625 m at the shortest)" in notes[1]
+
+
+@pytest.mark.parametrize(("factor", "said"), [(0.9e4, False), (1.1e4, True)])
+def test_a_penalty_that_spoils_the_matrix_is_named(factor: float, said: bool) -> None:
+    """Against the softer of the two: 1e6 to 1 is no reason to take the harder one's."""
+    notes = start_notes(strips(eps_N=factor * E / H), {"upper": 1e6 * E, "lower": E})
+    assert len(notes) == said
+    if said:
+        assert "1.1e+04 times E/h (E of lower, h = 0.25 m)" in notes[0]
+        assert "4e+10 to 4e+11 Pa/m" in notes[0]
+
+
+def contact(interface: Interface, move: Floats | None = None, pressed: bool = False) -> Contact:
+    """Upper face moved; pressed : every node was under pressure."""
+    x = interface.nodes.copy()
+    x[:N] += 0.0 if move is None else move
+    t_N = np.full(2 * N, -1.0 if pressed else 0.0)
+    return Contact(x, t_N, facing_at(interface, x).node_covered)
+
+
+def after(interface: Interface, *moves: Floats) -> tuple[Seen, list[str]]:
+    watch, seen, said = Watch(interface), Seen(), []
+    for k, move in enumerate(moves):
+        seen, notes = watch.after(seen, float(k + 1), contact(interface, pressed=True), contact(interface, move))
+        said += notes
+    return seen, said + watch.at_end(seen, contact(interface, moves[-1]).x)
+
+
+def test_pushed_deeper_than_the_search_looks_is_not_silent() -> None:
+    interface = strips()
+    seen, said = after(interface, np.array([0.0, -0.2]), np.array([0.0, -0.3]), np.array([0.0, -0.4]))
+    assert seen.lost == {"p"}
+    assert len(said) == 1, "once a pair"
+    assert "by t = 2 s 5 nodes of upper.bottom went through lower.top, up to 0.3 m deep" in said[0]
+    assert "(it looks 0.25 m deep)" in said[0]
+
+
+def test_lifted_off_is_no_news() -> None:
+    assert after(strips(), np.array([0.0, 0.2]), np.array([0.0, 0.8]))[1] == []
+
+
+@pytest.mark.parametrize("sink", [0.0, 1e-3])
+def test_slid_off_the_end_is_told_at_the_end(sink: float) -> None:
+    """A block on a penalty sinks in a little: its corner past the end is beside the other, not through it.
+
+    The third node has left too, but its edge still faces something.
+    """
+    seen, said = after(strips(), np.array([0.6, -sink]))
+    assert not seen.lost
+    assert said == ["pair p: 2 nodes of upper.bottom slid off the end of lower.top, the first by t = 1 s"]
+
+
+def test_a_pair_that_never_faced_is_named_at_the_end() -> None:
+    interface = strips(2.0)
+    seen, said = after(interface, np.array([0.0, -1.0]))
+    assert not seen.faced
+    assert "upper.bottom and lower.top never faced each other; in the end their nearest nodes are 1 m apart" in said[0]
+    assert after(interface, np.array([0.0, -1.0]), np.array([0.0, -1.9]), np.array([0.0, 0.0]))[1] == []
+
+
+def test_behind_a_corner() -> None:
+    """An L of two edges, the body below and to its left; points before, behind, and beyond its ends."""
+    edges = np.array([[[1.0, -1.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]]])
+    depth, beside = behind(edges, np.array([[0.5, 0.1], [0.5, -0.1], [0.9, -0.5], [-0.2, -0.1], [1.1, -1.5]]))
+    assert depth == pytest.approx([-0.1, 0.1, 0.1, 0.1, -0.1])
+    assert beside.tolist() == [False, False, False, True, True]
