@@ -13,10 +13,11 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from contact.half.sparse import Solve, factorise
 from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.tangent import Anchor, finish, fresh_direction, held, refuse_loose, right_side, stiffness
+from mechanical_fmu.tangent import Anchor, finish, fresh_direction, held, refuse_loose, right_side, stiffness, symmetric
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ class Modified:
                 refuse_loose(self.system, balance)
             taken = with_tangent(self.system, balance, self.loading)
             K = stiffness(self.system, taken, self.loading)
-            self.factor, self.pairs, self.slow = (factorise(held(self.system, K)), taken), [], 0
+            self.factor, self.pairs, self.slow = (self._factor(K, taken), taken), [], 0
             if gap.any():
                 return finish(self.system, balance, self.factor[0](right_side(self.system, balance, K, gap)), gap)
         solve, taken = self.factor
@@ -92,6 +93,9 @@ class Modified:
         moved = (after.u - before.u).ravel()[self.system.constraints.fixed].any()
         if self.most and not moved and s @ y > FLAT * np.linalg.norm(s) * np.linalg.norm(y):
             self.pairs = [*self.pairs, (s, y)][-self.most :]
+
+    def _factor(self, K: csr_matrix, taken: Balance) -> Solve:
+        return factorise(held(self.system, K), symmetric(self.system, taken, self.loading))
 
     def _corrected(self, solve: Solve, b: Floats) -> Floats:
         free = self.system.constraints.free

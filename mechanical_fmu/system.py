@@ -97,6 +97,11 @@ class System:
         dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
         return pattern_of(2 * self.volume.n_nodes, *dofs)
 
+    @cached_property
+    def holding(self) -> tuple[Floats, NDArray[np.intp], Floats]:
+        """`holding` on the pattern."""
+        return holding(self.constraints.free, self.pattern)
+
     def start_history(self) -> Floats:
         """(n_history,) of virgin points, for the Step of a first Loading."""
         return self.volume.start_history()
@@ -193,6 +198,15 @@ class System:
         squares = np.bincount(self.constraints.holder + 1, weights=f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1],
                               minlength=len(self.interface.bodies) + 1)
         return np.sqrt(squares[1:])
+
+
+def holding(free: Floats, on: Pattern | csr_matrix) -> tuple[Floats, NDArray[np.intp], Floats]:
+    """What it takes to hold the components that are not free : (n,) in a matrix with a whole diagonal.
+
+    (n_entries,) 1.0 where both row and column are free, else 0.0; (n,) the places of the diagonal; (n,) 1.0 where held.
+    """
+    rows = np.repeat(np.arange(free.size), np.diff(on.indptr))
+    return free[rows] * free[on.indices], np.flatnonzero(rows == on.indices), 1.0 - free
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:

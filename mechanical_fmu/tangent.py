@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix, diags_array
 from contact.half.sparse import SingularMatrixError, Solve, factorise
 from contact.wire import Tractions
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.system import Balance, Loading, System, holding
 
 Floats = NDArray[np.float64]
 
@@ -42,20 +42,30 @@ def fresh_direction(system: System, balance: Balance, loading: Loading, gap: Flo
     if loading.inertia is None:
         refuse_loose(system, balance)
     K = stiffness(system, balance, loading)
-    d = factorise(held(system, K))(right_side(system, balance, K, gap))
+    d = factorise(held(system, K), symmetric(system, balance, loading))(right_side(system, balance, K, gap))
     return finish(system, balance, d, gap)
 
 
 def stiffness(system: System, balance: Balance, loading: Loading) -> csr_matrix:
     """dr/du of everything at balance.u, with entries; rigid bodies condensed to their reference rows."""
     assert balance.entries is not None
-    K = system.pattern.matrix(balance.entries) + system.load_matrix(balance.u, loading)
+    K = system.pattern.matrix(balance.entries)
+    if any(loading.pressure):
+        K = K + system.load_matrix(balance.u, loading)
     if balance.tractions is not None and len(balance.tractions.blocks):
         K = K + system.contact.matrix(balance.tractions)
     if balance.turning is not None:
         assert system.rigid is not None
         K = system.rigid.condensed(K, balance.u, balance.turning)
     return K if loading.inertia is None else K + loading.inertia.matrix
+
+
+def symmetric(system: System, balance: Balance, loading: Loading) -> bool | None:
+    """True where the stiffness is symmetric by its making; None where that must be looked at."""
+    touches = balance.tractions is not None and len(balance.tractions.blocks) > 0
+    if touches or any(loading.pressure) or balance.turning is not None or system.volume.skew:
+        return None
+    return True
 
 
 @dataclass(frozen=True)
@@ -86,7 +96,8 @@ class Anchor:
     def solve(self) -> Solve:
         diagonal = np.zeros(self.matrix.shape[0])
         diagonal[self.system.contact.dofs] = self.springs
-        return factorise(held(self.system, self.matrix + diags_array(diagonal, format="csr")))
+        K = self.matrix + diags_array(diagonal, format="csr") if diagonal.any() else self.matrix
+        return factorise(held(self.system, K), None if self.system.volume.skew else True)
 
     @cached_property
     def compliance(self) -> Floats:
@@ -183,11 +194,12 @@ def right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
 
 def held(system: System, K: csr_matrix) -> csr_matrix:
     """K with the rows and columns of prescribed components replaced by those of a diagonal."""
-    free = system.constraints.free
-    rows = np.repeat(np.arange(free.size), np.diff(K.indptr))
-    data = K.data * free[rows] * free[K.indices]
+    # A matrix made on the pattern has views of its arrays.
+    known = K.nnz == system.pattern.indices.size and np.may_share_memory(K.indices, system.pattern.indices)
+    keep, diagonal, fixed = system.holding if known else holding(system.constraints.free, K)
+    data = K.data * keep
     # The diagonal is in the pattern, and sums of matrices keep it.
-    data[rows == K.indices] += (1.0 - free) * np.abs(K.diagonal()).max()
+    data[diagonal] += fixed * np.abs(K.data[diagonal]).max()
     return csr_matrix((data, K.indices, K.indptr), shape=K.shape)
 
 

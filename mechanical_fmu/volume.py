@@ -12,7 +12,7 @@ from mechanical_fmu.cell_points import INVERTED, NO_MODES, Out, cell_points
 from mechanical_fmu.elements import Cells
 from mechanical_fmu.kernels import cell_forces, cell_stress
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.points import CODES
+from mechanical_fmu.points import CODES, has_skew_tangent
 from mechanical_fmu.response import NO_THICKNESS, Law
 
 Floats = NDArray[np.float64]
@@ -81,6 +81,11 @@ class Volume:
     def makes_heat(self) -> bool:
         """Whether some point is inelastic."""
         return any(cells.treatment.kind for cells in self.kinds)
+
+    @property
+    def skew(self) -> bool:
+        """Whether the tangent of some point is not symmetric."""
+        return any(has_skew_tangent(cells.treatment.kind) for cells in self.kinds)
 
     def start_history(self) -> Floats:
         """(n_history,) of virgin points."""
