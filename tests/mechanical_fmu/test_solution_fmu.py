@@ -28,7 +28,7 @@ from coupler.half import Status
 half = load_half(Path(sys.argv[1]), None, "mechanical")
 script = np.load(sys.argv[2])
 t, T = script["t"], script["T"]
-outputs = ("x", "sigma_v", "E_M", "cuts")
+outputs = ("x", "sigma", "sigma_v", "E_M", "cuts")
 kept = {n: [] for n in outputs}
 half.initialise(t[0], t[-1], {}, {"T": T[0]}, outputs)
 for i in range(1, len(t)):
@@ -105,6 +105,12 @@ def test_b1_and_b2(run):
     row = EXPECTED["B1"]
     assert u[of["b1"]][0, 0] == pytest.approx(row["u_a"], rel=row["tolerance"])
     assert u[of["b1"]][-1, 0] == pytest.approx(row["u_b"], rel=row["tolerance"])
+    # Cell means taken to the faces by a smooth curve: they vary like ln r and 1/r2.
+    sigma, r = out["sigma"][0, :20] / SMALL, np.geomspace(0.02, 0.05, 21)
+    middle = 0.5 * (r[:-1] + r[1:])
+    for component, at, key in ((3, 0.02, "s_th_a"), (3, 0.05, "s_th_b"), (0, 0.03, "s_r_03")):
+        curve = np.polyfit(np.log(middle), sigma[:, component], 5)
+        assert np.polyval(curve, np.log(at)) == pytest.approx(row[key], rel=row["tolerance"])
     row = EXPECTED["B2"]
     for i, expected in enumerate(row["u_a"]):
         assert u[of[f"b2_{i}"]][0, 0] == pytest.approx(expected, rel=row["tolerance"])
