@@ -23,6 +23,7 @@ from mechanical_fmu.explicit import stable_step
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.method_spec import METHODS
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings
+from mechanical_fmu.rest import resting
 from mechanical_fmu.skip import expected_change, may_skip
 from mechanical_fmu.system import Balance, Loading, System, system_of
 from mechanical_fmu.tangent import MOST_SURFACE_DOFS, Anchor, refuse_unheld
@@ -67,7 +68,7 @@ class ElasticHalf:
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
-            equilibrium = settle(system, loading, self._predicted(u, loading), None, settings)
+            equilibrium = settle(system, loading, resting(system, u, loading), None, settings)
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
         state = ElasticState(t, now.u, remembered(system, now, history), now.u, drive.T, False, drive, t, now.history,

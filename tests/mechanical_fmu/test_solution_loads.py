@@ -146,3 +146,14 @@ def test_a_moment_turns_a_rigid_stamp_against_its_contact(link):
 def test_holding_a_node_of_a_rigid_body_is_refused():
     with pytest.raises(ValueError, match="holds nodes of a rigid body"):
         stamp([hold("upper.top", 1)])
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_a_block_rests_on_another_as_drawn(link, rigid):
+    """Gap 0 and no pressure yet: its weight, and nothing but its contact to hold it against falling and turning."""
+    interface = blocks(4, 3, gap=0.0)
+    half = elastic(interface, [hold("lower.bottom", 1), hold("lower.bottom", 0), hold("upper", 0) if rigid else
+                               hold("upper.middle", 0), dead("gravity", "upper", 1, -9.81)], RHO, tolerance=1e-10,
+                   bodies={"lower": {"material": "m"}, "upper": {"material": "m", "rigid": rigid}})
+    _, outputs = half.start(inputs_of(half), 0.0, link)
+    assert outputs["reaction.lower"][1] == pytest.approx(7800.0 * 9.81, rel=1e-6)
