@@ -47,14 +47,14 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
     Raises WireError for anything else.
     """
     table: list[list[Any]] = []
-    parts: list[bytes | memoryview] = []
+    parts: list[bytes | NDArray[Any]] = []
     offset = 0
     for key, array in arrays.items():
         data = _plain(key, array)
         size = data.nbytes
         table.append([key, data.dtype.str, list(data.shape), offset, size])
         gap = -size % ALIGNMENT
-        parts += [data.tobytes(), bytes(gap)]
+        parts += [data, bytes(gap)]  # joined from their own memory: copied once
         offset += size + gap
     try:
         header = msgpack.packb({"version": WIRE_VERSION, "name": name, "meta": dict(meta), "arrays": table})

@@ -1,0 +1,137 @@
+"""C9, contact by itself: forces, pressures and gaps where the projection has a choice.
+
+Concave and convex vertices, a node over the place where two segments meet, two branches one above the other, surfaces
+that touch at the start, ends above ends; edges told in reverse order; one side 1e6 times as stiff. Each scene is moved,
+turned by 90 degrees, mirrored and renumbered, and the answer must go with it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/contact"))
+sys.path.insert(0, str(ROOT / "tests/mechanical_fmu"))
+from contact_scenes import mirrored, push, renumbered, scene
+from mechanical_scenes import STEEL, blocks, done, hold, inputs_of
+
+from contact.link import open_link
+from contact.wire import Floats, Register, Tractions
+from mechanical_fmu.elastic_model import load
+
+CLOSE = 1e-9
+Scene = tuple[Register, Floats]
+
+
+def block(n: int, low: float = -0.5, high: float = 0.5, y: float = -1e-3) -> Floats:
+    """The flat underside of a slave block."""
+    return np.column_stack([np.linspace(low, high, n + 1), np.full(n + 1, y)])
+
+
+def line(*points: tuple[float, float]) -> Floats:
+    return np.array(points, dtype=float)
+
+
+SCENES: dict[str, Callable[[], Scene]] = {
+    "convex vertex": lambda: scene(block(6, y=-0.02), line((0.8, -0.2), (0.0, 0.0), (-0.8, -0.2))),
+    "concave vertex": lambda: scene(line((-0.5, 0.12), (0.0, -1e-3), (0.5, 0.12)),
+                                    line((0.8, 0.2), (0.0, 0.0), (-0.8, 0.2))),
+    "node over a vertex": lambda: scene(block(4), line((0.9, 0.0), (0.25, 0.0), (0.0, 0.0), (-0.25, 0.0),
+                                                       (-0.9, 0.0))),
+    "two candidates": lambda: scene(block(5), line((0.9, 0.0), (-0.6, 0.0), (-0.6, -0.3), (0.9, -0.3))),
+    "touching at the start": lambda: scene(block(5, y=0.0), line((0.9, 0.0), (0.1, 0.0), (-0.9, 0.0))),
+    "ends above ends": lambda: scene(block(5), line((0.5, 0.0), (0.1, 0.0), (-0.5, 0.0))),
+    "end above a node": lambda: scene(block(5, low=-0.1), line((0.7, 0.0), (-0.1, 0.0), (-0.7, 0.0))),
+}
+SCENE = pytest.mark.parametrize("make", SCENES.values(), ids=SCENES)
+
+
+def assert_same(one: Tractions, other: Tractions, node: Floats, turn: Floats) -> None:
+    """other is one with its nodes renumbered (old -> new) and its vectors turned."""
+    scale = max(np.abs(one.force).max(), 1.0)
+    assert np.abs(other.force[node] - one.force @ turn.T).max() <= CLOSE * scale
+    for name in ("t_N", "node_gap", "node_covered"):
+        a, b = getattr(one, name), getattr(other, name)[node]
+        assert np.abs(a - b).max() <= CLOSE * max(np.abs(a).max(), 1.0), name
+    assert one.n_touching == other.n_touching
+
+
+@SCENE
+@pytest.mark.parametrize("change", ["moved", "turned", "mirrored", "renumbered"])
+def test_the_answer_goes_with_the_scene(make: Callable[[], Scene], change: str) -> None:
+    register, x = make()
+    node, turn = np.arange(len(x)), np.eye(2)
+    if change == "moved":
+        other = register, x + [0.37, -1.9]
+    elif change == "turned":
+        turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+        other = register, x @ turn.T
+    elif change == "mirrored":
+        turn = np.diag([-1.0, 1.0])
+        other = mirrored(register, x)
+    else:
+        *other, node, _ = renumbered(register, x)
+    assert_same(push(register, x), push(*other), node, turn)
+
+
+@SCENE
+def test_edges_in_reverse_order_are_the_same_surface(make: Callable[[], Scene]) -> None:
+    register, x = make()
+    p = register.passes
+    reverse = replace(register, edges=np.ascontiguousarray(register.edges[::-1]),
+                      edge_surface=1 - register.edge_surface[::-1],
+                      passes=replace(p, slave=1 - p.slave, master=1 - p.master))
+    assert_same(push(register, x), push(reverse, x), np.arange(len(x)), np.eye(2))
+
+
+@SCENE
+def test_forces_balance_and_nobody_pulls(make: Callable[[], Scene]) -> None:
+    reply = push(*make())
+    assert np.abs(reply.force.sum(axis=0)).max() <= 1e-12 * max(np.abs(reply.force).sum(), 1.0)
+    assert (reply.t_N <= 0.0).all()
+    slave = reply.force[reply.multipliers < 0.0]
+    assert (slave[:, 1] >= -CLOSE * np.abs(reply.force).max()).all(), "the slave lies above and is pushed up"
+
+
+def test_what_each_scene_must_give() -> None:
+    """By hand, with eps_N = 1e9 Pa/m: 1 mm deep is 1 MPa."""
+    assert push(*SCENES["ends above ends"]()).force[:6].sum(axis=0) == pytest.approx([0.0, 1e6])
+    assert push(*SCENES["end above a node"]()).force[:6].sum(axis=0) == pytest.approx([0.0, 0.6e6])
+    # Of two branches one above the other the nearer one is faced, and it alone.
+    two = push(*SCENES["two candidates"]())
+    assert two.force[:6].sum(axis=0) == pytest.approx([0.0, 1e6])
+    assert not two.force[8:].any()
+    touching = push(*SCENES["touching at the start"]())
+    assert not touching.force.any()
+    assert touching.node_covered[:6] == pytest.approx(1.0)
+    # The tip is 20 mm deep and its flanks rise by 1 in 4: 1.6e-3 m2 of depth; at Gauss points, within 20 %.
+    # A tip sunk in by less than a fifth of an edge times that slope is between them, and not felt.
+    tip = push(*SCENES["convex vertex"]())
+    assert tip.force[:7].sum(axis=0) == pytest.approx([0.0, 1.6e6], rel=0.2)
+
+
+@pytest.mark.parametrize("soft", ["upper", "lower"])
+def test_one_side_a_million_times_as_stiff(soft: str) -> None:
+    """The soft block takes the whole stroke, as slave and as master: springs in a row, plane strain, free sides."""
+    E, d, cells = 2e5, 1e-5, 5
+    eps_N = E * cells
+    hard = {**STEEL, "E": 1e6 * E}
+    half = load(blocks(4, cells, eps_N=eps_N), {
+        "half": "elastic", "format": 1, "materials": {"soft": {**STEEL, "E": E}, "hard": hard},
+        "bodies": {name: {"material": "soft" if name == soft else "hard"} for name in ("lower", "upper")},
+        "boundary": [hold("lower.bottom", 1), hold("lower.left", 0), hold("upper.left", 0),
+                     hold("upper.top", 1, {"t": [0, 1], "value": [0, -d]})]})
+    link = open_link("direct")
+    state, _ = half.start(inputs_of(half), 0.0, link)
+    _, outputs = done(half.step(state, inputs_of(half), 0.0, 1.0, link))
+    p = d / ((1.0 - STEEL["nu"]**2) * (1.0 + 1e-6) / E + 1.0 / eps_N)
+    pressed = outputs["contact.t_N"][outputs["contact.t_N"] < 0.0]
+    # Strains of 1e-5; and what 1e6 to 1 leaves of the digits.
+    assert pressed == pytest.approx(-p, rel=1e-4)
+    assert outputs["iterations"] <= 6
