@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
+from coupler.vtkhdf import FieldReader
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 E, NU, S_Y, CHI, RHO, C = 210e9, 0.3, 250e6, 0.85, 7000.0, 450.0
@@ -54,5 +55,11 @@ def test_all_plastic_work_arrives_as_heat(tmp_path: Path, geometry: str, scheme:
     assert ledger["mechanical"] == pytest.approx(account["made"], rel=1e-12)
     assert ledger["stored.b"] == pytest.approx(account["made"], rel=1e-10)
     assert found.heat_imbalance <= EXPECTED["A16"]["tolerance"]
+    with FieldReader(found.field_files["mechanical"]) as fields:
+        sigma = fields.cell_field("sigma", len(fields.times) - 1)
+    # XX, YY, ZZ, XY, YZ, XZ; plane strain holds the thickness by half of the pressure.
+    flow = np.array([0, -1, 0, 0, 0, 0] if geometry == "axisymmetric" else [0, -2, -1, 0, 0, 0])
+    flow = flow / (1.0 if geometry == "axisymmetric" else np.sqrt(3.0))
+    assert np.abs(sigma / S_Y - flow).max() <= 5e-3
     volume = 0.02 * (np.pi * 0.01**2 if geometry == "axisymmetric" else 0.01)
     assert account["made"] == pytest.approx(RHO * C * volume * rise, rel=2e-3)
