@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/contact"))
-sys.path.insert(0, str(ROOT / "tests/mechanical_fmu"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "contact"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mechanical_fmu"))
 from contact_scenes import mirrored, push, renumbered, scene
 from mechanical_scenes import STEEL, blocks, done, hold, inputs_of
 
