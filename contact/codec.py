@@ -47,7 +47,7 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
     Raises WireError for anything else.
     """
     table: list[list[Any]] = []
-    parts: list[bytes | NDArray[Any]] = []
+    parts: list[Any] = []  # bytes and arrays: whatever has a buffer
     offset = 0
     for key, array in arrays.items():
         data = _plain(key, array)
