@@ -69,7 +69,7 @@ def lumped(T0: float, method: str = "midpoint", h_max: float = np.inf) -> FakeHa
 
     def rule(state, inputs, t, h):
         T = float(state[0])
-        conductance = K_G / (float(inputs["x"][0, 1]) + G_M)
+        conductance = K_G / (max(float(inputs["x"][0, 1]), 0.0) + G_M)
         theta = 0.5 if method == "midpoint" else 1.0
         E = float(np.sum(inputs.get("E_M", 0.0)))
 
