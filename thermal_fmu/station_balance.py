@@ -13,6 +13,7 @@ from thermal_fmu.boundary import Boundary, boundary_flow
 from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
 from thermal_fmu.methods import Stage
+from thermal_fmu.nodal import at_nodes
 from thermal_fmu.phase import Fields
 from thermal_fmu.spec import Body
 from thermal_fmu.station_scene import StationScene
@@ -91,7 +92,7 @@ class _Places:
     def band(self, size: int) -> Floats:
         if not self.slots:
             return np.zeros(size)
-        return np.bincount(np.concatenate(self.slots), weights=np.concatenate(self.values), minlength=size)
+        return at_nodes(np.concatenate(self.slots), np.concatenate(self.values), size)
 
 
 def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
@@ -186,7 +187,7 @@ def _conduct(ground: Ground, at: Fields, by_T: _Places, by_s: _Places) -> Floats
 
 
 def _between(body: Body, piece: Piece, at: Fields, own: Ints) -> tuple[Floats, Floats, Floats | None]:
-    """(m,) heat from left to right in each piece [W], and (m, 2) its derivatives by T and, through f_s, by s of its ends."""
+    """(m,) heat from left to right in each piece [W]; (m, 2) its derivatives by T and, through f_s, by s of its ends."""
     T = at.T[own]
     k, drop = body.material.k.k_1, T[:-1] - T[1:]
     if k.is_constant:
@@ -215,5 +216,6 @@ def _pairs(scene: StationScene, own: Ints) -> Ints:
 
 def _positive(what: str, values: Floats, body: Body) -> Floats:
     if not (values > 0).all():
-        raise BadPropertyError(f"the {what} of body {body.name} is {np.nanmin(values):.6g} at a temperature that was met")
+        raise BadPropertyError(f"the {what} of body {body.name} is {np.nanmin(values):.6g} at a temperature that was "
+                               "met")
     return values

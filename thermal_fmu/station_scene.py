@@ -91,7 +91,8 @@ def hold_stations(scene: StationScene, shape: StationShape, x: Floats, E_M: Floa
     """
     model, axisymmetric = scene.model, scene.interface.axisymmetric
     ground = Ground(x, axisymmetric, scene.surfaces, points)
-    no_points = points is None
+    groups = () if points is None else groups_of(points, model.pairs)
+    near = () if points is None else near_groups(points, model.pairs)
     return Held(
         model.sigma_SB, (), (), scene.ruler.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
         _sources(scene, shape), (), (),
@@ -101,9 +102,9 @@ def hold_stations(scene: StationScene, shape: StationShape, x: Floats, E_M: Floa
               (hold_film(film, _no_slots(film.where), ground) for film in model.films)),
         tuple(replace(held, points=_moved(scene, held.points)) for held in
               (hold_radiator(radiator, _no_slots(radiator.where), ground) for radiator in model.radiators)),
-        () if no_points else tuple(replace(g, nodes=scene.mapped(g.nodes)) for g in groups_of(points, model.pairs)),
-        () if no_points else tuple(replace(g, nodes=scene.mapped(g.nodes)) for g in near_groups(points, model.pairs)),
-        0 if no_points else int((points.p > 0).sum()),
+        tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in groups),
+        tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in near),
+        0 if points is None else int((points.p > 0).sum()),
     )
 
 

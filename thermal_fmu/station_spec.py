@@ -1,4 +1,4 @@
-"""model.json of the halves `lumped` and `thermal_rod`: that of the thermal half, less what one dimension has no use for."""
+"""model.json of the halves `lumped` and `thermal_rod`: that of the thermal half, less what they have no use for."""
 
 from __future__ import annotations
 

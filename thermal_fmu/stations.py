@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from contact.half.columns import Columns, columns_of
 from contact.half.interface import Interface
 from contact.half.sparse import SingularMatrixError
+from thermal_fmu.nodal import at_nodes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -58,7 +59,7 @@ class Stations:
 
     def gather(self, values: Floats) -> Floats:
         """(n,) sums over the nodes of each station of values : (n_nodes,)."""
-        return np.bincount(self.of_node, weights=values, minlength=self.n)
+        return at_nodes(self.of_node, values, self.n)
 
     @cached_property
     def column_of_slot(self) -> Ints:
