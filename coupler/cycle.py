@@ -80,5 +80,5 @@ def note(quantity: str, window: int, swing: Swing, t: float) -> str:
     """A sentence on a cycle.  window : the number of the window [from 1] that showed it, ending at t [s]."""
     unit = {"temperature": "K", "gap": "m", "pressure": "Pa"}[quantity]
     size = float(np.abs(swing.increment).max())
-    return (f"windows {window - swing.turns} to {window} (to t = {t:.6g} s): {quantity} goes up and down from window to "
-            f"window by {size:.3g} {unit}: {WHAT_HELPS}")
+    return (f"windows {window - swing.turns} to {window} (to t = {t:.6g} s): {quantity} goes up and down by {size:.3g} "
+            f"{unit} from window to window: {WHAT_HELPS}")

@@ -9,7 +9,7 @@ heat mechanics made is delivered to the joule in the iterate that made it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,9 @@ class _Progress:
 
     guess: Level
     former: Level
-    trail: Trail = Trail()
+    trail: Trail = field(default_factory=Trail)
     misfits: tuple[dict[str, float], ...] = ()
-    work: Work = Work()  # noqa: RUF009  (frozen)
+    work: Work = field(default_factory=Work)
 
     @property
     def course(self) -> Course:
@@ -62,7 +62,7 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
         so_far = _judged(so_far, state.now, swept, how)
         if so_far.converged:
             break
-    solved = replace(swept.solved(state, so_far.course))
+    solved = swept.solved(state, so_far.course)
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))
     if so_far.converged:
         return solved

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from coupler.iteration import Iteration
 from coupler.level import Scheme
 from coupler.scenario.convert import kinks_in
 from coupler.scenario.document import Document, Key
@@ -26,7 +27,7 @@ class Coupling:
     """end [s]; runs begin at 0.  windows : ranges in order, the last reaches the end.
 
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
-    the chosen halves use.  substeps : role -> number in a window.
+    the chosen halves use.  substeps : role -> number in a window.  iteration : of the scheme `iterated`.
     """
 
     scheme: Scheme
@@ -35,6 +36,7 @@ class Coupling:
     kinks: tuple[float, ...]
     substeps: Mapping[str, int]
     link: str
+    iteration: Iteration = field(default_factory=Iteration)
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
@@ -46,7 +48,7 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     times: Iterable[float] = (*spec.kinks, *kinks_in(models))
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
     substeps = {"thermal": spec.substeps.thermal, "mechanical": spec.substeps.mechanical}
-    return Coupling(spec.scheme, spec.end, windows, kinks, substeps, spec.link)
+    return Coupling(spec.scheme, spec.end, windows, kinks, substeps, spec.link, spec.iteration.method)
 
 
 def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:
