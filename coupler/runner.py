@@ -228,7 +228,8 @@ class Run:
         return Progress(self.state.now.t, self.scenario.coupling.end, done, total, tried.solved.verdict.value,
                         tried.solved.message, int(m.get("touching", 0)), m.get("max_T", np.nan), m.get("max_p", 0.0),
                         self.ledger.imbalance, elapsed, left,
-                        len(tried.solved.course.misfits) if tried.solved.course else 0, tried.notes, tried.solved.anyway)
+                        len(tried.solved.course.misfits) if tried.solved.course else 0, tried.notes,
+                        tried.solved.anyway)
 
 
 def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:
