@@ -13,15 +13,14 @@ from thermal_fmu.boundary import Boundary, boundary_flow
 from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
 from thermal_fmu.methods import Stage
-from thermal_fmu.nodal import at_nodes
 from thermal_fmu.phase import Fields
 from thermal_fmu.spec import Body
+from thermal_fmu.station_kernels import add_rod_conduction, add_rod_slopes, add_rod_storage, rod_points
 from thermal_fmu.station_scene import StationScene
-from thermal_fmu.station_shapes import N, Piece, StationShape
+from thermal_fmu.station_shapes import N, StationShape
 from thermal_fmu.volume import BadPropertyError
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class StationProblem:
 class StationBalance:
     """R : (n,) what is missing [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the
     stations, reactions included.  terms : [W], by boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
-    stations, scale : of the sizes of all heats [J].  band : dR/ds by places.
+    stations, scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds.
     """
 
     R: Floats
@@ -78,23 +77,6 @@ class StationBalance:
         return self.norm / self.scale if self.scale > 0 else 0.0
 
 
-class _Places:
-    """Entries of the band gathered on the way."""
-
-    def __init__(self) -> None:
-        self.slots: list[Ints] = []
-        self.values: list[Floats] = []
-
-    def add(self, slots: Ints, values: Floats) -> None:
-        self.slots.append(slots.ravel())
-        self.values.append(values.ravel())
-
-    def band(self, size: int) -> Floats:
-        if not self.slots:
-            return np.zeros(size)
-        return at_nodes(np.concatenate(self.slots), np.concatenate(self.values), size)
-
-
 def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     """Residual and derivative (identity in rows and columns of fixed stations) at s : (n,) [K].
 
@@ -107,51 +89,49 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
         at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
         at = phase.between(problem.start, at, stage.theta)
-    stores, flows, by_phase = _Places(), _Places(), _Places()
-    S, stored = _store(problem, s, stores)
-    f = _conduct(problem.ground, at, flows, by_phase)
+    band = np.zeros((3 * scene.stations.width + 1, scene.stations.n))
+    S, stored = _store(problem, s, band)
+    f = _conduct(problem.ground, at, stage.theta * weight, band)
     boundary = boundary_flow(problem.ground.held, problem.loads, problem.power_M, at.T)
     f += boundary.f
-    _gather(scene, boundary, flows)
+    _gather(scene, boundary, stage.theta * weight, at.dT, band)
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
-    size, slope = scene.stations.band_size, stage.theta * weight
-    change = flows.band(size)
-    if at.dT is not None:
-        change = change * at.dT[scene.stations.column_of_slot] + by_phase.band(size)
-    band = stores.band(size) + slope * change
-    touched, diagonal = scene.fixed_places
-    band[touched] = 0.0
-    band[diagonal] = 1.0
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, stored,
                           float(np.abs(R - reaction).sum()), scale, band)
 
 
-def _gather(scene: StationScene, boundary: Boundary, flows: _Places) -> None:
-    for slots, values in boundary.places:
-        flows.add(slots, values)
+def _gather(scene: StationScene, boundary: Boundary, slope: float, dT: Floats | None, band: Floats) -> None:
+    """The derivatives of the boundary terms, and the identity at fixed stations, go to the band."""
+    stations, flat = scene.stations, band.reshape(-1)
+    places = [(slots.ravel(), values.ravel()) for slots, values in boundary.places]
     for nodes, values in boundary.across:
-        flows.add(scene.stations.slots(nodes[:, :, None].astype(np.intp), nodes[:, None, :].astype(np.intp)), values)
+        slots = stations.slots(nodes[:, :, None].astype(np.intp), nodes[:, None, :].astype(np.intp))
+        places.append((slots.ravel(), values.ravel()))
+    for slots, values in places:
+        change = slope * values
+        np.add.at(flat, slots, change if dT is None else change * dT[slots % stations.n])
+    touched, diagonal = scene.fixed_places
+    flat[touched] = 0.0
+    flat[diagonal] = 1.0
 
 
-def _store(problem: StationProblem, s: Floats, places: _Places) -> tuple[Floats, Floats]:
-    """(n,) increase of enthalpy since s_n [J], and (n_bodies,) sums of it where it is stored."""
+def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Floats]:
+    """(n,) increase of enthalpy since s_n [J], and (n_bodies,) sums of it where it is stored; band += dE/ds."""
     scene, first = problem.ground.scene, problem.ground.first
     S, stored = np.zeros(s.size), np.zeros(len(scene.stations.own))
+    middle = 2 * scene.stations.width
     for b, (body, own) in enumerate(zip(scene.model.bodies, scene.stations.own, strict=True)):
-        s0, s1 = problem.s_n[own], s[own]
         if not first.pieces or body.material.phase is not None:
-            dE, C = _at_stations(body, body.material.rho * first.volume[own], s0, s1)
+            dE, C = _at_stations(body, body.material.rho * first.volume[own], problem.s_n[own], s[own])
             S[own] += dE
-            places.add(scene.stations.slots(own, own), C)
+            band[middle, own] += C
         else:
-            dE_q, C_q = _at_points(body, body.material.rho * first.pieces[b].dV, s0, s1)
-            dE = dE_q @ N
-            S[own[:-1]] += dE[:, 0]
-            S[own[1:]] += dE[:, 1]
-            places.add(_pairs(scene, own), np.einsum("mq,qi,qj->mij", C_q, N, N))
-            dE = dE_q
+            mass, c = body.material.rho * first.pieces[b].dV, body.material.c.solid
+            T = rod_points(s, own, N)
+            dE = mass * c.increase(rod_points(problem.s_n, own, N), T)
+            add_rod_storage(own, N, dE, mass * _positive("heat capacity", c(T), body), S, band)
         stored[b] = dE.sum()
     return S, stored
 
@@ -165,53 +145,22 @@ def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floa
     return mass * change.increase(s0, s1), mass * _positive("heat capacity", change.capacity(s1), body)
 
 
-def _at_points(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floats, Floats]:
-    c = body.material.c.solid
-    T0, T1 = _points(s0), _points(s1)
-    return mass * c.increase(T0, T1), mass * _positive("heat capacity", c(T1), body)
-
-
-def _conduct(ground: Ground, at: Fields, by_T: _Places, by_s: _Places) -> Floats:
-    """(n,) heat that flows into the stations from their neighbours [W]."""
+def _conduct(ground: Ground, at: Fields, scale: float, band: Floats) -> Floats:
+    """(n,) heat that flows into the stations from their neighbours [W]; band += scale * the derivative of -f by s."""
     f = np.zeros(at.T.size)
-    stations = ground.scene.stations
-    for body, own, piece in zip(ground.scene.model.bodies, stations.own, ground.shape.pieces, strict=False):
-        flow, slope, phase_slope = _between(body, piece, at, own)
-        f[own[:-1]] -= flow
-        f[own[1:]] += flow
-        pairs = _pairs(ground.scene, own)
-        by_T.add(pairs, np.stack([slope, -slope], axis=1))
-        if phase_slope is not None:
-            by_s.add(pairs, np.stack([phase_slope, -phase_slope], axis=1))
+    dT = np.ones(at.T.size) if at.dT is None else at.dT
+    for body, own, piece in zip(ground.scene.model.bodies, ground.scene.stations.own, ground.shape.pieces,
+                                strict=False):
+        k = body.material.k.k_1
+        T = rod_points(at.T, own, N)
+        f_s = None if at.f_s is None or k.is_one else rod_points(at.f_s, own, N)
+        kA = _positive("conductivity", k(T, f_s), body) * piece.conducts
+        slope = add_rod_conduction(at.T, own, N, kA, k.slope(T, f_s) * piece.conducts, f)
+        add_rod_slopes(own, slope, dT, scale, band)
+        if f_s is not None and at.df is not None:
+            drop = at.T[own[:-1]] - at.T[own[1:]]
+            add_rod_slopes(own, (k.phase_slope(T) * piece.conducts) @ N * drop[:, None], at.df, scale, band)
     return f
-
-
-def _between(body: Body, piece: Piece, at: Fields, own: Ints) -> tuple[Floats, Floats, Floats | None]:
-    """(m,) heat from left to right in each piece [W]; (m, 2) its derivatives by T and, through f_s, by s of its ends."""
-    T = at.T[own]
-    k, drop = body.material.k.k_1, T[:-1] - T[1:]
-    if k.is_constant:
-        G = (k.solid(T[:1])[0] * piece.conducts).sum(axis=1)
-        return G * drop, np.stack([G, -G], axis=1), None
-    T_q = _points(T)
-    f_q = None if at.f_s is None else _points(at.f_s[own])
-    k_q = _positive("conductivity", k(T_q, f_q), body)
-    G = (k_q * piece.conducts).sum(axis=1)
-    slope = (k.slope(T_q, f_q) * piece.conducts) @ N * drop[:, None]
-    phase_slope = None
-    if at.df is not None and not k.is_one:
-        df = at.df[own]
-        phase_slope = (k.phase_slope(T_q) * piece.conducts) @ N * drop[:, None] * np.stack([df[:-1], df[1:]], axis=1)
-    return G * drop, slope + np.stack([G, -G], axis=1), phase_slope
-
-
-def _points(values: Floats) -> Floats:
-    return np.stack([values[:-1], values[1:]], axis=1) @ N.T
-
-
-def _pairs(scene: StationScene, own: Ints) -> Ints:
-    ends = np.stack([own[:-1], own[1:]], axis=1)
-    return scene.stations.slots(ends[:, :, None], ends[:, None, :])
 
 
 def _positive(what: str, values: Floats, body: Body) -> Floats:

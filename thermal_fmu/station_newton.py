@@ -74,7 +74,7 @@ def _detour(problem: StationProblem, s: Floats, tolerance: float) -> StationSolv
 def _newton(problem: StationProblem, s: Floats, tolerance: float) -> StationSolved:
     scene = problem.ground.scene
     now = station_balance(problem, s)
-    floor = ROUND_OFF * float(np.abs(now.band).reshape(-1, s.size).sum(axis=0) @ np.abs(s))
+    floor = ROUND_OFF * float(np.abs(now.band).sum(axis=0) @ np.abs(s))
     climbs = MAX_CLIMBS if scene.melting else 0
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(SHARE * tolerance * now.scale, floor):

@@ -42,17 +42,12 @@ class Stations:
         return self.body.size
 
     def slots(self, rows: NDArray[np.integer], columns: NDArray[np.integer]) -> Ints:
-        """Places of entries (row, column) in the band, flat."""
+        """Places of entries (row, column) in the band (3 width + 1, n), flat."""
         return np.asarray((2 * self.width + rows - columns) * self.n + columns, dtype=np.intp)
 
-    @property
-    def band_size(self) -> int:
-        """Places in the band: the matrix, and room for the factors."""
-        return (3 * self.width + 1) * self.n
-
     def solve(self, band: Floats, b: Floats) -> Floats:
-        """(n,) x with A x = b : (n,), A by its places : (band_size,).  Raises SingularMatrixError."""
-        _, _, x, info = dgbsv(self.width, self.width, band.reshape(-1, self.n), b)
+        """(n,) x with A x = b : (n,), A by its band : (3 width + 1, n).  Raises SingularMatrixError."""
+        _, _, x, info = dgbsv(self.width, self.width, band, b)
         if info != 0:
             raise SingularMatrixError(f"the matrix of {self.n} temperatures is singular (row {info})")
         return np.asarray(x)
@@ -63,7 +58,7 @@ class Stations:
 
     @cached_property
     def column_of_slot(self) -> Ints:
-        """(band_size,) the column of each place."""
+        """((3 width + 1) n,) the column of each place of the band."""
         return np.tile(np.arange(self.n), 3 * self.width + 1)
 
 
