@@ -99,11 +99,12 @@ def _factor(how: Iteration, trail: Trail) -> float:
         return 1.0
     if how.acceleration is Acceleration.CONSTANT or len(trail.guesses) < 2:
         return how.relaxation
-    r, former = trail.residual(), trail.residual(-2)
-    change = r - former
+    r = trail.residual()
+    change, step = r - trail.residual(-2), trail.guesses[-1] - trail.guesses[-2]
     if float(np.linalg.norm(change)) <= EQUAL * float(np.linalg.norm(r)):
         return trail.factors[-1]
-    factor = -trail.factors[-1] * float(former @ change) / float(change @ change)
+    # The step that was made, not factor times residual: a guess held at a bound made another.
+    factor = -float(step @ change) / float(change @ change)
     return math.copysign(min(max(abs(factor), LEAST_FACTOR), LARGEST_FACTOR), factor)
 
 

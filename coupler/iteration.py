@@ -53,11 +53,13 @@ class Tolerances:
 class Iteration:
     """relaxation : the factor of `constant`, and of the first step of `aitken` and `iqn_ils`, in (0, 1].
 
+    1 as a default: where T does not act back on the geometry the second iterate is then the last, and a whole step is
+    never wild, because the T it goes to is what the thermal half found between its own boundary data.
     reuse : windows whose residuals `iqn_ils` remembers.
     """
 
     acceleration: Acceleration = Acceleration.IQN_ILS
-    relaxation: float = 0.5
+    relaxation: float = 1.0
     max_iterations: int = 30
     on_max: OnMax = OnMax.RETRY_SMALLER
     reuse: int = 2

@@ -65,6 +65,9 @@ class Iteration(Part):
         if self.relaxation > 1.0:
             raise problem("a relaxation above 1 leaves the bounds that both iterates keep",
                           "It is a share, above 0 and at most 1.", at=("relaxation",))
+        if self.acceleration is Acceleration.CONSTANT and self.relaxation == 1.0:
+            raise problem("constant needs a relaxation below 1", "With 1 it would be the acceleration `none`.",
+                          at=("relaxation",))
         if self.reuse != int(self.reuse):
             raise problem("windows are counted in whole numbers", at=("reuse",))
         return self
