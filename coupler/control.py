@@ -75,7 +75,7 @@ def _watched(watch: cycle.Watch, state: CoupledState, tried: Tried) -> tuple[cyc
     """The watch after a window that was taken, and the window with what the watch has to say."""
     now = tried.solved.state.now
     watch = watch.plus(state.now, now)
-    notes = tuple(cycle.note(name, tried.number + 1, watch.swings[name], now.t) for name in watch.cycling)
+    notes = (cycle.note(watch, tried.number + 1, now.t),) if watch.cycling else ()
     return watch.tell(), replace(tried, notes=notes)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,7 +22,8 @@ QUANTITIES = {"temperature": "T", "gap": "x", "pressure": "t_N", "solid_fraction
 class Step:
     """What one iterate did.  guess : what was put in; found : what came out; former : x and t_N one iterate before.
 
-    share : of the change of x and t_N since `former` that the residual still left stands for, |r|/|g - g_former|.
+    share : of the change of x and t_N since `former` that the residual still left stands for, |r|/|g - g_former|;
+    inf where that is not known.
     """
 
     guess: Level
@@ -35,14 +37,15 @@ def misfits(start: Level, step: Step, tolerance: Tolerances) -> Mapping[str, flo
 
     T and f_s were guessed, so outcome less guess is known.  x and t_N follow from the guess; what they would still
     change by is known only from the last change, times how much smaller the residual is than the step that made it.
-    In the first iterate that is their whole distance from the prediction.
+    The iterate before the first is the start of the window.
     """
     apart = {"temperature": (step.found.T, step.guess.T, 1.0), "gap": (step.found.x, step.former.x, step.share),
              "pressure": (step.found.t_N, step.former.t_N, step.share)}
     if step.found.f_s is not None and step.guess.f_s is not None:
         apart["solid_fraction"] = (step.found.f_s, step.guess.f_s, 1.0)
-    return {name: share * _misfit(new, old, getattr(start, QUANTITIES[name]), getattr(tolerance, name))
-            for name, (new, old, share) in apart.items() if new.size}
+    return {name: share if math.isinf(share) else share * _misfit(
+        new, old, getattr(start, QUANTITIES[name]), getattr(tolerance, name))
+        for name, (new, old, share) in apart.items() if new.size}
 
 
 def _misfit(new: Array, old: Array, start: Array, tolerance: Tolerance) -> float:

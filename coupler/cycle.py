@@ -15,12 +15,15 @@ Array = NDArray[np.float64]
 # So many turns on end are a cycle: two turns are a transient that overshoots once.
 TURNS = 4
 # A turn: the increment points against the one before (cosine below -OPPOSITE) and is at least HOLDS times as long.
-# A cycle that halves at every turn dies by itself in a few windows.
-OPPOSITE, HOLDS = 0.9, 0.5
+# What shrinks faster dies by itself in a few windows.
+OPPOSITE, HOLDS = 0.9, 0.8
 # Below these an increment is round-off and iteration error: T [K], gap [m], t_N [Pa].
 FLOORS = {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3}
-WHAT_HELPS = ("that is the exchange between the halves, not the bodies; smaller windows or scheme: iterated "
-              "(acceleration: aitken or iqn_ils) end it. What is still there in windows of half the size is physics")
+EXCHANGE = ("the exchange between the halves does that, or a midpoint rule that rings; smaller windows, scheme: "
+            "iterated (acceleration: aitken or iqn_ils) or thermal.method: sdirk2 end it")
+ALONE = ("what the halves tell each other does not go with it, so one half's own method rings; smaller windows or, for "
+         "temperature, thermal.method: sdirk2 end it")
+PHYSICS = "What is still there in windows of half the size is physics"
 
 
 @dataclass(frozen=True)
@@ -40,19 +43,23 @@ class Watch:
 
     def plus(self, before: Level, now: Level) -> Watch:
         """After one more window; quantities that are not known (nan) or not there are left out."""
-        news = {"temperature": now.T - before.T, "gap": now.gap - before.gap, "pressure": now.t_N - before.t_N}
-        swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items()
-                  if d.size and np.isfinite(d).all()}
+        known = now.gap.size and np.isfinite(now.gap).all() and np.isfinite(before.gap).all()
+        news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
+                "gap": now.gap - before.gap if known else (now.x - before.x).ravel()}
+        swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
         return replace(self, swings=swings)
 
     @property
     def cycling(self) -> tuple[str, ...]:
-        """Quantities that cycle and were not told of yet."""
-        return tuple(n for n, s in self.swings.items() if s.turns >= TURNS and n not in self.told)
+        """Quantities that cycle, where one of them was not told of yet."""
+        if all(s.turns < TURNS or n in self.told for n, s in self.swings.items()):
+            return ()
+        # One may turn a window later than the other.
+        return tuple(n for n, s in self.swings.items() if s.turns >= TURNS - 1)
 
     def tell(self) -> Watch:
         """The watch after its finds were told: each quantity once."""
-        return replace(self, told=self.told | set(self.cycling))
+        return replace(self, told=self.told | set(self.cycling)) if self.cycling else self
 
 
 def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
@@ -64,21 +71,24 @@ def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
     return Swing(increment, last.turns + 1 if against and b >= HOLDS * a and np.abs(increment).max() > floor else 0)
 
 
-def two_cycles(levels: Sequence[Level]) -> Iterator[tuple[int, str]]:
-    """(number of the window, quantity) of every cycle first seen in a recorded exchange, windows from 1.
+def two_cycles(levels: Sequence[Level]) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """(number of the window, quantities) of every cycle first seen in a recorded exchange, windows from 1.
 
     levels : at the start and at the end of each window.
     """
     watch = Watch()
     for number in range(1, len(levels)):
         watch = watch.plus(levels[number - 1], levels[number])
-        yield from ((number, name) for name in watch.cycling)
+        if watch.cycling:
+            yield number, watch.cycling
         watch = watch.tell()
 
 
-def note(quantity: str, window: int, swing: Swing, t: float) -> str:
-    """A sentence on a cycle.  window : the number of the window [from 1] that showed it, ending at t [s]."""
-    unit = {"temperature": "K", "gap": "m", "pressure": "Pa"}[quantity]
-    size = float(np.abs(swing.increment).max())
-    return (f"windows {window - swing.turns} to {window} (to t = {t:.6g} s): {quantity} goes up and down by {size:.3g} "
-            f"{unit} from window to window: {WHAT_HELPS}")
+def note(watch: Watch, window: int, t: float) -> str:
+    """A sentence on the cycle a watch found.  window : the one that showed it, from 1, ending at t [s]."""
+    units = {"temperature": "K", "gap": "m", "pressure": "Pa"}
+    found = [(name, watch.swings[name]) for name in watch.cycling]
+    sizes = " and ".join(f"{name} by {float(np.abs(s.increment).max()):.3g} {units[name]}" for name, s in found)
+    first = window - max(s.turns for _, s in found)
+    why = EXCHANGE if len(found) > 1 else ALONE
+    return f"windows {first} to {window} (to t = {t:.6g} s) go up and down, {sizes}: {why}. {PHYSICS}"

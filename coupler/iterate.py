@@ -8,6 +8,7 @@ heat mechanics made is delivered to the joule in the iterate that made it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -29,7 +30,10 @@ TOO_NEAR = 1e-3
 
 @dataclass(frozen=True)
 class _Progress:
-    """The iterates of a window so far.  guess : the next.  former : x and t_N of the iterate before, in a level."""
+    """The iterates of a window so far.  guess : the next.  former : x and t_N of the iterate before, in a level.
+
+    At first that is the start of the window, where T, x and t_N belong together too.
+    """
 
     guess: Level
     former: Level
@@ -53,7 +57,7 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
     rollback : puts both halves back to the start of the window.  Raises DiscardError.
     """
     first = predicted(state.now, state.before, span.end)
-    so_far = _Progress(first, first)
+    so_far = _Progress(first, state.now)
     for k in range(1, how.max_iterations + 1):
         if k > 1:
             so_far = _next(so_far, how, state.memory)
@@ -72,11 +76,11 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
 
 def _judged(so_far: _Progress, start: Level, swept: Swept, how: Iteration) -> _Progress:
     """After one more iterate: its residual, and how far each quantity is from agreement."""
+    known = so_far.trail.guesses[-1] if so_far.trail.guesses else _packed(start, how)
     trail = so_far.trail.plus(_packed(so_far.guess, how), _packed(swept.level, how))
-    share = 1.0
-    if len(trail.guesses) > 1:
-        step = float(np.linalg.norm(trail.guesses[-1] - trail.guesses[-2]))
-        share = float(np.linalg.norm(trail.residual())) / step if step > 0.0 else 1.0
+    step, left = (float(np.linalg.norm(v)) for v in (trail.guesses[-1] - known, trail.residual()))
+    # Where the guess is the one before, nothing tells what the residual would do to x and t_N.
+    share = left / step if step > 0.0 else math.inf if left > 0.0 else 0.0
     told = misfits(start, Step(so_far.guess, swept.level, so_far.former, share), how.tolerance)
     return replace(so_far, former=swept.level, trail=trail, misfits=(*so_far.misfits, dict(told)), work=swept.work)
 

@@ -126,13 +126,14 @@ def pressed(T0: float, seen: list) -> FakeHalf:
 
 
 H_1 = 2e-3  # W/m2K per Pa
+E_ALPHA = 70e9 * 2.5e-5  # Pa/K
 
 
 def pressing() -> FakeHalf:
     """p = E alpha (T - 600) where that presses; open below, t_N = 0."""
 
     def rule(state, inputs, t, h):
-        p = max(70e9 * 2.5e-5 * (float(inputs["T"][0]) - 600.0), 0.0)
+        p = max(E_ALPHA * (float(inputs["T"][0]) - 600.0), 0.0)
         return state, {"x": np.zeros((1, 2)), "contact.t_N": np.array([-p])}
 
     return FakeHalf("pressing", blocks_of(T_IN, X_OUT, P_OUT), rule, np.zeros(1))

@@ -11,16 +11,33 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
+from coupler.console import summary
 from coupler.control import Tried
 from coupler.errors import CouplingError
 from coupler.iteration import Acceleration, Iteration, OnMax, Tolerance, Tolerances
 from coupler.level import Scheme
+from coupler.report.page import render
 from coupler.window import CoupledState, Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start
-from fake_halves import (A_LAG, B_LAG, P_OUT, X_IN, X_OUT, FakeHalf, T_IN, T_OUT, echo, gap_of, lumped, mass, pressed,
-                         pressing, shrinking, table)
+from fake_halves import (
+    A_LAG,
+    B_LAG,
+    E_ALPHA,
+    T_IN,
+    T_OUT,
+    X_OUT,
+    FakeHalf,
+    echo,
+    gap_of,
+    lumped,
+    mass,
+    pressed,
+    pressing,
+    shrinking,
+    table,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 EXPECTED = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))
@@ -44,8 +61,8 @@ def counts(tried: list[Tried]) -> list[int]:
 @pytest.mark.parametrize("row", E4["aitken_at_10_dt_c"], ids=lambda row: f"{row['T0']:g} K")
 @pytest.mark.parametrize("kind", [Acceleration.AITKEN, Acceleration.IQN_ILS])
 def test_ten_times_the_limit_of_the_lagged_gap_in_few_iterates(row, kind):
-    state, tried = iterate(row["T0"], 10 * E4["dt_c"]["backward_euler"], how=replace(HOW, acceleration=kind),
-                           method="backward_euler")
+    _, tried = iterate(row["T0"], 10 * E4["dt_c"]["backward_euler"], how=replace(HOW, acceleration=kind),
+                       method="backward_euler")
     assert tried[0].solved.verdict is Verdict.ACCEPTED
     assert counts(tried)[0] <= row["most"]
     assert tried[0].solved.course.misfits[-1]["temperature"] <= 1.0
@@ -101,22 +118,29 @@ def test_a_pressure_law_is_far_stiffer_and_no_tension_is_ever_seen():
     seen: list[float] = []
     tight = Tolerances(Tolerance(1e-9, 0.0), LOOSE, Tolerance(10.0, 0.0), LOOSE)
     for kind, most in ((Acceleration.AITKEN, 12), (Acceleration.IQN_ILS, 12)):
-        _, tried = couple((pressed(650.0, seen), pressing()), start(650.0, 0.0, -1e6), (200.0, 1), Scheme.ITERATED,
-                          how=Iteration(kind, tolerance=tight))
+        _, tried = couple((pressed(602.4, seen), pressing()), start(602.4, 0.0, -E_ALPHA * 2.4), (100.0, 1),
+                          Scheme.ITERATED, how=Iteration(kind, tolerance=tight))
         assert tried[0].solved.verdict is Verdict.ACCEPTED
-        assert tried[0].solved.course.contraction > 30
+        assert tried[0].solved.course.contraction > 20
         assert counts(tried)[0] <= most
     assert max(seen) <= 0.0
 
 
 def test_a_guess_below_absolute_zero_falls_back():
     """H = max(.98 T - 5, 1): the slope seen first points to -250 K; the answer is 1 K."""
-    halves = table(lambda T: max(0.98 * T - 5.0, 1.0)), echo()
-    state, tried = couple(halves, start(100.0, 100.0), (1.0, 1), Scheme.ITERATED,
+    thermal = table(lambda x: max(0.98 * (2 * x - 100.0) - 5.0, 1.0))  # x in the middle: (100 + T)/2
+    given: list[float] = []
+
+    def rule(state, inputs, t, h):
+        given.append(float(inputs["T"][0]))
+        return echo().rule(state, inputs, t, h)
+
+    state, tried = couple((thermal, replace(echo(), rule=rule)), start(100.0, 100.0), (1.0, 1), Scheme.ITERATED,
                           how=replace(HOW, max_iterations=60, relaxation=0.5))
-    # x is seen at the middle of the window, so T at its end is H((100 + T)/2).
     assert tried[0].solved.verdict is Verdict.ACCEPTED
-    assert float(state.now.T[0]) > 0.0
+    assert float(state.now.T[0]) == pytest.approx(1.0, abs=1e-9)
+    assert min(given) > 0.0
+    assert 0.5 in tried[0].solved.course.factors
 
 
 def test_one_way_takes_two_iterates_and_not_one_half_solve_more():
@@ -135,14 +159,14 @@ def test_every_quantity_must_agree(quantity):
     wide = Tolerances(Tolerance(1e3, 0.0), LOOSE, Tolerance(1e9, 0.0), LOOSE)
     tight = replace(wide, **{quantity: Tolerance({"gap": 1e-12, "pressure": 1e-3}[quantity], 0.0)})
     makes = (lambda: (lumped(840.0), shrinking(840.0))) if quantity == "gap" else (
-        lambda: (pressed(650.0, []), pressing()))
-    first = start(840.0, gap_of(840.0)) if quantity == "gap" else start(650.0, 0.0, -1e6)
+        lambda: (pressed(602.4, []), pressing()))
+    first = start(840.0, gap_of(840.0)) if quantity == "gap" else start(602.4, 0.0, -E_ALPHA * 2.4)
     found = {}
     for tolerance in (wide, tight):
         _, tried = couple(makes(), first, (5.0, 1), Scheme.ITERATED, how=Iteration(tolerance=tolerance))
         found[tolerance] = counts(tried)[0]
         assert max(tried[0].solved.course.misfits[-1].values()) <= 1.0
-    assert found[wide] == 1
+    assert found[wide] == 2
     assert found[tight] > 3
 
 
@@ -155,14 +179,14 @@ def test_the_estimate_of_a_gap_left_over_is_honest():
 
 
 def test_a_window_that_does_not_converge_is_halved_and_leaves_no_trace():
-    how = Iteration(Acceleration.NONE, max_iterations=40, tolerance=TIGHT)
-    state, tried = iterate(840.0, 16.0, 1, how)
-    # b dt/2/(1 + a dt/2) is above 1 for windows longer than 10.2 s here.
+    # At 840 K b is .78 1/s: b dt/2/(1 + a dt/2) is 1.22 in a window of 3.6 s and .65 in one of 1.8 s.
+    how = Iteration(Acceleration.NONE, max_iterations=60, tolerance=TIGHT)
+    state, tried = iterate(840.0, 3.6, 1, how)
     assert [w.solved.verdict for w in tried] == [Verdict.MAX_ITERATIONS, Verdict.ACCEPTED, Verdict.ACCEPTED]
-    direct, plain = iterate(840.0, 16.0, 2, how)
+    direct, plain = iterate(840.0, 3.6, 2, how)
     assert state.now.T.tobytes() == direct.now.T.tobytes()
     assert counts(tried)[1:] == counts(plain)
-    assert tried[0].solved.message.startswith("40 iterations with acceleration none leave differences of temperature")
+    assert tried[0].solved.message.startswith("60 iterations with acceleration none leave differences of temperature")
 
 
 def test_accepting_is_told_and_kept_apart_from_converging():
@@ -196,7 +220,7 @@ def test_heat_of_the_last_iterate_is_delivered_once_in_its_own_window(scheme, su
     assert account.delivered == account.made
     assert account.carry.sum() == 0.0
     for w in tried:
-        assert sum(terms["heat.mechanical"] for terms in w.solved.terms) == pytest.approx(4e4, rel=1e-12)
+        assert sum(terms["heat.mechanical"] for terms in w.solved.terms) == pytest.approx(4e4, rel=1e-10)
 
 
 def melting() -> FakeHalf:
@@ -254,8 +278,12 @@ def test_iterated_embedded_and_in_processes_gives_the_same_bits(tmp_path):
     assert a.windows.iterations.max() > 1
     for name in a.probe_names:
         np.testing.assert_array_equal(a.probe(name)[1], b.probe(name)[1], err_msg=name)
-    np.testing.assert_array_equal(a.iterates, b.iterates)
+    assert a.iterates.tobytes() == b.iterates.tobytes()
     assert a.heat_imbalance < 1e-10
     # What is recorded is consistent: a row an iterate, a solve of each half an iterate.
     assert len(a.iterates) == a.windows.iterations.sum() == a.windows.thermal_solves.sum()
     assert (a.windows.misfit[a.windows.taken] <= 1.0).all()
+    assert (a.windows.contraction < 1.0).all()
+    # And shown.
+    assert f"{a.windows.iterations.mean():.1f} iterations a window" in summary(a)
+    assert f"{len(a.iterates)} iterations in {len(a.windows)} windows" in render(a)
