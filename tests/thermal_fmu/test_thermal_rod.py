@@ -133,9 +133,9 @@ def test_a_freezing_rod_in_one_step() -> None:
     half, link = load_rod(interface, spec), open_link("direct")
     inputs = inputs_of(interface, half)
     state, _ = half.start(inputs, 0.0, link)
-    done = half.step(state, inputs, 0.0, 1e6, link)
+    done = half.step(state, inputs, 0.0, 1e5, link)
     assert isinstance(done, Done), done
-    assert done.outputs["T"] == pytest.approx(600.0, abs=0.1)
+    assert done.outputs["T"] == pytest.approx(600.0, abs=0.2)
     assert imbalance([dict(done.outputs)]) < 1e-10
 
 
