@@ -23,8 +23,9 @@ Column = tuple[Array, Array]  # differences of two residuals and of the two outc
 LEAST_FACTOR, LARGEST_FACTOR = 1e-4, 10.0
 # Residuals that differ by less than this share of themselves are equal but for round-off: no slope in them.
 EQUAL = 1e-12
-# A column is left out if those before it already span it but for this share: what is left is noise (QR2 filter).
-FILTER = 1e-3
+# A column is left out if those newer already span it but for this share (QR2 filter): where melting fronts move, the
+# rest is the curvature of H, not a direction. On linear problems it costs an iterate or two.
+FILTER = 0.1
 
 
 @dataclass(frozen=True)

@@ -55,12 +55,13 @@ class Iteration:
 
     1 as a default: where T does not act back on the geometry the second iterate is then the last, and a whole step is
     never wild, because the T it goes to is what the thermal half found between its own boundary data.
-    reuse : windows whose residuals `iqn_ils` remembers.
+    reuse : windows whose residuals `iqn_ils` remembers.  0 as a default: what a melting front did in the last window
+    costs more iterates than it saves.
     """
 
     acceleration: Acceleration = Acceleration.IQN_ILS
     relaxation: float = 1.0
     max_iterations: int = 30
     on_max: OnMax = OnMax.RETRY_SMALLER
-    reuse: int = 2
+    reuse: int = 0
     tolerance: Tolerances = field(default_factory=Tolerances)

@@ -178,6 +178,19 @@ def test_the_estimate_of_a_gap_left_over_is_honest():
     assert 0.0 < abs(x[0] - x[1]) <= 2 * told * 1e-8
 
 
+def test_no_iterate_more_than_the_gap_needs():
+    """The one before the last is not within the tolerance of the gap, the last is."""
+    floor = 1e-8
+    wide = replace(TIGHT, temperature=Tolerance(1e3, 0.0), gap=Tolerance(floor, 0.0))
+    how = Iteration(Acceleration.NONE, max_iterations=60, tolerance=wide)
+    exact = float(iterate(840.0, 2.0, how=replace(HOW))[0].now.x[0, 1])
+    state, tried = iterate(840.0, 2.0, how=how)
+    needed = counts(tried)[0]
+    less, _ = iterate(840.0, 2.0, how=replace(how, max_iterations=needed - 1, on_max=OnMax.ACCEPT))
+    assert abs(float(less.now.x[0, 1]) - exact) > floor
+    assert abs(float(state.now.x[0, 1]) - exact) < 2 * floor
+
+
 def test_a_window_that_does_not_converge_is_halved_and_leaves_no_trace():
     # At 840 K b is .78 1/s: b dt/2/(1 + a dt/2) is 1.22 in a window of 3.6 s and .65 in one of 1.8 s.
     how = Iteration(Acceleration.NONE, max_iterations=60, tolerance=TIGHT)
