@@ -152,6 +152,10 @@ def _conduct(ground: Ground, at: Fields, scale: float, band: Floats) -> Floats:
     for body, own, piece in zip(ground.scene.model.bodies, ground.scene.stations.own, ground.shape.pieces,
                                 strict=False):
         k = body.material.k.k_1
+        if k.is_constant:
+            kA = float(k.solid(at.T[:1])[0]) * piece.conducts
+            add_rod_slopes(own, add_rod_conduction(at.T, own, N, kA, np.zeros(kA.shape), f), dT, scale, band)
+            continue
         T = rod_points(at.T, own, N)
         f_s = None if at.f_s is None or k.is_one else rod_points(at.f_s, own, N)
         kA = _positive("conductivity", k(T, f_s), body) * piece.conducts

@@ -61,11 +61,11 @@ def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> Stat
 
 
 def _in_turns(problem: StationProblem, s: Floats, tolerance: float) -> StationSolved:
-    """Whole steps, whole steps along the detour, and at last steps that must lower the residual, along it too.
+    """Whole steps, then steps that must lower the residual, then the detour by the one and by the other.
 
-    A line search creeps from edge to edge of the phases, where whole steps are over them at once: a third of the solves.
+    A line search creeps from edge to edge of the phases, where whole steps are mostly over them at once.
     """
-    for effort, way in ((WHOLE, _newton), (WHOLE, _detour), (FOLLOWED, _newton)):
+    for effort, way in ((WHOLE, _newton), (FOLLOWED, _newton), (WHOLE, _detour)):
         try:
             return way(problem, s, tolerance, effort)
         except (NotConvergedError, BadPropertyError):
@@ -103,7 +103,8 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, effort: Effort
         if not np.isfinite(step).all():
             raise NotConvergedError(f"the temperature of iteration {iteration + 1} is not finite")
         if not effort.followed:
-            s, now = s + step, station_balance(problem, s + step)
+            s = s + step
+            now = station_balance(problem, s)
             continue
         before = now.norm
         s, now = _descend(problem, s, step, now, (floor, climbs > 0))
