@@ -45,9 +45,11 @@ def share_of(accounts: Accounts, share: float, first: bool) -> dict[str, Array]:
     return {n: a.carry * (float(first) if n in AT_ONCE else share) for n, a in accounts.items()}
 
 
-def after_window(accounts: Accounts, taken: Container[str], made: Mapping[str, Array]) -> dict[str, EnergyAccount]:
-    """The accounts after a window: what the thermal half takes was delivered, what was made is carried.
+def delivered(accounts: Accounts, taken: Container[str]) -> dict[str, EnergyAccount]:
+    """The accounts after a thermal half went over a window.  taken : blocks it has; one it lacks is carried on."""
+    return {n: a.deliver() if n in taken else a for n, a in accounts.items()}
 
-    taken : blocks the thermal half has.  A block it lacks is carried on.
-    """
-    return {n: (a.deliver() if n in taken else a).make(made.get(n, 0.0)) for n, a in accounts.items()}
+
+def with_made(accounts: Accounts, made: Mapping[str, Array]) -> dict[str, EnergyAccount]:
+    """The accounts after a mechanical half went over a window: what it made is due."""
+    return {n: a.make(made.get(n, 0.0)) for n, a in accounts.items()}

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
-from coupler.results import Results
+from coupler.results import Results, iteration_words
 from coupler.runner import Progress
 from coupler.window import Verdict
 
@@ -43,12 +43,14 @@ class ProgressLine:
         for note in p.notes:
             self._console.print(f"note: {note}", soft_wrap=True, markup=False)
         if p.verdict != Verdict.ACCEPTED.value:
-            self._rejected += 1
+            self._rejected += not p.taken
             # The reason once: halving a window ten times repeats it ten times.
             reason = "the same" if p.message == self._reason else p.message
             self._reason = p.message
-            self._console.print(f"window {p.number} at t = {p.t:.6g} s: {p.verdict} ({reason}); trying half of it",
+            what = "taken all the same" if p.taken else "trying half of it"
+            self._console.print(f"window {p.number} at t = {p.t:.6g} s: {p.verdict} ({reason}); {what}",
                                 soft_wrap=True, markup=False)
+        if not p.taken:
             return
         if self._console.is_terminal:
             self._live.update(Text(self.line(p)))
@@ -62,8 +64,9 @@ class ProgressLine:
         T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
         left = f" | {clock_text(p.left)} left" if p.number >= GUESS_AFTER * p.total else ""
         rejected = f" ({self._rejected} rejected)" if self._rejected else ""
-        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {p.number}/{p.total}{rejected} | {p.touching} points touch | "
-                f"max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
+        iterations = f"{p.iterations} iterations | " if p.iterations else ""
+        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {p.number}/{p.total}{rejected} | {iterations}"
+                f"{p.touching} points touch | max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
                 f"heat imbalance {p.imbalance:.0e}{left}")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
@@ -85,7 +88,7 @@ def clock_text(seconds: float) -> str:
 def summary(results: Results) -> str:
     """A few lines on what a run did and where it left its files."""
     w = results.windows
-    accepted = int((w.verdict == Verdict.ACCEPTED.value).sum())
+    accepted = int(w.taken.sum())
     parts = results.seconds_by_part
     set_up = parts.pop("set-up")
     lines = [
@@ -96,6 +99,8 @@ def summary(results: Results) -> str:
         f"  heat imbalance {results.heat_imbalance:.1e}",
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]
+    if told := iteration_words(results):
+        lines.insert(1, f"  {told}")
     if results.message:
         lines.insert(1, f"  {results.message}")
     return "\n".join(lines + [f"  note: {n}" for n in results.notes])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -13,10 +13,13 @@ Array = NDArray[np.float64]
 
 
 class Scheme(Enum):
-    """How the thermal half sees the geometry of a window whose end is not known yet (both solve each half once)."""
+    """How a window is solved: who goes first, and what each half sees of the other (coupler.scheme)."""
 
-    STAGGERED = "staggered"  # the paper's: as at the start of the window; first order
-    EXTRAPOLATED = "extrapolated"  # predicted to the middle of the substep; second order
+    STAGGERED = "staggered"  # the paper's: thermal first, on the geometry of the start; first order
+    MECHANICAL_FIRST = "mechanical_first"  # mechanics first, with the T of the start; first order
+    PARALLEL = "parallel"  # both see the other as it was at the start; first order
+    EXTRAPOLATED = "extrapolated"  # thermal first, on geometry predicted to the middle of the substep; second order
+    ITERATED = "iterated"  # mechanics, then thermal, again and again until nothing changes; second order
 
 
 @dataclass(frozen=True)
@@ -37,22 +40,46 @@ class Level:
     f_s: Array | None = None
 
 
-def geometry_at(scheme: Scheme, now: Level, before: Level | None, t: float) -> tuple[Array, Array]:
-    """x and t_N that the thermal half is given for a substep with its middle at t [s].
+Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window
 
-    before : the level one window earlier, None in the first window after an event (nothing is known of the new
-    slope yet, so x and t_N are held flat).  t_N stays <= 0: an extrapolated tension means "open".
+
+def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array]:
+    """x and t_N that the thermal half is given for a substep with its middle at t [s]: on a line from `now`.
+
+    slope : None holds them as they are now.  t_N stays <= 0: an extrapolated tension means "open".
     """
-    if scheme is Scheme.STAGGERED or before is None:
+    if slope is None:
         return now.x, now.t_N
+    earlier, later = slope
+    w = (t - now.t) / (later.t - earlier.t)
+    return now.x + w * (later.x - earlier.x), np.minimum(now.t_N + w * (later.t_N - earlier.t_N), 0.0)
+
+
+def predicted(now: Level, before: Level | None, t: float) -> Level:
+    """The level at t [s] on the line through the last two; `now` itself in the first window after an event.
+
+    A prediction out of bounds (T > 0, f_s in [0, 1], t_N <= 0) is held at them; one of T stays what it is now.
+    """
+    if before is None:
+        return replace(now, t=t)
     w = (t - now.t) / (now.t - before.t)
-    return now.x + w * (now.x - before.x), np.minimum(now.t_N + w * (now.t_N - before.t_N), 0.0)
+    x, t_N = geometry_at(now, (before, now), t)
+    T = now.T + w * (now.T - before.T)
+    f_s = now.f_s
+    if f_s is not None and before.f_s is not None:
+        f_s = np.clip(f_s + w * (f_s - before.f_s), 0.0, 1.0)
+    return replace(now, t=t, T=np.where(T > 0.0, T, now.T), x=x, t_N=t_N, f_s=f_s)
+
+
+def exchanged(level: Level) -> dict[str, Array]:
+    """What the mechanical half takes of a level: T, and f_s where there is one."""
+    return {"T": level.T} if level.f_s is None else {"T": level.T, "f_s": level.f_s}
 
 
 def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str, Array]:
     """T, and f_s where the thermal half gives it to the other, interpolated linearly within a window.
 
-    end : the thermal half's outputs at the end of the window.
+    end : the same at the end of the window, known or guessed.
     """
     found = {"T": _linear(start.T, end["T"], fraction)}
     if "f_s" in end:
@@ -62,4 +89,4 @@ def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str
 
 
 def _linear(start: Array, end: Array, fraction: float) -> Array:
-    return end if fraction == 1.0 else (1.0 - fraction) * start + fraction * end
+    return end if fraction == 1.0 or end is start else (1.0 - fraction) * start + fraction * end

@@ -27,6 +27,9 @@ def _field(quantity: str, interface: Interface, level: Level) -> Array:
     """A quantity at every node : (n_nodes,); contact quantities are NaN away from the contact surfaces."""
     if quantity == "T":
         return level.T
+    if quantity == "f_s":
+        assert level.f_s is not None, "the scenario was checked for it"
+        return level.f_s
     if quantity in ("u_x", "u_y"):
         i = ("u_x", "u_y").index(quantity)
         return level.x[:, i] - interface.nodes[:, i]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,9 +15,9 @@ from contact.half.interface import Interface
 from coupler.journal import Journal
 from coupler.ledger import Ledger
 from coupler.level import Level
-from coupler.results import WINDOW_FIELDS, finish, journal_of
+from coupler.results import ITERATE_FIELDS, WINDOW_FIELDS, finish, journal_of
 from coupler.target import check_target
-from coupler.window import Solved, Verdict
+from coupler.window import Course, Solved
 
 Array = NDArray[np.float64]
 
@@ -50,9 +51,12 @@ class Recorder:
         w = solved.work
         row = {"verdict": solved.verdict.value, "solves": w.thermal_solves + w.mechanical_solves, **vars(w),
                **{n: solved.monitors.get(n, 0.0) for n in ("touching", "max_T", "max_p")},
-               "imbalance": ledger.imbalance, "recording_seconds": self._seconds, **facts}
+               "taken": solved.taken, **iterated(solved.course), "imbalance": ledger.imbalance,
+               "recording_seconds": self._seconds, **facts}
         meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message}
-        accepted = solved.verdict is Verdict.ACCEPTED
+        if solved.course is not None:
+            meta["iterates"] = iterates(solved.course)
+        accepted = solved.taken
         if accepted:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         self._journal.write("window", meta, {"probes": probes} if accepted else None)
@@ -73,3 +77,21 @@ class Recorder:
         self._journal.write("end", {"outcome": outcome, "message": message, "totals": dict(totals)})
         self._journal.close()
         finish(self._journal.path, self.out)
+
+
+def iterated(course: Course | None) -> dict[str, float | int]:
+    """What a window's row says of its iteration; 0 iterations for a scheme that does not iterate."""
+    if course is None:
+        return {"iterations": 0, "misfit": 0.0, "contraction": math.nan}
+    return {"iterations": len(course.misfits), "misfit": max(course.misfits[-1].values()),
+            "contraction": course.contraction}
+
+
+def iterates(course: Course) -> list[list[float]]:
+    """A row an iterate, as in ITERATE_FIELDS from "iterate" on; nan for what the scene does not have.
+
+    The factor of an iterate is that of the step which led to it.
+    """
+    names = [n for n, _ in ITERATE_FIELDS[2:-1]]
+    return [[k + 1, *(m.get(n, math.nan) for n in names), factor]
+            for k, (m, factor) in enumerate(zip(course.misfits, (math.nan, *course.factors), strict=True))]

@@ -20,7 +20,7 @@ from coupler.fields import write_field_files
 from coupler.journal import being_written, read_journal
 from coupler.ledger import PREFIX, imbalance
 
-FORMAT, FORMAT_VERSION = "slideline.run", 1
+FORMAT, FORMAT_VERSION = "slideline.run", 2
 Array = NDArray[np.float64]
 
 WINDOW_FIELDS: tuple[tuple[str, str], ...] = (
@@ -28,9 +28,21 @@ WINDOW_FIELDS: tuple[tuple[str, str], ...] = (
     ("thermal_solves", "i4"), ("mechanical_solves", "i4"), ("thermal_iterations", "i4"),
     ("mechanical_iterations", "i4"), ("thermal_seconds", "f8"), ("mechanical_seconds", "f8"),
     ("fmi_seconds", "f8"), ("seconds", "f8"), ("recording_seconds", "f8"), ("values", "i8"),
-    ("touching", "i4"), ("max_T", "f8"), ("max_p", "f8"), ("imbalance", "f8"),
+    ("touching", "i4"), ("max_T", "f8"), ("max_p", "f8"), ("imbalance", "f8"), ("taken", "?"),
+    ("iterations", "i4"), ("misfit", "f8"), ("contraction", "f8"),
 )
-"""Columns of the windows table, one row a window tried, rejected too; times [s], max_T [K], max_p [Pa]."""
+"""Columns of the windows table, one row a window tried, rejected too; times [s], max_T [K], max_p [Pa].
+
+taken : the run went on from its end.  iterations : of the window, 0 where the scheme does not iterate; misfit : the
+largest difference left, in tolerances; contraction : measured ratio of successive residuals of plain iteration.
+"""
+
+ITERATE_FIELDS: tuple[tuple[str, str], ...] = (
+    ("window", "i4"), ("iterate", "i4"), ("temperature", "f8"), ("gap", "f8"), ("pressure", "f8"),
+    ("solid_fraction", "f8"), ("factor", "f8"),
+)
+"""Columns of the iterates table, one row an iterate: row of the windows table (from 0), number in the window (from
+1), differences in units of their tolerances, factor of the step that led to it."""
 
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
 
@@ -54,6 +66,7 @@ class Results:
     header, totals : what the run wrote before its first window and after its last one.
     t : (n,) [s], the start and the ends of the accepted windows.
     windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected.
+    iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
     later : the journal of a later, unfinished run to the same file, if there is one.
     Raises ResultsError if the file is missing, unreadable or not one of ours, or its run still goes on.
     """
@@ -84,6 +97,8 @@ class Results:
         text = [(n, k.replace("S", "U")) for n, k in WINDOW_FIELDS]
         self.windows: np.recarray[Any, Any] = rows.astype(text).view(np.recarray)
         self.messages = {int(k): str(v) for k, v in json.loads(f["windows"].attrs["messages"]).items()}
+        self.iterates: np.recarray[Any, Any] = (
+            f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)
         self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
@@ -158,6 +173,19 @@ class Results:
         return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}
 
 
+def iteration_words(results: Results) -> str:
+    """How much the windows iterated, in words; empty for a scheme that does not."""
+    w = results.windows[results.windows.taken & (results.windows.iterations > 0)]
+    if not len(w):
+        return ""
+    known = w.contraction[np.isfinite(w.contraction)]
+    text = f"{w.iterations.mean():.1f} iterations a window, {w.iterations.max()} at most"
+    if len(known):
+        text += f", contraction of plain iteration up to {known.max():.3g}"
+    at_max = int((w.verdict != "accepted").sum())
+    return text + (f"; {at_max} windows taken though they did not converge" if at_max else "")
+
+
 def _recover(journal: Path, path: Path) -> None:
     """Make run.h5 from the journal of a killed run."""
     if being_written(journal):
@@ -215,10 +243,12 @@ def _write(f: h5py.File, meta: dict[str, Any],
     t, probes = [], []
     terms: list[Mapping[str, float]] = []
     messages: dict[int, str] = {}
+    iterates: list[tuple[Any, ...]] = []
     for kind, m, a in records:
         if kind == "window":
             if m["message"]:
                 messages[len(rows)] = m["message"]
+            iterates += [(len(rows), *row) for row in m.get("iterates", ())]
             rows.append(tuple(m[n].encode() if k.startswith("S") else m[n] for n, k in WINDOW_FIELDS))
         if kind in ("start", "window") and "probes" in a:
             t.append(float(m["t_now"]))
@@ -234,6 +264,8 @@ def _write(f: h5py.File, meta: dict[str, Any],
     f["t"] = np.array(t)
     f["windows"] = np.array(rows, dtype=list(WINDOW_FIELDS))
     f["windows"].attrs["messages"] = json.dumps(messages)
+    if iterates:
+        f["iterates"] = np.array(iterates, dtype=list(ITERATE_FIELDS))
     group = f.create_group("probes", track_order=True)
     table = np.array(probes, dtype=float).reshape(len(t), len(meta["probes"]))
     for i, (name, about) in enumerate(meta["probes"].items()):

@@ -26,7 +26,7 @@ from coupler.errors import CouplingError, HalfError
 from coupler.half import Half
 from coupler.launch import Launched, launch
 from coupler.ledger import Ledger
-from coupler.level import Level
+from coupler.level import Level, Scheme
 from coupler.measure import measure
 from coupler.recorder import Recorder
 from coupler.results import Results
@@ -34,7 +34,7 @@ from coupler.scenario import Scenario
 from coupler.schedule import schedule
 from coupler.target import check_target
 from coupler.watched import Watched
-from coupler.window import CoupledState, wanted_outputs
+from coupler.window import CoupledState, Verdict, wanted_outputs
 
 Array = NDArray[np.float64]
 PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh", "h5py", "numba")
@@ -62,6 +62,12 @@ class Progress:
     elapsed: float
     left: float
     notes: tuple[str, ...] = ()
+    iterations: int = 0  # of the window, where the scheme iterates
+    anyway: bool = False  # taken though it did not converge
+
+    @property
+    def taken(self) -> bool:
+        return self.anyway or self.verdict == Verdict.ACCEPTED.value
 
 
 class Run:
@@ -81,6 +87,7 @@ class Run:
         self.out = Path(out)
         self.processes = processes
         self.notes: list[str] = list(scenario.notes)
+        self.noticed: list[str] = []
         self.ledger = Ledger()
         self._stack = ExitStack()
         self._interrupted = False
@@ -129,12 +136,13 @@ class Run:
         self._recorder.start(0.0, self._probed())
         self._frame()
         for tried in windows(self.halves, self.state, self.plan):
-            notes: tuple[str, ...] = ()
+            notes = tried.notes
             if tried.accepted:
-                notes = self._watched.after(self.state.now, tried.solved.state.now)
+                notes = (*notes, *self._watched.after(self.state.now, tried.solved.state.now))
                 self.state = tried.solved.state
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
+            self.noticed += tried.notes
             facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
             self._recorder.window(tried.solved, facts, self.ledger, self._probed())
             if tried.accepted and (frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks):
@@ -157,6 +165,9 @@ class Run:
                 if own != value:
                     raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})",
                                     half=half.name)
+            if self.scenario.coupling.scheme is Scheme.ITERATED and not half.can_save:
+                raise HalfError("keeps no states, so its windows cannot be iterated; give another coupling.scheme",
+                                half=half.name)
         self.notes += what_is_missing(thermal, mechanical, bool(interface.pairs))
 
     def _first_state(self, launched: Launched) -> CoupledState:
@@ -212,7 +223,7 @@ class Run:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds,
-                "notes": self._watched.at_end(self.state.now), **heats}
+                "notes": [*self._watched.at_end(self.state.now), *self.noticed], **heats}
 
     def _progress(self, tried: Tried) -> Progress:
         elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1
@@ -223,7 +234,8 @@ class Run:
         m = tried.solved.monitors
         return Progress(self.state.now.t, self.scenario.coupling.end, done, total, tried.solved.verdict.value,
                         tried.solved.message, int(m.get("touching", 0)), m.get("max_T", np.nan), m.get("max_p", 0.0),
-                        self.ledger.imbalance, elapsed, left)
+                        self.ledger.imbalance, elapsed, left, tried.notes,
+                        len(tried.solved.course.misfits) if tried.solved.course else 0, tried.solved.anyway)
 
 
 def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:
@@ -252,7 +264,7 @@ def _made_by(half: Half) -> list[str]:
 def plan_of(scenario: Scenario) -> Plan:
     """Where windows end, by which scheme, with how many substeps."""
     c = scenario.coupling
-    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps)
+    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration)
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,

@@ -19,7 +19,8 @@ BINS = 20  # the time axis in so many parts where kinks do not cut it
 TALL, LOW = 4.5, 3.4  # inches: temperatures, and all else
 ZOOM_AT_MOST = 0.6  # a closer look at more of the run than this is none
 LEAST_GAIN = 0.1  # share of the movement beyond the share of the time: below it curves move about evenly
-NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure"}
+NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure",
+         "f_s": "solid fraction"}
 
 
 def probe_pictures(results: Results) -> list[Picture]:

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 from coupler.account import HEATS
 from coupler.report.units import counted, duration, number, shown
-from coupler.results import Results
-from coupler.window import Verdict
+from coupler.results import Results, iteration_words
 
-ACCEPTED = Verdict.ACCEPTED.value
 LISTED_AT_MOST = 100
 
 # What became of a run, as its banner says it; a completed run has none.
@@ -45,7 +43,7 @@ def banner(results: Results) -> tuple[str, str] | None:
 def summary(results: Results) -> str:
     """The run in one paragraph."""
     w = results.windows
-    good, rejected = w[w.verdict == ACCEPTED], int((w.verdict != ACCEPTED).sum())
+    good, rejected = w[w.taken], int((~w.taken).sum())
     reached = float(results.t[-1]) if len(results.t) else 0.0
     text = (f"The run {_became(results.outcome)}: {number(reached, 6)} s of simulated time in "
             f"{counted(len(good), 'window')} ({rejected or 'none'} rejected) with "
@@ -54,6 +52,8 @@ def summary(results: Results) -> str:
         return text
     if results.ledger:
         text += (f" The heat ledger closes to {number(results.heat_imbalance, 2)} of the heat moved.")
+    if told := iteration_words(results):
+        text += f" {told[0].upper()}{told[1:]}."
     T = shown("K", 0.0, results.header["temperature_unit"])
     text += f" The highest temperature was {T.text(float(good.max_T.max()), 5)}"
     p = float(good.max_p.max())
@@ -106,6 +106,6 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
 def rejected_windows(results: Results) -> tuple[list[Rejected], int]:
     """The rejected windows with their verdicts (at most LISTED_AT_MOST), and how many there were."""
     w = results.windows
-    rows = [int(k) for k in (w.verdict != ACCEPTED).nonzero()[0]]
+    rows = [int(k) for k in (~w.taken).nonzero()[0]]
     return [Rejected(number(float(w.t[k]), 8), number(float(w.H[k]), 4), str(w.verdict[k]), results.messages.get(k, ""))
             for k in rows[:LISTED_AT_MOST]], len(rows)

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from coupler.report.curves import kinks_of
-from coupler.report.facts import ACCEPTED
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
 from coupler.report.units import number
@@ -27,7 +26,7 @@ class Share:
 def windows_picture(results: Results) -> Picture | None:
     """Window size (log) and iterations over time; rejected windows are crosses."""
     w = results.windows
-    good, bad = w[w.verdict == ACCEPTED], w[w.verdict != ACCEPTED]
+    good, bad = w[w.taken], w[~w.taken]
     if not len(good):
         return None
     figure = new_figure(5.0)
@@ -57,6 +56,31 @@ def windows_picture(results: Results) -> Picture | None:
             f"{len(good)} accepted and {len(bad)} rejected windows")
     return svg(figure, f"{text}; iterations of each half below.",
                f"{text}. Below: iterations of each half in a window.")
+
+
+def iterates_picture(results: Results) -> Picture | None:
+    """Iterations of each window and the contraction measured in it, for a scheme that iterates."""
+    w = results.windows
+    good = w[w.taken & (w.iterations > 0)]
+    if not len(good):
+        return None
+    figure = new_figure(5.0)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    styled(upper, "", "iterations a window")
+    styled(lower, "time [s]", "contraction")
+    edges = np.append(good.t, good.t[-1] + good.H[-1])
+    upper.stairs(good.iterations, edges, baseline=None, color=COLOURS[0], linewidth=1.4, label="iterations")
+    upper.set_ylim(0, good.iterations.max() * 1.1)
+    upper.yaxis.set_major_locator(MaxNLocator(integer=True))
+    known = good[np.isfinite(good.contraction) & (good.contraction > 0)]
+    lower.set_yscale("log")
+    lower.plot(known.t + known.H, known.contraction, ".", color=COLOURS[1], markersize=3, label="contraction")
+    lower.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="plain iteration diverges above")
+    handles = [*upper.get_legend_handles_labels()[0], *lower.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    text = f"{good.iterations.sum()} iterations in {len(good)} windows, {good.iterations.max()} at most in one"
+    return svg(figure, f"{text}; the contraction of plain iteration below.",
+               f"{text}. Below: by what plain iteration would multiply a difference, as measured in the window.")
 
 
 def shares(results: Results) -> list[Share]:

@@ -8,13 +8,17 @@ from coupler.scenario.document import Document
 from coupler.scenario.quantity import did_you_mean
 
 GROUP = "slideline.halves"
-OWN = {"thermal": ("thermal",), "mechanical": ("elastic", "rigid")}
+# role -> word of the scenario -> entry point, which is also the `half` of model.json.  A rod is one in either role.
+OWN: dict[str, dict[str, str]] = {
+    "thermal": {"thermal": "thermal", "lumped": "lumped", "rod": "thermal_rod"},
+    "mechanical": {"elastic": "elastic", "rigid": "rigid", "rod": "mechanical_rod"},
+}
 
 
 def known_kinds(role: str) -> tuple[str, ...]:
     """Kinds that can stand in a role: ours for it, and those of other packages, whose role we cannot know."""
-    ours = {kind for kinds in OWN.values() for kind in kinds}
-    return OWN[role] + tuple(sorted({e.name for e in entry_points(group=GROUP)} - ours))
+    ours = {kind for kinds in OWN.values() for kind in kinds.values()}
+    return tuple(OWN[role]) + tuple(sorted({e.name for e in entry_points(group=GROUP)} - ours))
 
 
 def check_kind(document: Document, role: str, kind: str) -> None:

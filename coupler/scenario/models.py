@@ -10,10 +10,12 @@ from coupler.scenario.convert_material import properties_of
 from coupler.scenario.kinds import OWN, check_kind
 from coupler.scenario.mechanical_model import augmented, elastic_model, rigid_model
 from coupler.scenario.quantity import did_you_mean
+from coupler.scenario.rod_model import lumped_model, mechanical_rod_model, thermal_rod_model
 from coupler.scenario.schema_material import Material
 from coupler.scenario.thermal_model import thermal_model
 
-WRITERS = {"thermal": thermal_model, "elastic": elastic_model, "rigid": rigid_model}
+WRITERS = {"thermal": thermal_model, "lumped": lumped_model, "thermal_rod": thermal_rod_model,
+           "elastic": elastic_model, "rigid": rigid_model, "mechanical_rod": mechanical_rod_model}
 
 
 def models(c: Context) -> dict[str, Model]:
@@ -27,7 +29,7 @@ def models(c: Context) -> dict[str, Model]:
         check_kind(c.document, role, kind)
     _positive_at_start(c)
     return {
-        role: WRITERS[kind](c) if kind in OWN[role] else _foreign(c, role, kind)
+        role: WRITERS[OWN[role][kind]](c) if kind in OWN[role] else _foreign(c, role, kind)
         for role, kind in kinds.items()
     }
 

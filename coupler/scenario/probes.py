@@ -17,13 +17,13 @@ from coupler.scenario.scene import NEAREST, surface_key
 from coupler.scenario.schema import Place
 from coupler.scenario.schema import Probe as ProbeSpec
 
-UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa"}
+UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
 AT_CONTACT = ("gap", "p")
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """quantity : T | u_x | u_y | gap | p (= -t_N).  unit : SI.  reduction : point | mean | max | min.
+    """quantity : T | u_x | u_y | gap | p (= -t_N) | f_s.  unit : SI.  reduction : point | mean | max | min.
 
     nodes : (n,) node numbers of the Interface.  weights : (n,), adding up to 1 for point and mean.
     """
@@ -67,7 +67,15 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
         raise c.document.error(key, f"{quantity} exists only on contact surfaces",
                                f"Contact surfaces here: {', '.join(sorted(sides)) or 'none'}.")
+    if quantity == "f_s" and not _solid_fraction_crosses(c):
+        raise c.document.error(key, "the solid fraction is exchanged only where the mechanical half asks for it",
+                               "That is `elastic` or `rod`, with a material that has both latent and liquid.")
     return Probe(quantity, UNITS[quantity], reduction, nodes, weights)
+
+
+def _solid_fraction_crosses(c: Context) -> bool:
+    used = [c.file.materials[body.material] for body in c.file.bodies.values()]
+    return c.file.mechanical.half in ("elastic", "rod") and any(m.latent and m.liquid for m in used)
 
 
 def _named(c: Context, name: str, key: Key) -> tuple[Ints, Floats]:

@@ -10,6 +10,7 @@ from coupler.level import Scheme
 from coupler.scenario.base import Part, SignalSpec, exactly_one
 from coupler.scenario.quantity import DottedName, Name, NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.schema_contact import ContactPair
+from coupler.scenario.schema_iteration import Iteration
 from coupler.scenario.schema_material import Material
 from coupler.scenario.schema_mechanical import Mechanical
 from coupler.scenario.schema_scene import Body
@@ -73,6 +74,7 @@ class Coupling(Part):
     """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
 
     scheme: Scheme = Scheme.STAGGERED
+    iteration: Iteration = Iteration()
     end: Positive
     kinks: tuple[Number, ...] = ()
     windows: tuple[Windows, ...]
@@ -114,6 +116,7 @@ class Probe(Part):
     u_y: ProbeTarget | None = None
     gap: ProbeTarget | None = None
     p: ProbeTarget | None = None
+    f_s: ProbeTarget | None = None
 
     @model_validator(mode="after")
     def _one_quantity(self) -> Probe:

@@ -196,10 +196,30 @@ class Rigid(Part):
     pressure: dict[Name, SignalSpec] = Field(default_factory=dict)
 
 
+class Held(Part):
+    """Displacement of the held ends of a rod along x [m]; an end left out is free."""
+
+    left: SignalSpec | None = None
+    right: SignalSpec | None = None
+
+    @model_validator(mode="after")
+    def _held_somewhere(self) -> Held:
+        if self.left is None and self.right is None:
+            raise problem("a rod must be held at its left or its right end, or at both", "Write {left: 0}.")
+        return self
+
+
+class Rod(Part):
+    """The half `rod`: which ends of every body are held."""
+
+    held: dict[Name, Held]
+
+
 class Mechanical(Part):
     """half: kind; the settings of the kinds not chosen stay in the file, so that a swap is one word."""
 
     half: Text
     elastic: Elastic | None = None
     rigid: Rigid | None = None
+    rod: Rod | None = None
     options: dict[str, Any] = Field(default_factory=dict)

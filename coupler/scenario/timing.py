@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from coupler.iteration import Iteration
 from coupler.level import Scheme
 from coupler.scenario.convert import jumps_in, kinks_in
 from coupler.scenario.document import Document, Key
@@ -28,6 +29,7 @@ class Coupling:
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
     the chosen halves use.  bends : those of them where only thermal data change slope: no half need restart damped,
     which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
+    iteration : of the scheme `iterated`.
     """
 
     scheme: Scheme
@@ -37,6 +39,7 @@ class Coupling:
     bends: frozenset[float]
     substeps: Mapping[str, int]
     link: str
+    iteration: Iteration = field(default_factory=Iteration)
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
@@ -49,7 +52,8 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
     substeps = {"thermal": spec.substeps.thermal, "mechanical": spec.substeps.mechanical}
     events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
-    return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link)
+    return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
+                    spec.iteration.method)
 
 
 def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:

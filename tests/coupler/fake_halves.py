@@ -49,6 +49,7 @@ class FakeHalf:
         return {}
 
     def save(self) -> int:
+        # Tokens count all saves, so that a test can.
         self.saved[len(self.saved)] = (self.state.copy(), dict(self.inputs))
         return len(self.saved) - 1
 
@@ -69,7 +70,7 @@ def lumped(T0: float, method: str = "midpoint", h_max: float = np.inf) -> FakeHa
 
     def rule(state, inputs, t, h):
         T = float(state[0])
-        conductance = K_G / (float(inputs["x"][0, 1]) + G_M)
+        conductance = K_G / (max(float(inputs["x"][0, 1]), 0.0) + G_M)
         theta = 0.5 if method == "midpoint" else 1.0
         E = float(np.sum(inputs.get("E_M", 0.0)))
 
@@ -101,3 +102,77 @@ def shrinking(T0: float, heat: float = 0.0, h_max: float = np.inf) -> FakeHalf:
     blocks = {b.name: b for b in (Block("T", (1,), "K", "input", "Real"), Block("x", (1, 2), "m", "output", "Real"),
                                   Block("E_M", (1,), "J", "output", "Real"))}
     return FakeHalf("shrinking", blocks, rule, np.array([[0.0, gap_of(T0)]]), h_max)
+
+
+def blocks_of(*blocks: Block) -> dict[str, Block]:
+    return {b.name: b for b in blocks}
+
+
+T_OUT, T_IN = Block("T", (1,), "K", "output", "Real"), Block("T", (1,), "K", "input", "Real")
+X_OUT, X_IN = Block("x", (1, 2), "m", "output", "Real"), Block("x", (1, 2), "m", "input", "Real")
+P_OUT, P_IN = (Block("contact.t_N", (1,), "Pa", c, "Real") for c in ("output", "input"))
+
+
+def pressed(T0: float, seen: list) -> FakeHalf:
+    """C dT/dt = G (T_s - T) - h1 p (T - T_w), backward Euler; writes down every t_N it is given."""
+
+    def rule(state, inputs, t, h):
+        t_N = float(inputs["contact.t_N"][0])
+        seen.append(t_N)
+        new = (C * state[0] + h * (G * T_S - H_1 * t_N * T_W)) / (C + h * (G - H_1 * t_N))
+        return np.array([new]), {"T": np.array([new])}
+
+    return FakeHalf("pressed", blocks_of(T_OUT, X_IN, P_IN), rule, np.array([T0]))
+
+
+H_1 = 2e-3  # W/m2K per Pa
+E_ALPHA = 70e9 * 2.5e-5  # Pa/K
+
+
+def pressing() -> FakeHalf:
+    """p = E alpha (T - 600) where that presses; open below, t_N = 0."""
+
+    def rule(state, inputs, t, h):
+        p = max(E_ALPHA * (float(inputs["T"][0]) - 600.0), 0.0)
+        return state, {"x": np.zeros((1, 2)), "contact.t_N": np.array([-p])}
+
+    return FakeHalf("pressing", blocks_of(T_IN, X_OUT, P_OUT), rule, np.zeros(1))
+
+
+def mass(name: str, u0: float, given: str, told: Block) -> FakeHalf:
+    """E6: u'' = -(k + k12) u + k12 u_other, exact for a constant u_other.
+
+    given "x": u_other = x[0, 1], told as T = 1000 + u.  given "T": u_other is the mean of T - 1000 at both ends of the
+    step, told as x[0, 1] = u.
+    """
+    k, k12 = 4 * np.pi**2, 16 * np.pi**2
+    w = np.sqrt(k + k12)
+
+    def rule(state, inputs, t, h):
+        u, v, last = state
+        now = float(inputs["x"][0, 1]) if given == "x" else float(inputs["T"][0]) - 1000.0
+        rest = k12 / w**2 * (now if given == "x" else 0.5 * (last + now))
+        new = rest + (u - rest) * np.cos(w * h) + v / w * np.sin(w * h)
+        speed = -(u - rest) * w * np.sin(w * h) + v * np.cos(w * h)
+        out = {"T": np.array([1000.0 + new])} if told.name == "T" else {"x": np.array([[0.0, new]])}
+        return np.array([new, speed, now]), out
+
+    return FakeHalf(name, blocks_of(X_IN if given == "x" else T_IN, told), rule, np.array([u0, 0.0, 1.0]))
+
+
+def table(rule) -> FakeHalf:
+    """A thermal half whose T at the end of a step is a function of x[0, 1]."""
+    return FakeHalf("table", blocks_of(T_OUT, X_IN), lambda s, i, t, h: (s, {"T": np.array([rule(i["x"][0, 1])])}),
+                    np.zeros(1))
+
+
+def echo() -> FakeHalf:
+    """x[0, 1] = T."""
+    return FakeHalf("echo", blocks_of(T_IN, X_OUT),
+                    lambda s, i, t, h: (s, {"x": np.array([[0.0, float(i["T"][0])]])}), np.zeros(1))
+
+
+# Of E4 at its steady state: dT'/dt = -a dT - b dT_lagged, a = (G + h)/C, b = (T - T_w)|dh/dg| 3 alpha L/C.
+T_STAR, G_STAR = 831.712463, 41.14696e-6
+A_LAG = (G + K_G / (G_STAR + G_M)) / C
+B_LAG = (T_STAR - T_W) * K_G / (G_STAR + G_M) ** 2 * 3 * 2.5e-5 * 0.03 / C

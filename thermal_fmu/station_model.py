@@ -1,0 +1,174 @@
+"""The thermal half at stations as a HalfModel, for rods and for lumped bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.sparse import SingularMatrixError
+from contact.half.surfaces import ContactRefusedError
+from thermal_fmu import phase
+from thermal_fmu.facing import Points, points_of
+from thermal_fmu.heat import Heat, names_of, no_heat
+from thermal_fmu.loads import calendar_of, factors_of
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
+from thermal_fmu.newton import NotConvergedError
+from thermal_fmu.station_balance import Ground
+from thermal_fmu.station_scene import StationScene, hold_stations, rub_stations
+from thermal_fmu.station_shapes import StationShape
+from thermal_fmu.station_spec import parse_station_model
+from thermal_fmu.station_step import StationCourse, StationStepped, advance_stations, entropy_stations
+from thermal_fmu.stations import Stations
+from thermal_fmu.volume import BadPropertyError, InvertedCellError
+
+Floats = NDArray[np.float64]
+
+RETRY_SHARE = 0.5  # of a step that did not converge
+
+
+@dataclass(frozen=True)
+class StationState:
+    """All that evolves.
+
+    s : (n,) [K] of the stations, T itself in bodies that do not melt.  X : (n_nodes, 2) reference coordinates [m], the
+    first x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
+    damped.  stored : enthalpy gained since the start [J].
+    """
+
+    s: Floats
+    X: Floats
+    event: int
+    damped: int
+    stored: float
+
+
+class StationHalf:
+    """Heat in bodies whose nodes share temperatures, station by station.
+
+    What is kept on the object follows from constants and from the reference coordinates of the state.
+    """
+
+    def __init__(self, interface: Interface, spec: Mapping[str, Any], half: str,
+                 stations: Callable[[Interface], Stations]) -> None:
+        """Raises ValueError for a model.json or a mesh that is not right."""
+        self._scene = StationScene(interface, parse_station_model(interface, spec, half), stations(interface))
+        self._calendar = calendar_of(self._scene.model)
+        self._first: tuple[Floats, StationShape] | None = None
+        self.variables = _variables(self._scene)
+
+    def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
+        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+
+        Raises InvertedCellError, ContactRefusedError.
+        """
+        scene = self._scene
+        X = np.array(inputs["x"], dtype=np.float64)
+        self._shape_of(X)
+        T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
+        state = StationState(phase.unknown(scene.melting, T), X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        points = self._facing(X, inputs, link)
+        touching = 0 if points is None else int((points.p > 0).sum())
+        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
+
+    def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
+        """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
+        number = _whole(inputs, "control.method")
+        stepping = self._scene.model.stepping
+        name = METHOD_NUMBERS.get(number, stepping.method if number == 0 else "")
+        if name in ("", "steady"):
+            return Discard(f"control.method {number} is none of 0, 1, 2, 3, 4")
+        try:
+            return self._advance(state, inputs, (t, h), link, stepping.method_of(name))
+        except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
+            return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
+        except (InvertedCellError, ContactRefusedError) as exc:
+            # A smaller step of this half changes nothing here: the coordinates came from outside.
+            return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
+
+    def _advance(self, state: StationState, inputs: Values, when: tuple[float, float], link: Link,
+                 method: Method) -> Done:
+        scene, (t, h) = self._scene, when
+        x, s = np.array(inputs["x"], dtype=np.float64), np.array(state.s)
+        points = self._facing(x, inputs, link)
+        shape = scene.ruler.shape(x)
+        held = hold_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
+        if points is not None:
+            E = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
+            held = rub_stations(held, scene, points, E, phase.fields(scene.melting, s), h)
+        ground = Ground(scene, shape, self._shape_of(state.X), held)
+        course = StationCourse(ground, factors_of(scene.model, inputs), self._calendar, held.E_M / h)
+        event = _whole(inputs, "control.event")
+        damped = DAMPED_SUBSTEPS if event != state.event else state.damped
+        E_S = np.asarray(inputs["E_S"], dtype=np.float64)
+        jump = entropy_stations(course, scene.ruler.spread(E_S, shape), s, t) if E_S.any() else None
+        done, left = advance_stations(course, method, s if jump is None else jump.s, damped, t, h)
+        done = done if jump is None else jump.then(done)
+        new = StationState(done.s, state.X, event, left, state.stored + float(done.heat.stored.sum()))
+        return Done(new, self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, s)))
+
+    def _shape_of(self, X: Floats) -> StationShape:
+        if self._first is None or not np.array_equal(self._first[0], X):
+            self._first = (np.array(X), self._scene.ruler.shape(X))
+        return self._first[1]
+
+    def _facing(self, x: Floats, inputs: Values, link: Link) -> Points | None:
+        scene = self._scene
+        if not scene.interface.pairs:
+            return None
+        facing = scene.surfaces.facing(link, x)
+        return points_of(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
+
+    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStepped | None,
+                 T_n: Floats) -> dict[str, Value]:
+        scene = self._scene
+        T, of_node = phase.temperature(scene.melting, state.s), scene.stations.of_node
+        melts: dict[str, Value] = {}
+        if scene.melting:
+            melts["f_s"] = phase.solid_fraction(scene.melting, state.s)[of_node]
+        return {
+            "T": T[of_node], **melts, **heat.outputs(scene.model),
+            "iterations": float(done.iterations) if done else 0.0,
+            "residual": done.residual if done else 0.0,
+            "max_dT": float(np.abs(T - T_n).max()),
+            "heat_stored": state.stored,
+            "contact.touching": float(touching),
+        }
+
+
+def _variables(scene: StationScene) -> tuple[Variable, ...]:
+    interface = scene.interface
+    n, n_s = len(interface.nodes), len(interface.contact_nodes)
+    n_cells = len(interface.quads) + len(interface.triangles)
+    surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
+                        description="normal traction at surface nodes, <= 0"),
+               Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
+                        description="friction heat of the substep at surface nodes")) if n_s else ()
+    melts = (Variable("f_s", (n,), description="solid fraction at the end of the substep"),) if scene.melting else ()
+    return (
+        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
+        *surface,
+        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
+        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
+        *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),
+        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
+        *melts,
+        *(Variable(name, unit="J", description="energy of the substep into the bodies")
+          for name in names_of(scene.model)),
+        Variable("iterations", description="linear solves of the substep"),
+        Variable("residual", description="heat missing, as a share of the heat that flowed"),
+        Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
+        Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
+        Variable("contact.touching", description="facing points under pressure"),
+    )
+
+
+def _whole(inputs: Values, name: str) -> int:
+    value = inputs.get(name, 0)
+    assert isinstance(value, int | np.integer), f"{name} is an Integer"
+    return int(value)

@@ -1,0 +1,148 @@
+"""What never changes of a scene of stations, and what is held of it through a substep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from contact.half.surfaces import ContactSurfaces
+from thermal_fmu.edges import gauss_points
+from thermal_fmu.exchange import groups_of
+from thermal_fmu.exposed import ExposedPoints, Ground
+from thermal_fmu.facing import Points
+from thermal_fmu.film import hold_film
+from thermal_fmu.friction import Friction, friction_power, slave_share
+from thermal_fmu.held import Fixed, Held
+from thermal_fmu.nodal import at_nodes
+from thermal_fmu.phase import Fields, Melting
+from thermal_fmu.radiation import hold_radiator, near_groups
+from thermal_fmu.source import is_plain
+from thermal_fmu.spec import Model
+from thermal_fmu.spec_boundary import Exposed
+from thermal_fmu.station_shapes import Ruler, StationShape
+from thermal_fmu.stations import Stations
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class StationScene:
+    """Model, mesh, and which of its nodes share a temperature."""
+
+    interface: Interface
+    model: Model
+    stations: Stations
+
+    @cached_property
+    def ruler(self) -> Ruler:
+        return Ruler(self.interface, self.stations)
+
+    @cached_property
+    def surfaces(self) -> ContactSurfaces:
+        return ContactSurfaces(self.interface)
+
+    @cached_property
+    def fixed(self) -> NDArray[np.bool_]:
+        """(n,) True where T is prescribed: a station is, as soon as one of its nodes is."""
+        fixed = np.zeros(self.stations.n, dtype=np.bool_)
+        for boundary in self.model.prescribed:
+            fixed[self.stations.of_node[boundary.nodes]] = True
+        return fixed
+
+    @cached_property
+    def melting(self) -> tuple[Melting, ...]:
+        """The bodies that melt, with their stations."""
+        phases = [body.material.phase for body in self.model.bodies]
+        return tuple(Melting(own, change) for own, change in zip(self.stations.own, phases, strict=True)
+                     if change is not None)
+
+    @cached_property
+    def slave_nodes(self) -> NDArray[np.bool_]:
+        """(n_nodes,) True on slave surfaces."""
+        slave = np.zeros(len(self.interface.nodes), dtype=np.bool_)
+        for pair in self.interface.pairs:
+            slave[self.interface.surfaces[pair.slave]] = True
+        return slave
+
+    @cached_property
+    def fixed_places(self) -> tuple[Ints, Ints]:
+        """Places of the band in rows or columns of fixed stations, and their diagonal ones."""
+        s = self.stations
+        row = np.repeat(np.arange(3 * s.width + 1), s.n) - 2 * s.width + s.column_of_slot
+        inside = (row >= 0) & (row < s.n)
+        touched = inside & (self.fixed[np.clip(row, 0, s.n - 1)] | self.fixed[s.column_of_slot])
+        at = np.flatnonzero(self.fixed)
+        return np.flatnonzero(touched), s.slots(at, at)
+
+    def mapped(self, nodes: NDArray[np.integer]) -> NDArray[np.int32]:
+        """Stations of nodes."""
+        return np.asarray(self.stations.of_node[nodes], dtype=np.int32)
+
+
+def hold_stations(scene: StationScene, shape: StationShape, x: Floats, E_M: Floats, points: Points | None) -> Held:
+    """Everything that follows from coordinates x : (n_nodes, 2) [m], energies E_M : (n_cells,) [J] and facing points.
+
+    The boundary terms are those of the thermal half, with stations in the place of nodes.
+    """
+    model, axisymmetric = scene.model, scene.interface.axisymmetric
+    ground = Ground(x, axisymmetric, scene.surfaces, points)
+    groups = () if points is None else groups_of(points, model.pairs)
+    near = () if points is None else near_groups(points, model.pairs)
+    return Held(
+        model.sigma_SB, (), (), scene.ruler.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
+        _sources(scene, shape), (), (),
+        tuple(Fixed(np.unique(scene.mapped(b.nodes)), None) for b in model.prescribed),
+        tuple(_areas(scene, flux.edges, x) for flux in model.fluxes),
+        tuple(replace(held, points=_moved(scene, held.points)) for held in
+              (hold_film(film, _no_slots(film.where), ground) for film in model.films)),
+        tuple(replace(held, points=_moved(scene, held.points)) for held in
+              (hold_radiator(radiator, _no_slots(radiator.where), ground) for radiator in model.radiators)),
+        tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in groups),
+        tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in near),
+        0 if points is None else int((points.p > 0).sum()),
+    )
+
+
+def rub_stations(held: Held, scene: StationScene, points: Points, E: Floats, at: Fields, h: float) -> Held:
+    """With the friction heat E : (n_s,) [J] of surface nodes, spread evenly over h [s]; at : (n,) at its start."""
+    if not E.any():
+        return held
+    interface, of_node = scene.interface, scene.stations.of_node
+    whole = np.zeros(len(interface.nodes))
+    whole[interface.contact_nodes] = E
+    nodal = Fields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
+    share = slave_share(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
+    power = friction_power(points, share, whole, scene.slave_nodes, h)
+    gather = scene.stations.gather
+    return replace(held, friction=Friction(gather(power.slave), gather(power.master)))
+
+
+def _no_slots(where: Exposed) -> NDArray[np.int64]:
+    return np.zeros((len(where.edges), 2, 2), dtype=np.int64)
+
+
+def _moved(scene: StationScene, points: ExposedPoints) -> ExposedPoints:
+    nodes = scene.mapped(points.nodes)
+    slots = scene.stations.slots(nodes[:, :, None].astype(np.intp), nodes[:, None, :].astype(np.intp))
+    return replace(points, nodes=nodes, slots=slots)
+
+
+def _areas(scene: StationScene, edges: NDArray[np.int32], x: Floats) -> Floats:
+    points = gauss_points(edges, x, scene.interface.axisymmetric)
+    return at_nodes(scene.mapped(edges[points.edge]), points.area[:, None] * points.N, scene.stations.n)
+
+
+def _sources(scene: StationScene, shape: StationShape) -> Floats | None:
+    bodies = scene.model.bodies
+    if all(body.Q_T.is_zero for body in bodies):
+        return None
+    out = np.zeros((len(bodies), scene.stations.n))
+    for b, (body, own) in enumerate(zip(bodies, scene.stations.own, strict=True)):
+        if is_plain(body) and not body.Q_T.is_zero:
+            out[b, own] = shape.volume[own]
+    return out
