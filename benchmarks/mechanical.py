@@ -4,7 +4,7 @@
 
 A square of quads in plane strain, bent by some thousandths.  CPU seconds, one thread, the best of some repeats; SuperLU
 and PARDISO solve the same matrix in turns.  `cold` is the CPU time to compile the loops, in a process of its own.
-`iteration` is all of it as the half does it, on a pattern that is known; `floor` the bare loop, the sum of its entries, and
+`iteration` is all of it as the half does it, on a known pattern; `floor` the bare loop, the sum of its entries, and
 PARDISO's own calls for factors and solve of half the same matrix, measured beside it.
 """
 
