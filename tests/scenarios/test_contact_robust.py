@@ -43,7 +43,9 @@ SCENES: dict[str, Callable[[], Scene]] = {
                                     line((0.8, 0.2), (0.0, 0.0), (-0.8, 0.2))),
     "node over a vertex": lambda: scene(block(4), line((0.9, 0.0), (0.25, 0.0), (0.0, 0.0), (-0.25, 0.0),
                                                        (-0.9, 0.0))),
-    "two candidates": lambda: scene(block(5), line((0.9, 0.0), (-0.6, 0.0), (-0.6, -0.3), (0.9, -0.3))),
+    # A shelf above a floor: both face up.
+    "two candidates": lambda: scene(block(5), line((0.9, 0.0), (-0.9, 0.0), (-0.9, -0.05), (0.9, -0.05), (0.9, -0.3),
+                                                   (-0.9, -0.3))),
     "touching at the start": lambda: scene(block(5, y=0.0), line((0.9, 0.0), (0.1, 0.0), (-0.9, 0.0))),
     "ends above ends": lambda: scene(block(5), line((0.5, 0.0), (0.1, 0.0), (-0.5, 0.0))),
     "end above a node": lambda: scene(block(5, low=-0.1), line((0.7, 0.0), (-0.1, 0.0), (-0.7, 0.0))),
