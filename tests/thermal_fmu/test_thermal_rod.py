@@ -177,8 +177,8 @@ def test_what_is_no_rod_is_refused() -> None:
     spec = {"half": "thermal_rod", "format": 1, "materials": {"m": METAL}, "bodies": {"a": {"material": "m", "T0": 1}}}
     with pytest.raises(ValueError, match="no rod along x"):
         load_rod(slanted, spec)
+    flat = scene(Box(0, 1, 0, 1, 2, 1))
     with pytest.raises(ValueError, match="belongs to no cell"):
-        flat = scene(Box(0, 1, 0, 1, 2, 1))
         load_rod(replace(flat, nodes=np.vstack([flat.nodes, [[5.0, 5.0]]])), spec)
 
 
