@@ -76,8 +76,9 @@ def _watched(watch: cycle.Watch, state: CoupledState, tried: Tried) -> tuple[cyc
     """The watch after a window that was taken, and the window with what the watch has to say."""
     now = tried.solved.state.now
     watch = watch.plus(state.now, now)
-    notes = (cycle.note(watch, tried.number + 1, now.t),) if watch.cycling else ()
-    return watch.tell(), replace(tried, notes=notes)
+    if not watch.cycling:
+        return watch, tried
+    return watch.tell(), replace(tried, notes=(cycle.note(watch, tried.number + 1, now.t),))
 
 
 def _middle(tried: Tried, plan: Plan, start: int, ends: list[int]) -> int:

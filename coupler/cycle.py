@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -43,11 +44,12 @@ class Watch:
 
     def plus(self, before: Level, now: Level) -> Watch:
         """After one more window; quantities that are not known (nan) or not there are left out."""
-        known = now.gap.size and np.isfinite(now.gap).all() and np.isfinite(before.gap).all()
+        # A gap that the mechanical half does not tell is nan: then its coordinates stand for it.
+        known = now.gap.size and math.isfinite(now.gap[0] - before.gap[0])
         news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
                 "gap": now.gap - before.gap if known else (now.x - before.x).ravel()}
         swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
-        return replace(self, swings=swings)
+        return Watch(swings, self.told)
 
     @property
     def cycling(self) -> tuple[str, ...]:
@@ -66,9 +68,13 @@ def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
     """The swing after one more increment of a quantity : (n,)."""
     if last is None:
         return Swing(increment)
-    a, b = float(np.linalg.norm(last.increment)), float(np.linalg.norm(increment))
-    against = float(last.increment @ increment) < -OPPOSITE * a * b
-    return Swing(increment, last.turns + 1 if against and b >= HOLDS * a and np.abs(increment).max() > floor else 0)
+    # Asked first, because most increments point as the one before.
+    along = float(last.increment @ increment)
+    if along >= 0.0:
+        return Swing(increment)
+    a2, b2 = float(last.increment @ last.increment), float(increment @ increment)
+    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
+    return Swing(increment, last.turns + 1 if turned and float(np.abs(increment).max()) > floor else 0)
 
 
 def two_cycles(levels: Sequence[Level]) -> Iterator[tuple[int, tuple[str, ...]]]:

@@ -132,12 +132,7 @@ class Halves:
 def wanted_outputs(thermal: Half, mechanical: Half) -> Halves:
     """Which outputs to ask for, from what the halves have."""
     t = [n for n, b in thermal.blocks.items() if b.causality == "output" and b.kind == "Real"
-         and (n.startswith(PREFIX) or n in ("T", "iterations", "contact.touching")
-              or (n == "f_s" and _takes(mechanical, n)))]
+         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching"))]
     wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching")
     m = [n for n in wanted if n in mechanical.blocks and mechanical.blocks[n].causality == "output"]
     return Halves(thermal, mechanical, tuple(t), tuple(m))
-
-
-def _takes(half: Half, name: str) -> bool:
-    return name in half.blocks and half.blocks[name].causality == "input"

@@ -13,9 +13,16 @@ from thermal_fmu.boundary import Boundary, boundary_flow
 from thermal_fmu.held import Held
 from thermal_fmu.loads import Loads
 from thermal_fmu.methods import Stage
-from thermal_fmu.phase import Fields
+from thermal_fmu.phase import Fields, Melting
 from thermal_fmu.spec import Body
-from thermal_fmu.station_kernels import add_rod_conduction, add_rod_slopes, add_rod_storage, rod_points
+from thermal_fmu.station_kernels import (
+    add_melting_fields,
+    add_rod_conduction,
+    add_rod_slopes,
+    add_rod_storage,
+    melting_heat,
+    rod_points,
+)
 from thermal_fmu.station_scene import StationScene
 from thermal_fmu.station_shapes import N, StationShape
 from thermal_fmu.volume import BadPropertyError
@@ -53,7 +60,7 @@ class StationProblem:
     @cached_property
     def start(self) -> Fields:
         """The fields at s_n."""
-        return phase.fields(self.ground.scene.melting, self.s_n)
+        return _fields(self.ground.scene.melting, self.s_n)
 
 
 @dataclass(frozen=True)
@@ -84,7 +91,7 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     """
     scene, stage = problem.ground.scene, problem.stage
     weight = stage.a * problem.dt
-    at = phase.fields(scene.melting, s)
+    at = _fields(scene.melting, s)
     if problem.blur > 0.0:
         at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
@@ -100,6 +107,17 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, stored,
                           float(np.abs(R - reaction).sum()), scale, band)
+
+
+def _fields(melting: tuple[Melting, ...], s: Floats) -> Fields:
+    """As phase.fields."""
+    if not melting:
+        return Fields(s)
+    T, f_s, dT, df = s.copy(), np.ones(s.size), np.ones(s.size), np.zeros(s.size)
+    for body in melting:
+        change = body.change
+        add_melting_fields(s, body.nodes, (change.T_s, change.T_l, change.W), T, f_s, dT, df)
+    return Fields(T, f_s, dT, df)
 
 
 def _gather(scene: StationScene, boundary: Boundary, slope: float, dT: Floats | None, band: Floats) -> None:
@@ -142,6 +160,10 @@ def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floa
     if change is None:
         c = body.material.c.solid
         return mass * c.increase(s0, s1), mass * _positive("heat capacity", c(s1), body)
+    if change.T_s == change.T_l and change.solid.constant is not None and change.liquid.constant is not None:
+        C = np.empty(s0.size)
+        dh = melting_heat(s0, s1, (change.T_s, change.W, change.L), (change.solid.constant, change.liquid.constant), C)
+        return mass * dh, mass * C
     return mass * change.increase(s0, s1), mass * _positive("heat capacity", change.capacity(s1), body)
 
 

@@ -74,3 +74,39 @@ def add_rod_storage(own: Ints, N: Floats, dE_q: Floats, C_q: Floats, S: Floats, 
                 for b in range(2):
                     j = own[e + b]
                     band[2 * w + i - j, j] += C_q[e, q] * N[q, a] * N[q, b]
+
+
+@njit(cache=True)
+def add_melting_fields(s: Floats, own: Ints, mush: tuple[float, float, float], T: Floats, f_s: Floats, dT: Floats,
+                       df: Floats) -> None:
+    """Fill T [K], f_s and their derivatives by s : (n,) [K] at the stations of a body (thermal_fmu/phase.py).
+
+    mush : T_s, T_l and the width W [K].
+    """
+    T_s, T_l, W = mush
+    for i in own:
+        if s[i] <= T_s:
+            T[i], f_s[i], dT[i], df[i] = s[i], 1.0, 1.0, 0.0
+        elif s[i] < T_s + W:
+            phi = (s[i] - T_s) / W
+            T[i], f_s[i], dT[i], df[i] = T_s + phi * (T_l - T_s), 1.0 - phi, (T_l - T_s) / W, -1.0 / W
+        else:
+            T[i], f_s[i], dT[i], df[i] = s[i] - (W - (T_l - T_s)), 0.0, 1.0, 0.0
+
+
+@njit(cache=True)
+def melting_heat(s0: Floats, s1: Floats, mush: tuple[float, float, float], c: tuple[float, float],
+                 C: Floats) -> Floats:
+    """(m,) increase of enthalpy from s0 to s1 : (m,) [J/kg] at one melting point, and C : (m,) its derivative [J/kgK].
+
+    mush : the melting point [K], the width W [K], L [J/kg].  c : of the solid and of the liquid [J/kgK].
+    """
+    T_m, W, L = mush
+    dh = np.empty(s0.size)
+    for i in range(s0.size):
+        solid = c[0] * (min(s1[i], T_m) - min(s0[i], T_m))
+        liquid = c[1] * (max(s1[i], T_m + W) - max(s0[i], T_m + W))
+        phi0, phi1 = min(max((s0[i] - T_m) / W, 0.0), 1.0), min(max((s1[i] - T_m) / W, 0.0), 1.0)
+        dh[i] = solid + liquid + L * (phi1 - phi0)
+        C[i] = c[0] if s1[i] <= T_m else (L / W if s1[i] < T_m + W else c[1])
+    return dh

@@ -67,15 +67,10 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
         raise c.document.error(key, f"{quantity} exists only on contact surfaces",
                                f"Contact surfaces here: {', '.join(sorted(sides)) or 'none'}.")
-    if quantity == "f_s" and not _solid_fraction_crosses(c):
-        raise c.document.error(key, "the solid fraction is exchanged only where the mechanical half asks for it",
-                               "That is `elastic` or `rod`, with a material that has both latent and liquid.")
+    if quantity == "f_s" and not any(c.file.materials[b.material].latent for b in c.file.bodies.values()):
+        raise c.document.error(key, "nothing melts here, so there is no solid fraction",
+                               "Give a material its latent heat.")
     return Probe(quantity, UNITS[quantity], reduction, nodes, weights)
-
-
-def _solid_fraction_crosses(c: Context) -> bool:
-    used = [c.file.materials[body.material] for body in c.file.bodies.values()]
-    return c.file.mechanical.half in ("elastic", "rod") and any(m.latent and m.liquid for m in used)
 
 
 def _named(c: Context, name: str, key: Key) -> tuple[Ints, Floats]:

@@ -36,9 +36,32 @@ def test_below_the_critical_window_it_converges(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("share", "key"), [(1.2, "cycle_at_1_2"), (10.0, "cycle_at_10")])
 def test_beyond_it_cycles_between_two_states(tmp_path: Path, share: float, key: str) -> None:
-    T, _ = lumped(tmp_path, share, 100)
+    T, _ = lumped(tmp_path, share, 60)
     assert sorted(T[-2:]) == pytest.approx(E4[key], abs=1e-3)
     assert T[-4:-2] == pytest.approx(T[-2:], abs=1e-4)
+
+
+def test_iterated_windows_find_it_at_any_size(tmp_path: Path) -> None:
+    """Ten times the critical window, by Aitken's factor; the default tolerance of T is met at the end of each."""
+    T, gap = lumped(tmp_path, 10.0, 30, "iterated")
+    assert T[-1] == pytest.approx(E4["T"], abs=1e-3)
+    assert gap[-1] == pytest.approx(E4["g"], rel=1e-4)
+
+
+def test_order_of_the_extrapolated_gap(tmp_path: Path) -> None:
+    """E8: midpoint, gap predicted to the middle of a window.
+
+    The first window is held flat and damped, which costs an error of its own order: the slope is steeper at first.
+    """
+    case, errors = CASES["E8"], []
+    for n in (40, 80, 160):
+        folder = tmp_path / str(n)
+        folder.mkdir()
+        text = LUMPED_GAP.format(T0=840, method="midpoint", scheme="extrapolated", size=20 / n, end=20)
+        results = solve(folder, text)
+        errors.append(abs(results.probe("T")[1][-1] - case["T"]))
+    assert -np.polyfit(np.arange(3), np.log2(errors), 1)[0] == pytest.approx(case["order_extrapolated"], abs=0.1)
+    assert errors[-1] < 3e-5
 
 
 def test_a_rod_that_closes_its_clearance(tmp_path: Path) -> None:
@@ -59,13 +82,13 @@ def test_a_rod_that_closes_its_clearance(tmp_path: Path) -> None:
 
 
 def closing(folder: Path, scheme: str) -> dict[str, np.ndarray]:
-    """D13 in windows of 1 s, in small strains, and on to rest."""
+    """D13 in windows of 1 to 4 s (.1 s about the contact), in small strains, and on to rest."""
     results = solve(folder, CLOSING, **{
         "materials.metal.alpha": 1.2e-5 * SMALL, "materials.metal.E": 2e9 / SMALL,
         "bodies.wall.mesh.rectangle.origin": [0.1 + 6e-5 * SMALL, 0], "bodies.rod.mesh.rectangle.cells": [80, 1],
         "coupling.scheme": scheme, "coupling.end": 20000,
-        "coupling.windows": [{"until": 39, "size": 1.0}, {"until": 40, "size": 0.1}, {"until": 400, "size": 1.0},
-                             {"until": 20000, "first": 1.0, "last": 500.0}]})
+        "coupling.windows": [{"until": 39, "size": 1.0}, {"until": 40, "size": 0.1}, {"until": 60, "size": 1.0},
+                             {"until": 400, "size": 4.0}, {"until": 20000, "first": 4.0, "last": 1000.0}]})
     t = CASES["D13"]["t"]
     gap, p = results.probe("gap")[1] / SMALL, results.probe("p")[1]
     first = int(np.argmax(p > 0.0))
