@@ -99,11 +99,14 @@ def test_the_solid_fraction_is_interpolated_to_the_ends_of_mechanical_substeps()
     assert len(mechanical.strings["seen"]) == 8
 
 
-def test_f_s_is_asked_for_only_by_a_half_that_takes_it():
+def test_f_s_is_asked_for_wherever_something_melts():
+    """Probes show it, also where the mechanical half does not take it."""
     mechanical = rubbing()
-    assert "f_s" in wanted_outputs(melting(), mechanical).thermal_outputs
     rigid = replace(mechanical, blocks={n: b for n, b in mechanical.blocks.items() if n != "f_s"})
-    assert "f_s" not in wanted_outputs(melting(), rigid).thermal_outputs
+    for half in (mechanical, rigid):
+        assert "f_s" in wanted_outputs(melting(), half).thermal_outputs
+    dry = replace(melting(), blocks={n: b for n, b in melting().blocks.items() if n != "f_s"})
+    assert "f_s" not in wanted_outputs(dry, mechanical).thermal_outputs
 
 
 def test_accounts_are_opened_for_what_is_made():
