@@ -26,8 +26,6 @@ LAMBDA_1, LAMBDA_2, SHEAR_1, SHEAR_2, EPS_N, EPS_T, MU, N_CONSTANTS = 0, 1, 2, 3
 # What a point does.
 OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 
-Vector = tuple[float, float]
-
 
 @kernel
 def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:

@@ -1,4 +1,4 @@
-"""Blocks of pieces added up into rows of nodes: a sixth of the bytes, and ready to be put into a matrix."""
+"""Blocks of pieces added up into rows of nodes: a third of the bytes, and ready to be put into a matrix."""
 
 from __future__ import annotations
 

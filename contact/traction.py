@@ -4,6 +4,7 @@ p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the sl
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
 points, so forces and moments balance to round-off.  A touching point with friction drags along t (n turned to the
 left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.
+The two drags stand the gap apart, so their moments balance only to tau A g_N.
 """
 
 from __future__ import annotations

@@ -15,8 +15,9 @@ from contact.half.sparse import SingularMatrixError
 from contact.half.surfaces import ContactRefusedError
 from thermal_fmu import phase
 from thermal_fmu.advance import Begin, advance
+from thermal_fmu.face import face_variables, whole
 from thermal_fmu.facing import Points, points_of
-from thermal_fmu.heat import Heat, names_of, no_heat
+from thermal_fmu.heat import Heat, no_heat
 from thermal_fmu.held import hold, rubbed
 from thermal_fmu.jump import entropy_jump
 from thermal_fmu.loads import calendar_of, factors_of
@@ -81,7 +82,7 @@ class ThermalHalf:
         T = np.full(scene.volume.n, scene.model.bodies[0].T0)
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
-        state = ThermalState(phase.unknown(scene.melting, T), X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        state = ThermalState(phase.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
@@ -89,7 +90,7 @@ class ThermalHalf:
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
-        number = _whole(inputs, "control.method")
+        number = whole(inputs, "control.method")
         if number != 0 and number not in METHOD_NUMBERS:
             return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
         stepping = self._scene.model.stepping
@@ -117,7 +118,7 @@ class ThermalHalf:
             held = rubbed(held, scene, points, E_friction, phase.fields(scene.melting, np.array(state.s)), h)
         load = factors_of(scene.model, inputs)
         course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
-        event = _whole(inputs, "control.event")
+        event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_jump(course, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
         begin = Begin(np.array(state.s) if jump is None else jump.s, state.anchor,
@@ -162,38 +163,10 @@ class ThermalHalf:
 
 
 def _variables(scene: Scene) -> tuple[Variable, ...]:
-    interface, volume = scene.interface, scene.volume
-    n, n_s = volume.n, len(interface.contact_nodes)
-    surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
-                        description="normal traction at surface nodes, <= 0"),
-               Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
-                        description="friction heat of the substep at surface nodes")) if n_s else ()
     inner = () if scene.model.stepping.adaptive is None else (
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
-    return (
-        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
-        *surface,
-        Variable("E_M", (volume.n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
-        Variable("E_S", (volume.n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
-        *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),
-        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
-        *(Variable(name, unit="J", description="energy of the substep into the bodies")
-          for name in names_of(scene.model)),
-        Variable("iterations", description="linear solves of the substep"),
-        Variable("residual", description="heat missing, as a share of the heat that flowed"),
-        Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
-        Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
-        Variable("contact.touching", description="facing points under pressure"),
-        *inner,
-        *field_variables(scene),
-    )
-
-
-def _whole(inputs: Values, name: str) -> int:
-    value = inputs.get(name, 0)
-    assert isinstance(value, int | np.integer), f"{name} is an Integer"
-    return int(value)
+    return (*face_variables(scene.interface, scene.model), *inner, *field_variables(scene))
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,25 +107,39 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
         step, anchor = solution.x, solution.anchor
         _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
         before = now.norm
-        s, now = _descend(problem, s, step, now, floor, climbs > 0)
+        s, now = descend(partial(balance, problem, jacobian=False), s, step, now, (floor, climbs > 0))
         climbs -= int(now.norm >= before and now.norm > floor)
     raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.share:.2e} of the heat that flows "
                             f"(tolerance {SHARE * tolerance:.1e})")
 
 
-def _descend(problem: StageProblem, s: Floats, step: Floats, before: Balance,
-             floor: float, may_climb: bool) -> tuple[Floats, Balance]:
+class Trial(Protocol):
+    """A balance as far as a descent looks at it: the sum of |R| [J], and it as a share of the heat that flows."""
+
+    @property
+    def norm(self) -> float: ...
+    @property
+    def share(self) -> float: ...
+
+
+B = TypeVar("B", bound=Trial)
+
+
+def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: B,
+            allowed: tuple[float, bool]) -> tuple[Floats, B]:
     """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no property that is not positive.
 
-    may_climb : the best of them will do where none lowers it.
+    allowed : the residual that is round-off, and whether the best of them will do where none lowers it.
+    Raises NotConvergedError, BadPropertyError.
     """
+    floor, may_climb = allowed
     share = 1.0
     refused: BadPropertyError | None = None
-    best: tuple[Floats, Balance] | None = None
+    best: tuple[Floats, B] | None = None
     for _ in range(MAX_HALVINGS):
         trial = s + share * step
         try:
-            after = balance(problem, trial, jacobian=False)
+            after = balance_at(trial)
         except BadPropertyError as exc:
             refused = exc
         else:

@@ -14,8 +14,9 @@ from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.half.sparse import SingularMatrixError
 from contact.half.surfaces import ContactRefusedError
 from thermal_fmu import phase
+from thermal_fmu.face import face_variables, whole
 from thermal_fmu.facing import Points, points_of
-from thermal_fmu.heat import Heat, names_of, no_heat
+from thermal_fmu.heat import Heat, no_heat
 from thermal_fmu.loads import calendar_of, factors_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
 from thermal_fmu.newton import NotConvergedError
@@ -71,14 +72,14 @@ class StationHalf:
         X = np.array(inputs["x"], dtype=np.float64)
         self._shape_of(X)
         T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
-        state = StationState(phase.unknown(scene.melting, T), X, _whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        state = StationState(phase.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
 
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
-        number = _whole(inputs, "control.method")
+        number = whole(inputs, "control.method")
         stepping = self._scene.model.stepping
         name = METHOD_NUMBERS.get(number, stepping.method if number == 0 else "")
         if name in ("", "steady"):
@@ -103,7 +104,7 @@ class StationHalf:
             held = rub_stations(held, scene, points, E, phase.fields(scene.melting, s), h)
         ground = Ground(scene, shape, self._shape_of(state.X), held)
         course = StationCourse(ground, factors_of(scene.model, inputs), self._calendar, held.E_M / h)
-        event = _whole(inputs, "control.event")
+        event = whole(inputs, "control.event")
         damped = DAMPED_SUBSTEPS if event != state.event else state.damped
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_stations(course, scene.ruler.spread(E_S, shape), s, t) if E_S.any() else None
@@ -142,33 +143,6 @@ class StationHalf:
 
 
 def _variables(scene: StationScene) -> tuple[Variable, ...]:
-    interface = scene.interface
-    n, n_s = len(interface.nodes), len(interface.contact_nodes)
-    n_cells = len(interface.quads) + len(interface.triangles)
-    surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
-                        description="normal traction at surface nodes, <= 0"),
-               Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
-                        description="friction heat of the substep at surface nodes")) if n_s else ()
+    n = len(scene.interface.nodes)
     melts = (Variable("f_s", (n,), description="solid fraction at the end of the substep"),) if scene.melting else ()
-    return (
-        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
-        *surface,
-        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
-        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
-        *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in scene.model.load_names),
-        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
-        *melts,
-        *(Variable(name, unit="J", description="energy of the substep into the bodies")
-          for name in names_of(scene.model)),
-        Variable("iterations", description="linear solves of the substep"),
-        Variable("residual", description="heat missing, as a share of the heat that flowed"),
-        Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
-        Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
-        Variable("contact.touching", description="facing points under pressure"),
-    )
-
-
-def _whole(inputs: Values, name: str) -> int:
-    value = inputs.get(name, 0)
-    assert isinstance(value, int | np.integer), f"{name} is an Integer"
-    return int(value)
+    return (*face_variables(scene.interface, scene.model), *melts)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu.limits import demand_limits
 from thermal_fmu.newton import (
-    DESCENT,
     LEAST_BLUR,
     MAX_CLIMBS,
-    MAX_HALVINGS,
     MAX_ITERATIONS,
     MAX_RETREATS,
     ROUGH,
@@ -20,6 +19,7 @@ from thermal_fmu.newton import (
     SHARE,
     SHARPER,
     NotConvergedError,
+    descend,
 )
 from thermal_fmu.phase import temperature
 from thermal_fmu.station_balance import StationBalance, StationProblem, station_balance
@@ -107,37 +107,7 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, effort: Effort
             now = station_balance(problem, s)
             continue
         before = now.norm
-        s, now = _descend(problem, s, step, now, (floor, climbs > 0))
+        s, now = descend(partial(station_balance, problem), s, step, now, (floor, climbs > 0))
         climbs -= int(now.norm >= before and now.norm > floor)
     raise NotConvergedError(f"{effort.iterations} iterations left a residual of {now.share:.2e} of the heat that flows "
                             f"(tolerance {SHARE * tolerance:.1e})")
-
-
-def _descend(problem: StationProblem, s: Floats, step: Floats, before: StationBalance,
-             allowed: tuple[float, bool]) -> tuple[Floats, StationBalance]:
-    """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no property that is not positive.
-
-    allowed : the residual that is round-off, and whether the best of them will do where none lowers it.
-    """
-    floor, may_climb = allowed
-    share = 1.0
-    refused: BadPropertyError | None = None
-    best: tuple[Floats, StationBalance] | None = None
-    for _ in range(MAX_HALVINGS):
-        trial = s + share * step
-        try:
-            after = station_balance(problem, trial)
-        except BadPropertyError as exc:
-            refused = exc
-        else:
-            if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
-                return trial, after
-            if best is None or after.norm < best[1].norm:
-                best = trial, after
-        share *= 0.5
-    if may_climb and best is not None:
-        return best
-    if refused is not None:
-        raise refused
-    raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.share:.2e} "
-                            "of the heat that flows")
