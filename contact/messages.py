@@ -1,17 +1,19 @@
 """Messages as records: any frozen dataclass of plain fields, by its type hints.
 
-Field types: NDArray[...], str, bool, int, float, Enum, tuple[X, ...], dict or Mapping[str, X], and
-dataclasses of those.
+Field types: NDArray[...], str, bool, int, float, bytes, Enum, tuple[X, ...], tuple[X, Y], frozenset[str] or [int],
+dict or Mapping[str, X] or [int, X], X | None, and dataclasses of those.  Arrays come back in C order.
 """
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache
-from typing import Any, Protocol, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -78,8 +80,16 @@ def _form_of(hint: Any) -> Form:
         return _array_form(get_args(args[1])[0])
     if origin is tuple and args[1:] == (Ellipsis,):
         return _tuple_form(_form_of(args[0]))
-    if origin in (dict, Mapping):
-        return _dict_form(_form_of(args[1]))
+    if origin is tuple and args:
+        return _fixed_form(tuple(_form_of(arg) for arg in args))
+    if origin in (frozenset, AbstractSet) and args[0] in (str, int):
+        return _set_form(args[0])
+    if origin in (dict, Mapping) and args[0] in (str, int):
+        return _dict_form(args[0], _form_of(args[1]))
+    if origin in (Union, UnionType) and len(args) == 2 and NoneType in args:
+        return _optional_form(_form_of(args[0] if args[1] is NoneType else args[1]))
+    if hint is bytes:
+        return _bytes_form()
     if isinstance(hint, type) and is_dataclass(hint):
         return _dataclass_form(hint)
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -121,15 +131,84 @@ def _tuple_form(item: Form) -> Form:
     return Form(pack, unpack)
 
 
-def _dict_form(item: Form) -> Form:
-    def pack(value: Any, path: str, arrays: Arrays) -> dict[str, Any]:
-        return {k: item.pack(v, f"{path}.{k}", arrays) for k, v in value.items()}
+def _fixed_form(items: tuple[Form, ...]) -> Form:
+    def sized(value: Any, path: str) -> Any:
+        if len(value) != len(items):
+            raise WireError(f"{path}: {len(items)} items were expected, not {len(value)}")
+        return value
 
-    def unpack(raw: Any, path: str, arrays: Arrays) -> dict[str, Any]:
-        _expect(raw, dict, path)
-        return {k: item.unpack(v, f"{path}.{k}", arrays) for k, v in raw.items() if _expect(k, str, path)}
+    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
+        return [form.pack(v, f"{path}.{i}", arrays)
+                for i, (form, v) in enumerate(zip(items, sized(value, path), strict=True))]
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> tuple[Any, ...]:
+        _expect(raw, list, path)
+        return tuple(form.unpack(v, f"{path}.{i}", arrays)
+                     for i, (form, v) in enumerate(zip(items, sized(raw, path), strict=True)))
 
     return Form(pack, unpack)
+
+
+def _set_form(kind: type[Any]) -> Form:
+    # Sorted: equal sets have equal bytes.
+    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
+        return sorted(v for v in value if _expect(v, kind, path))
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> frozenset[Any]:
+        _expect(raw, list, path)
+        return frozenset(v for v in raw if _expect(v, kind, path))
+
+    return Form(pack, unpack)
+
+
+def _optional_form(item: Form) -> Form:
+    # In a list, because an array leaves nothing but None in the header.
+    def pack(value: Any, path: str, arrays: Arrays) -> list[Any] | None:
+        return None if value is None else [item.pack(value, path, arrays)]
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
+        if raw is None:
+            return None
+        if _expect(raw, list, path) and len(raw) != 1:
+            raise WireError(f"{path}: one value was expected, not {len(raw)}")
+        return item.unpack(raw[0], path, arrays)
+
+    return Form(pack, unpack)
+
+
+def _bytes_form() -> Form:
+    # An array on the wire: a header is bounded, the state of a half is not.
+    array = _array_form(np.uint8)
+
+    def pack(value: Any, path: str, arrays: Arrays) -> None:
+        _expect(value, bytes, path)
+        array.pack(np.frombuffer(value, np.uint8), path, arrays)
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> bytes:
+        data: bytes = array.unpack(raw, path, arrays).tobytes()
+        return data
+
+    return Form(pack, unpack)
+
+
+def _dict_form(kind: type[Any], item: Form) -> Form:
+    # As pairs where keys are numbers: a reader of maps takes text keys only.
+    def pack(value: Any, path: str, arrays: Arrays) -> Any:
+        packed = {k: item.pack(v, f"{path}.{k}", arrays) for k, v in value.items() if _expect(k, kind, path)}
+        return packed if kind is str else [[k, v] for k, v in packed.items()]
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> dict[Any, Any]:
+        _expect(raw, dict if kind is str else list, path)
+        pairs = raw.items() if kind is str else [(row[0], row[1]) for row in raw if _pair(row, path)]
+        return {k: item.unpack(v, f"{path}.{k}", arrays) for k, v in pairs if _expect(k, kind, path)}
+
+    return Form(pack, unpack)
+
+
+def _pair(row: Any, path: str) -> bool:
+    if _expect(row, list, path) and len(row) != 2:
+        raise WireError(f"{path}: a key and a value were expected, not {len(row)}")
+    return True
 
 
 def _dataclass_form(kind: type[Any]) -> Form:

@@ -118,6 +118,7 @@ class FmuHalf:
         self.strings: Mapping[str, str] = {n: f.start for n, f in self._fields.items()
                                            if f.block.kind == "String" and f.start is not None}
         self.can_save = self._description.can_save
+        self.can_serialise = self._description.can_serialise
         self._log: deque[str] = deque(maxlen=LOG_LENGTH)
         self._buffers: dict[str, _Buffer] = {}
         self._plans: dict[tuple[str, ...], list[_Run]] = {}
@@ -196,6 +197,25 @@ class FmuHalf:
         del self._states[token]
         self._call("fmi2FreeFMUstate", byref(state))
 
+    def serialise(self, token: int) -> bytes:
+        """The bytes of a kept state, for another process."""
+        if not self.can_serialise:
+            raise self._error("its FMU cannot write its state down: no resume")
+        state, size = self._state(token), c_size_t(0)
+        self._call("fmi2SerializedFMUstateSize", state, byref(size))
+        buffer = create_string_buffer(size.value)
+        self._call("fmi2SerializeFMUstate", state, buffer, size)
+        if not size.value:
+            raise self._error("it gave no bytes for its state: no resume")
+        return buffer.raw
+
+    def deserialise(self, data: bytes) -> int:
+        """Keep the state behind bytes that serialise gave; returns a token."""
+        state = c_void_p(None)
+        buffer = (c_char * len(data)).from_buffer_copy(data)
+        self._call("fmi2DeSerializeFMUstate", buffer, len(data), byref(state))
+        return self._keep(state)
+
     def log_tail(self) -> str:
         """The half's last log messages."""
         return "\n".join(list(self._log)[-30:])
@@ -213,25 +233,6 @@ class FmuHalf:
             self._fmu.fmi2FreeInstance(self._instance)
         finally:
             self._dead = True
-
-    # Beyond the protocol: checkpoints
-
-    def serialise(self, token: int) -> bytes:
-        """The bytes of a kept state, for another process."""
-        if not self._description.can_serialise:
-            raise self._error("its FMU cannot write its state down: no resume")
-        state, size = self._state(token), c_size_t(0)
-        self._call("fmi2SerializedFMUstateSize", state, byref(size))
-        buffer = create_string_buffer(size.value)
-        self._call("fmi2SerializeFMUstate", state, buffer, size)
-        return buffer.raw
-
-    def deserialise(self, data: bytes) -> int:
-        """Keep the state behind bytes that serialise gave; returns a token."""
-        state = c_void_p(None)
-        buffer = (c_char * len(data)).from_buffer_copy(data)
-        self._call("fmi2DeSerializeFMUstate", buffer, len(data), byref(state))
-        return self._keep(state)
 
     # Inside
 

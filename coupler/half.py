@@ -64,6 +64,11 @@ class Half(Protocol):
         """Whether states can be saved and restored; without, a window that fails cannot be tried again."""
         ...
 
+    @property
+    def can_serialise(self) -> bool:
+        """Whether states can be written down; without, a run that stopped cannot be resumed."""
+        ...
+
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:
         """Set parameters and first inputs, leave initialisation mode, return the outputs asked for."""
@@ -84,6 +89,17 @@ class Half(Protocol):
     def restore(self, token: int) -> None: ...
 
     def release(self, token: int) -> None: ...
+
+    def serialise(self, token: int) -> bytes:
+        """The bytes of a kept state, which restore the same bits in another process with the same FMU."""
+        ...
+
+    def deserialise(self, data: bytes) -> int:
+        """Keep the state behind bytes that serialise gave; returns a token.
+
+        What the bytes are may only be seen at restore, which then raises HalfError.
+        """
+        ...
 
     def log_tail(self) -> str:
         """The half's last log messages, for error texts."""

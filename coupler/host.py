@@ -23,6 +23,7 @@ from coupler.verbs import (
     Close,
     Describe,
     Described,
+    Deserialise,
     Done,
     Failed,
     Initialise,
@@ -31,6 +32,8 @@ from coupler.verbs import (
     Release,
     Restore,
     Save,
+    Serialise,
+    StateBytes,
     Step,
     Text,
     Token,
@@ -79,7 +82,8 @@ def answer(half: Half, verb: Verb) -> Any:
 def _answer(half: Half, verb: Verb) -> Any:
     match verb:
         case Describe():
-            return Described(half.name, tuple(half.blocks.values()), dict(half.strings), half.can_save)
+            return Described(half.name, tuple(half.blocks.values()), dict(half.strings), half.can_save,
+                             half.can_serialise)
         case Initialise(t_start, t_end, parameters, inputs, outputs):
             return Values(half.initialise(t_start, t_end, parameters, inputs, outputs))
         case Step(t, h, inputs, outputs):
@@ -92,6 +96,10 @@ def _answer(half: Half, verb: Verb) -> Any:
             half.restore(token)
         case Release(token):
             half.release(token)
+        case Serialise(token):
+            return StateBytes(half.serialise(token))
+        case Deserialise(data):
+            return Token(half.deserialise(data))
         case LogTail():
             return Text(half.log_tail())
         case Close():

@@ -16,6 +16,7 @@ from coupler.verbs import (
     Close,
     Describe,
     Described,
+    Deserialise,
     Done,
     Failed,
     Initialise,
@@ -24,6 +25,8 @@ from coupler.verbs import (
     Release,
     Restore,
     Save,
+    Serialise,
+    StateBytes,
     Step,
     Text,
     Token,
@@ -51,6 +54,7 @@ class RemoteHalf:
         self.blocks = {block.name: block for block in description.blocks}
         self.strings = description.strings
         self.can_save = description.can_save
+        self.can_serialise = description.can_serialise
 
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str],
                    inputs: Mapping[str, Array], outputs: Sequence[str]) -> dict[str, Array]:
@@ -75,6 +79,12 @@ class RemoteHalf:
 
     def release(self, token: int) -> None:
         self._call(Release(token), Done)
+
+    def serialise(self, token: int) -> bytes:
+        return self._call(Serialise(token), StateBytes).data
+
+    def deserialise(self, data: bytes) -> int:
+        return self._call(Deserialise(data), Token).token
 
     def log_tail(self) -> str:
         return self._call(LogTail(), Text, LOG_DEADLINE).text

@@ -19,12 +19,13 @@ class Describe:
 
 @dataclass(frozen=True)
 class Described:
-    """A half's name, blocks, strings and whether it can save: the attributes of coupler.half.Half."""
+    """A half's name, blocks, strings and what it can do: the attributes of coupler.half.Half."""
 
     name: str
     blocks: tuple[Block, ...]
     strings: dict[str, str]
     can_save: bool
+    can_serialise: bool
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,27 @@ class Release:
 
 
 @dataclass(frozen=True)
+class Serialise:
+    """Half.serialise.  Answered by StateBytes."""
+
+    token: int
+
+
+@dataclass(frozen=True)
+class StateBytes:
+    """A half's state, written down."""
+
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Deserialise:
+    """Half.deserialise.  Answered by Token."""
+
+    data: bytes
+
+
+@dataclass(frozen=True)
 class LogTail:
     """Half.log_tail.  Answered by Text."""
 
@@ -118,6 +140,6 @@ class Failed:
     log: str
 
 
-Verb = Describe | Initialise | Step | Read | Save | Restore | Release | LogTail | Close
-VERBS = kinds_of((Describe, Initialise, Step, Read, Save, Restore, Release, LogTail, Close))
-ANSWERS = kinds_of((Described, Values, Advance, Token, Text, Done, Failed))
+Verb = Describe | Initialise | Step | Read | Save | Restore | Release | Serialise | Deserialise | LogTail | Close
+VERBS = kinds_of((Describe, Initialise, Step, Read, Save, Restore, Release, Serialise, Deserialise, LogTail, Close))
+ANSWERS = kinds_of((Described, Values, Advance, Token, StateBytes, Text, Done, Failed))

@@ -25,7 +25,7 @@ class Toy:
         self.blocks = {"x": Block("x", (4, 2), "m", "input", "Real"), "y": Block("y", (4,), "m", "output", "Real"),
                        "sum": Block("sum", (), "m", "output", "Real")}
         self.strings = {"mesh.hash": "abc"}
-        self.can_save = True
+        self.can_save = self.can_serialise = True
         self.x, self.y = np.zeros((4, 2)), np.zeros(4)
         self.saved: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -71,6 +71,14 @@ class Toy:
 
     def release(self, token):
         del self.saved[token]
+
+    def serialise(self, token):
+        return b"".join(a.tobytes() for a in self.saved[token])
+
+    def deserialise(self, data):
+        x, y = np.frombuffer(data[:64]).reshape(4, 2), np.frombuffer(data[64:])
+        self.saved[len(self.saved)] = (x, y)
+        return len(self.saved) - 1
 
     def log_tail(self):
         return "nothing to say"
