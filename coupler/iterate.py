@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from coupler.acceleration import Memory, Trail, contraction, next_guess, relaxed, remembered
 from coupler.convergence import Step, misfits
-from coupler.iteration import Iteration, OnMax
+from coupler.iteration import Iteration, OnMax, Seen
 from coupler.level import Level, exchanged, predicted
 from coupler.scheme import Swept, mechanical_first
 from coupler.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
@@ -62,7 +62,7 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
         if k > 1:
             so_far = _next(so_far, how, state.memory)
             rollback()
-        swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work)
+        swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
         so_far = _judged(so_far, state.now, swept, how)
         if so_far.converged:
             break

@@ -23,6 +23,13 @@ class OnMax(Enum):
     ACCEPT = "accept"  # go on with the last iterate; its row keeps the verdict
 
 
+class Seen(Enum):
+    """Of which time of its substep the thermal half is given x and t_N."""
+
+    MIDDLE = "middle"  # second order; far beyond 1/b what is disturbed alternates from window to window
+    END = "end"  # first order, and no window is too large for it: for methods that damp (backward Euler, sdirk2)
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """A difference passes if it is at most atol + rtol * (largest change of the quantity over the window).
@@ -57,6 +64,7 @@ class Iteration:
     never wild, because the T it goes to is what the thermal half found between its own boundary data.
     reuse : windows whose residuals `iqn_ils` remembers.  0 as a default: what a melting front did in the last window
     costs more iterates than it saves.
+    level : `middle` as a default: it keeps the order of the midpoint rule.
     """
 
     acceleration: Acceleration = Acceleration.IQN_ILS
@@ -65,3 +73,4 @@ class Iteration:
     on_max: OnMax = OnMax.RETRY_SMALLER
     reuse: int = 0
     tolerance: Tolerances = field(default_factory=Tolerances)
+    level: Seen = Seen.MIDDLE

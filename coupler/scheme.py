@@ -52,12 +52,15 @@ def parallel(halves: Halves, state: CoupledState, span: Span) -> Swept:
 
 
 def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mapping[str, Array],
-                     done: Work = Work()) -> Swept:  # noqa: B008  (frozen)
-    """Mechanics with a T given at the end, then thermal on the way x and t_N went.  Heat is delivered at once."""
+                     done: Work = Work(), at_end: bool = False) -> Swept:  # noqa: B008  (frozen)
+    """Mechanics with a T given at the end, then thermal on the way x and t_N went.  Heat is delivered at once.
+
+    at_end : thermal substeps are given x and t_N of their end, not of their middle.
+    """
     mechanical = mechanical_pass(halves, state, span.times("mechanical"), end, done)
     made = replace(state, sent=mechanical.sent, accounts=with_made(state.accounts, mechanical.made))
     slope = (state.now, _level(state.now, span, {}, mechanical.outputs))
-    thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work)
+    thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end)
     return _swept(state, span, thermal, mechanical, (delivered(made.accounts, halves.thermal.blocks), thermal))
 
 

@@ -55,16 +55,17 @@ class _Call:
     outputs: tuple[str, ...]
 
 
-def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | None, done: Work) -> Pass:
+def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | None, done: Work,
+                 at_end: bool = False) -> Pass:
     """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once.
 
-    times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle.
+    times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
     done : the work before.  Raises DiscardError.
     """
     H, sent, work, terms = times[-1] - times[0], state.sent, done, []
     outputs: Mapping[str, Array] = {}
     for t0, t1 in pairwise(times):
-        x, t_N = geometry_at(state.now, slope, 0.5 * (t0 + t1))
+        x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
         inputs = {"x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
         answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import model_validator
 
-from coupler.iteration import Acceleration, OnMax, Tolerance, Tolerances
+from coupler.iteration import Acceleration, OnMax, Seen, Tolerance, Tolerances
 from coupler.iteration import Iteration as Method
 from coupler.scenario.base import Part
 from coupler.scenario.quantity import NotNegative, Positive, Whole, problem
@@ -59,6 +59,7 @@ class Iteration(Part):
     on_max: OnMax = METHOD.on_max
     reuse: NotNegative = float(METHOD.reuse)
     tolerance: IterationTolerances = IterationTolerances()
+    level: Seen = METHOD.level
 
     @model_validator(mode="after")
     def _in_bounds(self) -> Iteration:
@@ -77,4 +78,4 @@ class Iteration(Part):
         """The checked values."""
         t = self.tolerance
         return Method(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse), Tolerances(
-            *(Tolerance(q.atol, q.rtol) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
+            *(Tolerance(q.atol, q.rtol) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))), self.level)
