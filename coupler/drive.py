@@ -5,9 +5,10 @@ drift d of a part that thins or hardens meanwhile.  The next load is that for wh
 
     v' = v + g (m* - m - d),  d = dm - dv/g,  g = 1/b.
 
-So a steady drift leaves no lag behind, as it would with a gain on m* - m alone.  With g b = kappa the differences from the target
-obey e' = (2 - 2 kappa) e - (1 - kappa) e_before: at rest at once for kappa = 1, stable for 0 < kappa < 4/3.  Where no gain is given
-g is taken from successive windows, b = (second difference of m)/(second difference of v), held in bounds and only where v moved.
+So a steady drift leaves no lag behind, as it would with a gain on m* - m alone.  With g b = kappa the differences from
+the target obey e' = (2 - 2 kappa) e - (1 - kappa) e_before: at rest at once for kappa = 1, stable for 0 < kappa < 4/3. 
+Where no gain is given g is taken from successive windows, b = (second difference of m)/(second difference of v), held
+in bounds and only where v moved.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from dataclasses import dataclass, replace
 
 from coupler.rule import Drive
 
-# A gain not known yet: stable up to a slope of 6.6, more than the exponent of most creep laws and gentle enough for all.
+# A gain not known yet: stable up to a slope of 6.6, more than the exponent of most creep laws and gentle enough for
+# all.
 CAUTIOUS = 0.2
 # Bounds of a measured gain (strain rate ~ load^n, n from 1 to 20), and how much of a new measurement is believed.
 GAINS, BELIEVED = (0.05, 1.0), 0.5
@@ -29,9 +31,10 @@ STRIDE = math.log(2.0)
 
 @dataclass(frozen=True)
 class Driven:
-    """What a drive remembers.  value : the load now.  windows : number of windows measured.
+    """What a drive remembers.  value : the load now.
 
-    m, v : what the monitor was with which (ln) load, of the two windows before the next, the newest first; H [s] theirs.
+    m, v : what the monitor was with which (ln) load, of the two windows before the next, the newest first; H [s]
+    theirs.
     gain : in use.
     """
 
@@ -55,11 +58,11 @@ def driven(drive: Drive, known: Driven, measured: float, H: float) -> Driven:
     if drive.log and measured * drive.target <= 0.0:
         return replace(known, value=_bounded(drive, v + limit), m=(), v=(), H=())
     m = math.log(measured / drive.target) if drive.log else measured - drive.target
-    m, v, H_s = (m, *known.m[:2]), (v, *known.v[:2]), (H, *known.H[:2])
-    gain = _gain(drive, known.gain, m, v)
-    step = gain * (-m[0] - _drift(gain, m, v, H_s))
-    new = _bounded(drive, v[0] + min(max(step, -limit), limit))
-    return Driven(new, gain, m[:2], v[:2], H_s[:2])
+    ms, vs, Hs = (m, *known.m), (v, *known.v), (H, *known.H)
+    gain = _gain(drive, known.gain, ms, vs)
+    step = gain * (-m - _drift(gain, ms, vs, Hs))
+    new = _bounded(drive, v + min(max(step, -limit), limit))
+    return Driven(new, gain, ms[:2], vs[:2], Hs[:2])
 
 
 def _drift(gain: float, m: tuple[float, ...], v: tuple[float, ...], H: tuple[float, ...]) -> float:

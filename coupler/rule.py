@@ -118,8 +118,8 @@ class Drive:
     """A load (or bc) of a half driven so that a monitor holds a target (coupler.drive).
 
     half, name : the input, `load.press`.  first : its value at the start.  least, most : its bounds.
-    log : the load moves in its logarithm, else linearly.  gain : change of (ln) load for a change of (ln) monitor, 1/slope;
-    nan: measured as the run goes (log only).  rate : largest |change| of (ln) load a second.
+    log : the load moves in its logarithm, else linearly.  gain : change of (ln) load for a change of (ln) monitor,
+    1/slope; nan: measured as the run goes (log only).  rate : largest |change| of (ln) load a second.
     """
 
     half: str
