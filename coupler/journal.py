@@ -7,6 +7,7 @@ import struct
 import sys
 import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -21,6 +22,22 @@ MAGIC = b"SLIDELINE-JOURNAL-1\n"
 _HEAD = struct.Struct("<QI")  # length of the record, crc32 of the record
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A place between two records of one journal.
+
+    offset [bytes].  chain : checksum over the heads of all records before it, and so over the records: two journals
+    that differ anywhere before a place have different marks there.
+    """
+
+    offset: int = len(MAGIC)
+    chain: int = 0
+
+    def after(self, head: bytes) -> Mark:
+        """The place behind the record with this head."""
+        return Mark(self.offset + len(head) + int(_HEAD.unpack(head)[0]), zlib.crc32(head, self.chain))
+
+
 class Journal:
     """Appends records; each is whole on disk or, after a crash, not there: the reader drops a cut tail.
 
@@ -28,32 +45,49 @@ class Journal:
     from the journal when a run ends, in one atomic step.
 
     path : overwritten if it exists.  The journal is locked while its writer lives.
-    Raises ResultsError if another run is writing it, or it cannot be written.
+    since : go on with an older journal instead, behind this place; what stands after it is cut off.
+    mark : where the next record goes.
+    Raises ResultsError if another run is writing it, it cannot be written, or it does not hold `since`.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, since: Mark | None = None) -> None:
         self.path = path
+        self.mark = since or Mark()
         try:
             # Not mode "wb": that would empty the journal of another run before its lock is seen.
-            self._file: BinaryIO = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")
+            flags = os.O_RDWR | (os.O_CREAT if since is None else 0)
+            self._file: BinaryIO = os.fdopen(os.open(path, flags, 0o666), "r+b")
         except OSError as exc:
             raise ResultsError(f"{path}: cannot be written ({exc.strerror})") from exc
-        if not _lock(self._file):
+        try:
+            if not _lock(self._file):
+                raise ResultsError(f"{path}: another run is writing to it; give this one another results file")
+            if since is not None:
+                check_mark(path, since)
+        except ResultsError:
             self._file.close()
-            raise ResultsError(f"{path}: another run is writing to it; give this one another results file")
-        self._file.truncate(0)
-        self._file.write(MAGIC)
+            raise
+        self._file.truncate(0 if since is None else since.offset)
+        self._file.seek(0, os.SEEK_END)
+        if since is None:
+            self._file.write(MAGIC)
         self._file.flush()
 
     def write(self, kind: str, meta: Mapping[str, Any],
               arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
         """Append one record.  Raises ResultsError where that cannot be done, the disk being full, say."""
         record = encode_record(kind, dict(meta), {k: np.asarray(v) for k, v in (arrays or {}).items()})
+        head = _HEAD.pack(len(record), zlib.crc32(record))
         try:
-            self._file.write(_HEAD.pack(len(record), zlib.crc32(record)) + record)
+            self._file.write(head + record)
             self._file.flush()
         except OSError as exc:
             raise ResultsError(f"{self.path}: cannot be written ({exc.strerror}); what it holds stays good") from exc
+        self.mark = self.mark.after(head)
+
+    def sync(self) -> None:
+        """Wait until all that was written is on the disk.  Raises OSError."""
+        os.fsync(self._file.fileno())
 
     def close(self) -> None:
         self._file.close()
@@ -90,6 +124,24 @@ def read_journal(path: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, ND
                 yield decode_record(record)
             except WireError:
                 return
+
+
+def check_mark(path: Path, mark: Mark) -> None:
+    """See that a journal has this place, every record before it whole.  Raises ResultsError."""
+    at = Mark()
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise ResultsError(f"{path}: not a journal of a run")
+        while at.offset < mark.offset and len(head := file.read(_HEAD.size)) == _HEAD.size:
+            length, crc = _HEAD.unpack(head)
+            if length > mark.offset - at.offset or zlib.crc32(file.read(length)) != crc:
+                break
+            at = at.after(head)
+    if at.offset < mark.offset:
+        raise ResultsError(f"{path}: is whole up to byte {at.offset} only; its checkpoint goes on from byte "
+                           f"{mark.offset}")
+    if at != mark:
+        raise ResultsError(f"{path}: is the journal of another run than its checkpoint")
 
 
 def being_written(path: Path) -> bool:

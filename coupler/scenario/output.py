@@ -29,10 +29,12 @@ class Frames:
 @dataclass(frozen=True)
 class Output:
     """every : keep fields every so many windows, None: never by count.  at : at the first window end at or
-    after these times [s], ascending.  The first and last state of a run are kept in any case."""
+    after these times [s], ascending.  The first and last state of a run are kept in any case.
+    checkpoint : least wall time between two checkpoints [s], None: there are none."""
 
     every: int | None
     at: Sequence[float] = field(default=())
+    checkpoint: float | None = 30.0
 
     def frames(self) -> Frames:
         """A fresh count for one run."""
@@ -46,4 +48,4 @@ def output_of(document: Document, spec: OutputSpec, end: float) -> Output:
             raise document.error(
                 ("output", "fields", "at", i), f"this is after the end of the run, {end:g} s"
             )
-    return Output(spec.fields.every, tuple(sorted(set(spec.fields.at))))
+    return Output(spec.fields.every, tuple(sorted(set(spec.fields.at))), spec.checkpoint)

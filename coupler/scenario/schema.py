@@ -132,9 +132,13 @@ class Fields(Part):
 
 
 class Output(Part):
-    """What is recorded besides the probes, which are kept at every window."""
+    """What is recorded besides the probes, which are kept at every window.
+
+    checkpoint : least wall time between two checkpoints [s]; 0: after every window; null: none, and no resume.
+    """
 
     fields: Fields = Fields()
+    checkpoint: NotNegative | None = 30.0
 
 
 class ScenarioFile(Part):

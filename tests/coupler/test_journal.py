@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.journal import _HEAD, MAGIC, Journal, being_written, read_journal
+from coupler.journal import _HEAD, MAGIC, Journal, Mark, being_written, read_journal
 
 RECORDS = [("run", {"title": "a"}, {"nodes": np.arange(6.0).reshape(3, 2)}),
            ("window", {"t": 1.0}, {"probes": np.array([1.0, 2.0])}),
@@ -111,3 +111,51 @@ def test_an_old_journal_is_overwritten_whole(tmp_path: Path) -> None:
     with Journal(tmp_path / "j") as journal:
         journal.write(*RECORDS[1])
     assert same(list(read_journal(tmp_path / "j")), [RECORDS[1]])
+
+
+def marked(path: Path) -> list[Mark]:
+    """Write RECORDS; returns the mark after each."""
+    marks = []
+    with Journal(path) as journal:
+        for record in RECORDS:
+            journal.write(*record)
+            marks.append(journal.mark)
+    return marks
+
+
+def test_a_journal_goes_on_from_a_mark_as_if_it_had_never_stopped(tmp_path: Path) -> None:
+    marks = marked(tmp_path / "j")
+    whole = (tmp_path / "j").read_bytes()
+    for k, mark in enumerate(marks):
+        with Journal(tmp_path / "j", mark) as journal:
+            for record in RECORDS[k + 1:]:
+                journal.write(*record)
+            assert journal.mark == marks[-1]
+        assert (tmp_path / "j").read_bytes() == whole, f"gone on after record {k + 1}"
+
+
+def test_a_journal_too_short_or_damaged_for_its_mark_is_left_as_it_is(tmp_path: Path) -> None:
+    mark = marked(tmp_path / "j")[2]
+    data, bad = (tmp_path / "j").read_bytes(), tmp_path / "bad"
+    for size in range(len(MAGIC), mark.offset):
+        bad.write_bytes(data[:size])
+        with pytest.raises(ResultsError, match="whole up to byte"):
+            Journal(bad, mark)
+        assert bad.stat().st_size == size
+    for at in range(len(MAGIC), mark.offset):
+        bad.write_bytes(data[:at] + bytes([data[at] ^ 0x10]) + data[at + 1:])
+        with pytest.raises(ResultsError, match="whole up to byte"):
+            Journal(bad, mark)
+        assert bad.stat().st_size == len(data)
+
+
+def test_the_journal_of_another_run_is_refused(tmp_path: Path) -> None:
+    mark = marked(tmp_path / "j")[1]
+    with Journal(tmp_path / "other") as journal:
+        journal.write(RECORDS[0][0], {"title": "b"}, RECORDS[0][2])
+        journal.write(*RECORDS[1])
+        assert journal.mark.offset == mark.offset
+    with pytest.raises(ResultsError, match="another run"):
+        Journal(tmp_path / "other", mark)
+    with pytest.raises(ResultsError, match="cannot be written"):
+        Journal(tmp_path / "none", mark)
