@@ -6,7 +6,7 @@ drift d of a part that thins or hardens meanwhile.  The next load is that for wh
     v' = v + g (m* - m - d),  d = dm - dv/g,  g = 1/b.
 
 So a steady drift leaves no lag behind, as it would with a gain on m* - m alone.  With g b = kappa the differences from
-the target obey e' = (2 - 2 kappa) e - (1 - kappa) e_before: at rest at once for kappa = 1, stable for 0 < kappa < 4/3. 
+the target obey e' = (2 - 2 kappa) e - (1 - kappa) e_before: at rest at once for kappa = 1, stable for 0 < kappa < 4/3.
 Where no gain is given g is taken from successive windows, b = (second difference of m)/(second difference of v), held
 in bounds and only where v moved.
 """

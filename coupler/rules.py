@@ -65,10 +65,8 @@ class Firing:
 class Fired:
     """What the rules say after a window.
 
-    settings : of the windows that follow, or of the next try.  memory : where the window is kept; where it is put back
-    see
-    `retried`.  retry : put the window back and try this share of it; 0: keep it.  stop : why the run is to end; "": it
-    goes on.
+    settings : of the windows that follow, or of the next try.  memory : with them.  retry : put the window back and try
+    this share of it; 0: keep it.  stop : why the run is to end; "": it goes on.
     """
 
     settings: Settings

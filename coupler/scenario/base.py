@@ -23,11 +23,16 @@ class Part(BaseModel):
         if isinstance(data, cls):
             return data
         if not isinstance(data, Mapping):
-            raise problem(f"a mapping is needed here, with the keys {', '.join(cls.model_fields)}")
+            raise problem(f"a mapping is needed here, with the keys {', '.join(cls._keys())}")
         for key in data:
-            if key not in cls.model_fields:
-                raise problem("unknown key", did_you_mean(str(key), cls.model_fields), at=(key,))
+            if key not in cls._keys():
+                raise problem("unknown key", did_you_mean(str(key), cls._keys()), at=(key,))
         return data
+
+    @classmethod
+    def _keys(cls) -> list[str]:
+        """As the file has them: a key that Python keeps for itself, such as `for`, is an alias."""
+        return [field.alias or name for name, field in cls.model_fields.items()]
 
 
 def exactly_one(part: Part, names: Iterable[str]) -> str:
