@@ -1,19 +1,57 @@
-"""Contact events: where in a window something opens, closes, sticks or slips.
+"""Contact events: where in a window something opens, closes, sticks or slips; the window is made to end there.
 
-First version, for the border: none is looked for.
+A window ends just behind its event, in the new status: a scheme that holds pressure and geometry of its start then
+sees the new side of the laws from the first window after it, and what was found once is not found again.
+
+Few tries are needed because what is left of a status (a gap, a pressure) is known at the ends of the windows before:
+where it is about to run out a try ends a little before that, and the next one, from a point so near, just behind it.
+Where nothing is known of it the interval between the last end before and the first end behind is halved.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from coupler.crossing import MOST
 from coupler.level import Level
+from coupler.plan import Plan
+from coupler.search import Reach, Search
+from coupler.sights import Sight, Status, changed, seen
 from coupler.window import CoupledState, Solved, Span
+
+# An event is located to this share of its window where the scenario does not say: of what the most exact scheme leaves
+# over in a window as a whole, 1e-3 of its change and less, nothing is lost, and copies of a scene agree to 1e-6.
+TOLERANCE = 1e-6
+# A window is not cut shorter than this share of itself: what happens sooner belongs to where it began.
+LEAST = 1e-4
+# An event so near to a kink (shares of a window) is the kink's: halves restart there, and a user put it there.
+NEAR = 0.02
+# A first try of which more than this share is in doubt would be lost as often as not: the whole window is solved.
+TRUST = 0.2
+# After a try that ends a little before its event the next one is at most so much longer.
+LONGER = 0.25
+# Two reckonings of where a try was to end agree to this share of the window.
+CLOSE = 0.05
+# Halving needs 20 tries for 1e-6.
+MAX_TRIES = 40
 
 
 @dataclass(frozen=True)
 class Memory:
-    """What is remembered from window to window, and from try to try while an event is being located."""
+    """What is remembered from window to window, and from try to try while an event is being located.
+
+    trail : at the ends of windows since the last kink or event, newest last, itself the first.  rates : how fast what
+    was left fell before that [unit/s].  tried : at the ends tried since the last of the trail.
+    turned : when each status changed last [s]; -1: never.  aim : the tick at which a try was asked to end; 0: none.
+    """
+
+    trail: tuple[Sight, ...] = ()
+    rates: tuple[tuple[float, ...], ...] = ()
+    tried: tuple[Sight, ...] = ()
+    turned: tuple[float, ...] = ()
+    aim: int = 0
 
 
 @dataclass(frozen=True)
@@ -25,27 +63,132 @@ class Found:
     text: str
 
 
-def met(memory: Memory, start: Level, solved: Solved, span: Span, tolerance: float) -> tuple[Found | None, Memory]:
+def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) -> tuple[Found | None, Memory]:
     """Whether an event lies in a window that was solved.
 
-    solved.state.now : the level at its end; solved.monitors : touching, slipping.  tolerance [s]; 0: as events says.
+    solved.state.now : the level at its end; solved.monitors : touching, mechanical.contact.slipping.
     Of the two outcomes: None, the window may be taken; located, it may be taken and ends at an event; else both halves
-    are put back and the next try ends at `tick`.  The memory is kept whatever is done with the window: it holds the
-    bracket.  `settled` is called as well once a window is taken.
+    are put back and the next try ends at `tick`.  The memory is kept whatever is done with the window.
     """
-    return None, memory
+    before = _at(memory, start, plan)
+    sight = seen(plan.locate.places, solved.state.now, solved.monitors)
+    memory = replace(before, tried=(*before.tried, sight), aim=0)
+    flipped = changed(memory.trail[-1], sight)
+    reach = _reach(before, span, plan)
+    if not flipped:
+        end = _longer(before, memory, reach)
+        return (None, memory) if end is None else _again(end, memory, reach, "just before an event")
+    # What turns back in the first window after it turned is a flutter of the window's size: not cut, only told.
+    fresh = [i for i in flipped if memory.turned[i] != reach.t0 and not _of_the_kink(memory, i, reach)]
+    if not fresh:
+        turned = any(memory.turned[i] == reach.t0 for i in flipped)
+        text = f"{_told(sight, flipped, plan)} again within one window"
+        return (Found(span.k1, True, text) if turned else None), memory
+    text = _told(sight, fresh, plan)
+    searches = [s for s in (Search(i, memory.trail, memory.tried, reach) for i in fresh) if not s.done]
+    if not searches or len(memory.tried) >= MAX_TRIES:
+        return Found(span.k1, True, text), memory
+    return _again(min(s.next_end() for s in searches), memory, reach, text)
 
 
-def expected(memory: Memory, state: CoupledState, span: Span) -> int | None:
+def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan) -> int | None:
     """Where an event is expected inside a window that is about to be solved: the tick at which to end it."""
-    return None
+    if not memory.trail or memory.trail[-1].t != state.now.t:
+        return None
+    end = _aim(memory, _reach(memory, span, plan))
+    return None if end is None else _inside(end, span)
 
 
 def settled(memory: Memory, start: Level, solved: Solved) -> Memory:
     """The memory after a window was taken."""
-    return memory
+    sight = next((s for s in memory.tried if s.t == solved.state.now.t), None)
+    if sight is None or not memory.trail:
+        return Memory()
+    flipped = changed(memory.trail[-1], sight)
+    turned = tuple(sight.t if i in flipped else t for i, t in enumerate(memory.turned))
+    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned)
 
 
 def forgotten(memory: Memory) -> Memory:
-    """The memory past a kink or an event."""
-    return memory
+    """The memory past a kink or an event: of the way there only the rates are left."""
+    rates: tuple[tuple[float, ...], ...] = ()
+    if len(memory.trail) > 1:
+        a, b = memory.trail[-2:]
+        rates = tuple(tuple((u - v) / (b.t - a.t) for u, v in zip(a.left[i], b.left[i], strict=False))
+                      if a.status[i] is b.status[i] else () for i in range(len(b.status)))
+    return replace(memory, trail=memory.trail[-1:], rates=rates)
+
+
+def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
+    """The memory with the start of the window at the end of its trail."""
+    if memory.trail and memory.trail[-1].t == start.t:
+        return memory
+    first = seen(plan.locate.places, start, {})
+    return Memory((first,), (), (), (-1.0,) * len(first.status))
+
+
+def _reach(memory: Memory, span: Span, plan: Plan) -> Reach:
+    t0 = span.clock.seconds(span.k0)
+    t1 = max([span.end, *(s.t for s in memory.tried)])
+    tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance),
+                 NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0)
+
+
+def _aim(memory: Memory, reach: Reach) -> float | None:
+    """The time a first try should end [s]: a little before the next event where that lies inside; None: anywhere."""
+    ends = []
+    for i in range(len(memory.turned)):
+        found = Search(i, memory.trail, memory.tried, reach).ahead()
+        if found is None or memory.turned[i] == reach.t0 or found.doubt > TRUST * (found.t - reach.t0):
+            continue
+        # So near to a kink, or to the start, there is nothing to cut.
+        if found.t - reach.t0 <= reach.least or found.t >= reach.t1 - reach.near:
+            continue
+        sure = found.doubt <= 0.5 * reach.tolerance
+        end = found.t + (0.5 * reach.tolerance if sure else -2.0 * found.doubt)
+        ends.append(max(end, reach.t0 + reach.least))
+    return min(ends) if ends and min(ends) < reach.t1 else None
+
+
+def _longer(before: Memory, memory: Memory, reach: Reach) -> float | None:
+    """After a try in which nothing changed: where the next one is to end [s] if this was to end at or before an event.
+
+    None: it may be taken.  So is one that was made short for another reason.
+    """
+    if before.aim != reach.span.k1:
+        aim = _aim(before, replace(reach, t1=math.inf))
+        if aim is None or abs(aim - reach.end) > CLOSE * (reach.end - reach.t0):
+            return None
+    searches = [Search(i, memory.trail, memory.tried, reach) for i in range(len(memory.turned))
+                if memory.turned[i] != reach.t0]
+    ends = [s.next_end() for s in searches if s.nears(LONGER * (reach.end - reach.t0))]
+    return min(ends) if ends and len(memory.tried) < MAX_TRIES else None
+
+
+def _again(end: float, memory: Memory, reach: Reach, text: str) -> tuple[Found, Memory]:
+    tick = min(_inside(end, reach.span), reach.must_end)
+    return Found(tick, False, text), replace(memory, aim=tick)
+
+
+def _inside(end: float, span: Span) -> int:
+    """The tick of a time, after the start of the window."""
+    return max(span.clock.ticks(end), span.k0 + 1)
+
+
+def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
+    """Whether a status changed with the kink at which its window began: as fast as before, nothing was left of it."""
+    if len(memory.trail) > 1 or not memory.rates:
+        return False
+    left, rates = memory.trail[-1].left[i], memory.rates[i]
+    return any(v <= rate * NEAR * (reach.t1 - reach.t0) for v, rate in zip(left, rates, strict=False) if rate > 0.0)
+
+
+WORDS = {Status.OPEN: "opens", Status.CLOSED: "closes", Status.STICKS: "sticks", Status.SLIPS: "slips",
+         Status.SLIPS_IN_PART: "slips in part"}
+
+
+def _told(sight: Sight, flipped: Sequence[int], plan: Plan) -> str:
+    """What changes, in words."""
+    names = [*(f"pair {p.name}" for p in plan.locate.places), "contact"]
+    return " and ".join(f"{names[i]} {WORDS[sight.status[i]]}" for i in flipped)

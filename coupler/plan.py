@@ -13,6 +13,7 @@ from coupler.level import Level, Scheme
 from coupler.rule import Rule
 from coupler.schedule import Schedule
 from coupler.settings import Settings
+from coupler.sights import Place
 from coupler.tolerance import ErrorTolerances
 
 
@@ -36,10 +37,14 @@ class Adaptive:
 
 @dataclass(frozen=True)
 class Locate:
-    """Whether windows are ended where contact opens, closes, sticks or slips.  tolerance [s]: how nearly."""
+    """Whether windows are ended where contact opens, closes, sticks or slips.
+
+    tolerance [s]: how nearly; 0: as coupler.events says.  places : the pairs that are looked at.
+    """
 
     on: bool = False
     tolerance: float = 0.0
+    places: tuple[Place, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,125 @@
+"""The search for one event in one window: what is known on either side of it, and where the next try is to end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from coupler.crossing import Crossing, crossing
+from coupler.sights import Sight
+from coupler.window import Span
+
+# Every so many tries the interval is halved, however well the curve through the tries looks.
+HALVE = 4
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Of a window.  must_end : the tick of the next kink.  t0, t1 : its start and its farthest end tried [s].
+
+    tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
+    end what is the kink's own.
+    """
+
+    span: Span
+    must_end: int
+    t0: float
+    t1: float
+    tolerance: float
+    least: float
+    near: float
+
+    @property
+    def end(self) -> float:
+        """The end of this try [s]."""
+        return self.span.end
+
+
+@dataclass(frozen=True)
+class Search:
+    """Of status i.  trail : at the ends of windows, the last at the start of this one.  tried : at ends tried since."""
+
+    i: int
+    trail: tuple[Sight, ...]
+    tried: tuple[Sight, ...]
+    reach: Reach
+
+    @cached_property
+    def behind(self) -> list[Sight]:
+        """Ends tried that lie behind the event, the nearest first."""
+        return sorted((s for s in self.tried if s.status[self.i] is not self._status), key=lambda s: s.t)
+
+    @cached_property
+    def before(self) -> list[Sight]:
+        """Ends known before it, in order of time."""
+        first = self.behind[0].t if self.behind else float("inf")
+        own = [s for s in self.tried if s.status[self.i] is self._status and s.t < first]
+        at = next((k for k, s in enumerate(reversed(self.trail)) if s.status[self.i] is not self._status),
+                  len(self.trail))
+        return [*self.trail[len(self.trail) - at:], *sorted(own, key=lambda s: s.t)]
+
+    @property
+    def done(self) -> bool:
+        """Whether this try ends just behind the event, as nearly as is asked for."""
+        if not self.behind or self.behind[0].t != self.reach.end:
+            return False
+        r, hi = self.reach, self.reach.end
+        if hi - r.t0 <= r.least or hi - self.before[-1].t <= r.tolerance or self._neighbours:
+            return True
+        found = self.ahead()
+        if found is None:
+            return False
+        if r.near and found.t >= hi - r.near:
+            return True
+        return found.doubt <= r.tolerance and -r.tolerance <= hi - found.t <= r.tolerance
+
+    def ahead(self) -> Crossing | None:
+        """Where what is left of the status runs out; of several quantities the first."""
+        found = []
+        for j in range(min((len(s.left[self.i]) for s in self.before), default=0)):
+            c = crossing([s.t for s in self.before], [s.left[self.i][j] for s in self.before])
+            found += [c] if c is not None else []
+        return min(found, key=lambda c: c.t) if found else None
+
+    def nears(self, longer: float) -> bool:
+        """Whether the event is known to lie behind the last end before it, at most so much [s] later."""
+        if self.behind:
+            return True
+        found = self.ahead()
+        return found is not None and found.t - self.before[-1].t <= longer
+
+    def next_end(self) -> float:
+        """The time the next try is to end [s]."""
+        r, lo = self.reach, self.before[-1].t
+        found = self.ahead() or self._back()
+        if not self.behind:
+            assert found is not None, "without a try behind the event only what nears is searched for"
+            return found.t + max(found.doubt, 0.5 * r.tolerance)
+        hi = self.behind[0].t
+        middle = 0.5 * (lo + hi)
+        if found is None or len(self.tried) % HALVE == 0:
+            return max(middle, r.t0 + r.least)
+        side = max(found.doubt, 0.5 * r.tolerance)
+        sure = found.doubt <= 0.5 * r.tolerance
+        # From a try behind the event one before it is wanted, with what is left there; and the other way round.
+        end = found.t + (-side if self.tried[-1].t == hi and not sure else side)
+        end = end if lo < end < hi else middle
+        return max(end, r.t0 + r.least)
+
+    def _back(self) -> Crossing | None:
+        """Where the new status began, from what was left of it at two tries or more."""
+        late = self.behind[::-1]
+        if len(late) < 2 or not all(s.left[self.i] for s in late):
+            return None
+        c = crossing([-s.t for s in late], [s.left[self.i][0] for s in late])
+        return None if c is None else Crossing(-c.t, c.doubt)
+
+    @property
+    def _status(self) -> object:
+        return self.trail[-1].status[self.i]
+
+    @property
+    def _neighbours(self) -> bool:
+        """Whether no tick is left between the ends on either side."""
+        clock = self.reach.span.clock
+        return clock.ticks(self.behind[0].t) - clock.ticks(self.before[-1].t) <= 1
