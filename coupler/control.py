@@ -1,37 +1,46 @@
-"""Control: windows in order, cut where one cannot be solved, until the end; every try is told with its verdict."""
+"""Control: window after window until the end; every try is told with its verdict and its reason."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
-from coupler import cycle
-from coupler.errors import CouplingError
-from coupler.iterate import solve_iterated
-from coupler.iteration import Iteration, OnMax
+from coupler import auto, events
+from coupler.attempt import Kept, Way, solve
+from coupler.control_state import Committed, first, opened
+from coupler.cutting import Facts
+from coupler.estimate import Estimate
+from coupler.judge import judged
 from coupler.level import Scheme
-from coupler.schedule import Schedule
-from coupler.scheme import ONCE
-from coupler.sweep import DiscardError
-from coupler.window import CoupledState, Halves, Solved, Span, Verdict
+from coupler.plan import Plan
+from coupler.proposal import propose
+from coupler.rules import Firing
+from coupler.window import CoupledState, Halves, Solved, Span
 
-# A window is halved at most this often before the run gives up: 2^-10 of a window a user chose is a sign of a
-# problem that smaller windows do not cure.
-MAX_CUTS = 10
+__all__ = ["Plan", "Tried", "finished", "step", "windows"]
 
 
 @dataclass(frozen=True)
 class Tried:
-    """One window tried: its number (of those taken), its times [s], what came of it, what it cost, what was noticed."""
+    """One window tried: its number (of those taken), its times [s], what came of it, what it cost, what was noticed.
+
+    after : all the coupler remembers then, whether the window stands or not.  reason : why it had this size and
+    scheme, in words; why it does not stand is the message of `solved`.  error : where it is known.  event : what
+    happens at its end, or inside where it was put back for it.  fired : the rules that fired.
+    """
 
     number: int
     t: float
     H: float
     solved: Solved
     seconds: float
+    after: Committed
     notes: tuple[str, ...] = ()
+    reason: str = ""
+    error: Estimate | None = None
+    event: str = ""
+    fired: tuple[Firing, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -39,99 +48,61 @@ class Tried:
         return self.solved.taken
 
 
-@dataclass(frozen=True)
-class Plan:
-    """How to run: where windows end, by which scheme, with how many substeps of each half, iterated how."""
-
-    schedule: Schedule
-    scheme: Scheme
-    substeps: Mapping[str, int]
-    iteration: Iteration = field(default_factory=Iteration)
-
-
 def windows(halves: Halves, state: CoupledState, plan: Plan) -> Iterator[Tried]:
-    """Solve window after window; both halves are put back before a window that failed is tried again in two.
+    """Solve window after window; both halves are put back before a window that failed is tried again.
 
     Raises CouplingError when a window cannot be solved however small, or a half keeps no states.
     """
-    clock, number, watch = plan.schedule.clock, 0, cycle.Watch()
-    for k0, k1 in pairwise(plan.schedule.bounds):
-        if k0 in plan.schedule.kinks:
-            state = replace(state, before=None, memory=(), events=state.events + (k0 in plan.schedule.events))
-            watch = cycle.Watch()
-        ends = [k1]
-        start = k0
-        while ends:
-            tried = _try(halves, state, plan, number, Span(clock, start, ends[-1], plan.substeps))
-            if tried.accepted:
-                watch, tried = _watched(watch, state, tried)
-                yield tried
-                state, number, start = tried.solved.state, number + 1, ends.pop()
-                continue
-            yield tried
-            ends.append(_middle(tried, plan, start, ends))
+    at = first(state, plan)
+    while not finished(at, plan):
+        tried = step(halves, at, plan)
+        yield tried
+        at = tried.after
 
 
-def _watched(watch: cycle.Watch, state: CoupledState, tried: Tried) -> tuple[cycle.Watch, Tried]:
-    """The watch after a window that was taken, and the window with what the watch has to say."""
-    now = tried.solved.state.now
-    watch = watch.plus(state.now, now)
-    if not watch.cycling:
-        return watch, tried
-    return watch.tell(), replace(tried, notes=(cycle.note(watch, tried.number + 1, now.t),))
+def finished(at: Committed, plan: Plan) -> bool:
+    """Whether there is nothing left to do."""
+    return at.control.tick >= plan.last or bool(at.control.stop)
 
 
-def _middle(tried: Tried, plan: Plan, start: int, ends: list[int]) -> int:
-    """Where a window that failed is cut.  Raises CouplingError where it may not be."""
-    solved, t = tried.solved, plan.schedule.clock.seconds(start)
-    course = solved.course
-    if solved.verdict is Verdict.MAX_ITERATIONS and plan.iteration.on_max is OnMax.STOP:
-        assert course is not None
-        raise CouplingError(f"{solved.message}; coupling.iteration.on_max says to stop", t=t, window=tried.number + 1,
-                            iteration=len(course.misfits), residuals=tuple(course.misfits[-1].values()),
-                            remedy="Give smaller windows, another acceleration or more iterations")
-    middle = (start + ends[-1]) // 2
-    if len(ends) > MAX_CUTS or middle == start:
-        raise CouplingError(
-            f"{solved.message}; the window was halved {len(ends) - 1} times to {tried.H:.3g} s", t=t,
-            window=tried.number + 1, iteration=len(course.misfits) if course else 0,
-            residuals=tuple(course.misfits[-1].values()) if course else (),
-            remedy="Everything up to here is in the results file. Give smaller windows (coupling.windows) "
-                   "or more substeps around this time, or look at the data that change here")
-    return middle
-
-
-def _try(halves: Halves, state: CoupledState, plan: Plan, number: int, span: Span) -> Tried:
-    """One window; if it is not taken both halves are as before it."""
-    t0 = span.clock.seconds(span.k0)
-    both = (halves.thermal, halves.mechanical)
+def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
+    """One try.  If the window does not stand both halves are as before it.  Raises CouplingError."""
+    at = opened(at, plan)
     started = time.perf_counter()
-    tokens = [half.save() if half.can_save else None for half in both]
-
-    def put_back(why: str) -> None:
-        for half, token in zip(both, tokens, strict=True):
-            if token is None:
-                raise CouplingError(f"{why}; half {half.name!r} keeps no states, so the window cannot be tried again",
-                                    t=t0, window=number + 1,
-                                    remedy="Give smaller windows (coupling.windows) around this time")
-            half.restore(token)
-
-    try:
-        solved = _solve(halves, state, plan, span, lambda: put_back("a window is to be iterated"))
+    span, reason = _span(at, plan)
+    t0 = span.clock.seconds(span.k0)
+    way, why = _way(at, span.end - t0)
+    control = at.control
+    with Kept(halves, t0, control.number + 1) as kept:
+        solved = solve(halves, at.state, span, way, kept)
         if not solved.taken:
-            put_back(solved.message)
-    finally:
-        for half, token in zip(both, tokens, strict=True):
-            if token is not None:
-                half.release(token)
-    return Tried(number, t0, span.end - t0, solved, time.perf_counter() - started)
+            kept.put_back(solved.message)
+        verdict = judged(Facts(plan, at, span, solved))
+        if solved.taken and not verdict.solved.taken:
+            kept.put_back(verdict.solved.message)
+    state = solved.state if verdict.solved.taken else at.state
+    return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
+                 Committed(state, verdict.control), verdict.notes, "; ".join(r for r in (reason, why) if r),
+                 verdict.error, verdict.event, verdict.fired)
 
 
-def _solve(halves: Halves, state: CoupledState, plan: Plan, span: Span, rollback: Callable[[], None]) -> Solved:
-    """The window by the plan's scheme; after a discard the halves are where the discard left them."""
-    try:
-        if plan.scheme is Scheme.ITERATED:
-            return solve_iterated(halves, state, span, plan.iteration, rollback)
-        return ONCE[plan.scheme](halves, state, span).solved(state)
-    except DiscardError as discard:
-        return Solved(discard.verdict, str(discard), state, (), discard.work, {})
+def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
+    """The window to try, ended where an event is expected; and why it is so long."""
+    control = at.control
+    proposal = propose(plan, control)
+    span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps)
+    if not plan.locate.on or control.failures:
+        return span, proposal.reason
+    tick = events.expected(control.events, at.state, span, plan)
+    if tick is None or not span.k0 < tick < span.k1:
+        return span, proposal.reason
+    return replace(span, k1=tick), "to end where an event is expected"
+
+
+def _way(at: Committed, H: float) -> tuple[Way, str]:
+    """By which scheme, and why where that was chosen."""
+    settings = at.control.settings
+    if settings.scheme is not Scheme.AUTO:
+        return Way(settings.scheme, settings), ""
+    choice = auto.choose(at.control.choice, at.state, H)
+    return Way(choice.scheme, settings), f"{choice.scheme.value}: {choice.reason}"

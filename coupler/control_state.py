@@ -55,7 +55,11 @@ class Committed:
 def first(state: CoupledState, plan: Plan) -> Committed:
     """Before the first window."""
     size = plan.adaptive.first if plan.adaptive is not None else 0.0
-    return Committed(state, ControlState(plan.settings, size=size, reason="the first" if size else ""))
+    memory = rules.Memory()
+    if plan.rules:
+        memory = rules.first_memory(plan.rules, {"t": state.now.t, **plan.probed(state.now)})
+    return Committed(state, ControlState(rules.first_settings(plan.rules, plan.settings), size=size,
+                                         reason="the first" if size else "", rules=memory))
 
 
 def opened(at: Committed, plan: Plan) -> Committed:
@@ -71,4 +75,6 @@ def opened(at: Committed, plan: Plan) -> Committed:
     control = replace(control, fresh=k, cycle=cycle.Watch(), estimate=estimate.forgotten(control.estimate),
                       controller=stepsize.forgotten(control.controller), choice=auto.forgotten(control.choice),
                       events=events.forgotten(control.events))
+    if plan.adaptive is not None and damped and control.size > plan.adaptive.first:
+        control = replace(control, size=plan.adaptive.first, reason="the first after a kink or an event")
     return Committed(state, control)

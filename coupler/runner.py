@@ -183,7 +183,7 @@ class Run:
         now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
                     out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)),
                     first.get("f_s"))
-        return CoupledState(now, None, 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
+        return CoupledState(now, (), 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
 
     def _header(self) -> dict[str, Any]:
         s = self.scenario

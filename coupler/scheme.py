@@ -29,7 +29,8 @@ class Swept:
 
     def solved(self, state: CoupledState, course: Course | None = None) -> Solved:
         """The accepted window.  state : before it."""
-        new = CoupledState(self.level, state.now, state.events, self.accounts, self.sent, state.memory)
+        past = (state.now, *state.past)[:3]
+        new = CoupledState(self.level, past, state.events, self.accounts, self.sent, state.memory)
         return Solved(Verdict.ACCEPTED, "", new, self.terms, self.work, self.monitors, course)
 
 
@@ -80,7 +81,9 @@ def _swept(state: CoupledState, span: Span, thermal: Pass, mechanical: Pass,
     accounts, last = end
     now = _level(state.now, span, thermal.outputs, mechanical.outputs)
     monitors = {"touching": float(mechanical.outputs.get("contact.touching", np.zeros(()))),
-                "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0))}
+                "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0)),
+                **{f"thermal.{n}": v for n, v in thermal.told.items()},
+                **{f"mechanical.{n}": v for n, v in mechanical.told.items()}}
     return Swept(now, accounts, last.sent, thermal.terms, last.work, monitors)
 
 

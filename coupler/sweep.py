@@ -34,6 +34,7 @@ class Pass:
     """A half taken over a window.  outputs : at its end.  work : of this pass and of those before it in the window.
 
     terms : the heat terms of each thermal substep [J].  made : block -> energies the mechanical half made [J].
+    told : every other scalar it was asked for, the largest of its substeps.
     """
 
     outputs: Mapping[str, Array]
@@ -41,6 +42,7 @@ class Pass:
     work: Work
     terms: tuple[Mapping[str, float], ...] = ()
     made: Mapping[str, Array] = field(default_factory=dict)
+    told: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -64,16 +66,19 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
     """
     H, sent, work, terms = times[-1] - times[0], state.sent, done, []
     outputs: Mapping[str, Array] = {}
+    told: Mapping[str, float] = {}
     for t0, t1 in pairwise(times):
         x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
-        inputs = {"x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
+        inputs = {**_given(halves, "thermal"),
+                  "x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
         answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done)
         outputs, work = answer.outputs, work.plus(cost)
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX)})
-    return Pass(outputs, sent, work, tuple(terms))
+        told = _told(told, outputs)
+    return Pass(outputs, sent, work, tuple(terms), told=told)
 
 
 def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end: Mapping[str, Array],
@@ -86,17 +91,30 @@ def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end
     H, sent, work = times[-1] - times[0], state.sent, done
     outputs: Mapping[str, Array] = {}
     made: dict[str, Array] = {}
+    told: Mapping[str, float] = {}
     for t0, t1 in pairwise(times):
-        inputs = {**between(state.now, end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
+        inputs = {**_given(halves, "mechanical"),
+                  **between(state.now, end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
                   "control.event": np.array(float(state.events))}
         call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)
         answer, sent, cost = _advance(call, sent)
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done)
         outputs, work = answer.outputs, work.plus(cost)
+        told = _told(told, outputs)
         for name in HEATS.keys() & outputs.keys():
             made[name] = made[name] + outputs[name] if name in made else outputs[name]
-    return Pass(outputs, sent, work, made=made)
+    return Pass(outputs, sent, work, made=made, told=told)
+
+
+def _given(halves: Halves, side: str) -> dict[str, Array]:
+    return {n: np.array(v) for n, v in halves.inputs.get(side, {}).items()}
+
+
+def _told(known: Mapping[str, float], outputs: Mapping[str, Array]) -> dict[str, float]:
+    """Scalars that are no heat, the largest of the substeps so far."""
+    now = {n: float(v) for n, v in outputs.items() if v.ndim == 0 and not n.startswith(PREFIX)}
+    return {n: max(v, known.get(n, v)) for n, v in now.items()}
 
 
 def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -14,7 +14,7 @@ from coupler.account import HEATS, Accounts
 from coupler.clock import Clock
 from coupler.half import Half
 from coupler.ledger import PREFIX
-from coupler.level import Level
+from coupler.level import Level, Scheme
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,10 @@ class Verdict(Enum):
     THERMAL_DISCARD = "thermal discard"
     MECHANICAL_DISCARD = "mechanical discard"
     MAX_ITERATIONS = "max iterations"
+    ERROR = "error too large"
+    EVENT = "event inside"
+    RULE = "cut by a rule"
+    CYCLE = "two-cycle"
 
 
 @dataclass(frozen=True)
@@ -50,18 +54,23 @@ class Work:
 class CoupledState:
     """Everything the coupler remembers between windows.
 
-    now, before : the exchange at the end of the last window and of the one before it (None after an event).
+    now : the exchange at the end of the last window.  past : up to three before it since the last event, newest first.
     events : the count that tells a half to restart damped.  accounts : block -> heat made and delivered.
     sent : what each half was last given, so that a block which did not change is not sent again.
     memory : what the acceleration keeps of windows past.
     """
 
     now: Level
-    before: Level | None
+    past: tuple[Level, ...]
     events: int
     accounts: Accounts
     sent: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     memory: Memory = ()
+
+    @property
+    def before(self) -> Level | None:
+        """The level before `now`; None after an event."""
+        return self.past[0] if self.past else None
 
 
 @dataclass(frozen=True)
@@ -101,7 +110,8 @@ class Course:
 class Solved:
     """The outcome of a window.  terms : the heat terms of each thermal substep [J] (empty after a discard).
 
-    course : where the scheme iterates.  anyway : the window is taken although it did not converge, by request.
+    course : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
+    large, by request.  scheme : by which it was solved.
     """
 
     verdict: Verdict
@@ -112,6 +122,7 @@ class Solved:
     monitors: Mapping[str, float]
     course: Course | None = None
     anyway: bool = False
+    scheme: Scheme | None = None
 
     @property
     def taken(self) -> bool:
@@ -121,18 +132,28 @@ class Solved:
 
 @dataclass(frozen=True)
 class Halves:
-    """The two halves of a run and what is asked of each after a substep."""
+    """The two halves of a run and what is asked of each after a substep.
+
+    inputs : side -> name -> value, given to a half in every substep besides what is exchanged (Settings.inputs).
+    """
 
     thermal: Half
     mechanical: Half
     thermal_outputs: tuple[str, ...]
     mechanical_outputs: tuple[str, ...]
+    inputs: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
-def wanted_outputs(thermal: Half, mechanical: Half) -> Halves:
-    """Which outputs to ask for, from what the halves have."""
+def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = ()) -> Halves:
+    """Which outputs to ask for, from what the halves have.
+
+    monitors : what else is looked at, `thermal.max_dT` or `mechanical.max_strain_increment`; scalars only.
+    """
     t = [n for n, b in thermal.blocks.items() if b.causality == "output" and b.kind == "Real"
-         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching"))]
+         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching")
+              or f"thermal.{n}" in monitors)]
+    more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
     wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching")
-    m = [n for n in wanted if n in mechanical.blocks and mechanical.blocks[n].causality == "output"]
+    has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
+    m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]
     return Halves(thermal, mechanical, tuple(t), tuple(m))

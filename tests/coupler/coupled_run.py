@@ -17,7 +17,7 @@ from coupler.window import CoupledState, wanted_outputs
 def start(T: float, x: float, *t_N: float) -> CoupledState:
     """One temperature, one coordinate that matters, and t_N where it is given."""
     now = Level(0.0, np.array([T]), np.array([[0.0, x]]), np.array(t_N), np.zeros(len(t_N)), np.zeros(len(t_N)))
-    return CoupledState(now, None, 0, {"E_M": EnergyAccount(np.zeros(1))})
+    return CoupledState(now, (), 0, {"E_M": EnergyAccount(np.zeros(1))})
 
 
 def couple(halves: tuple, state: CoupledState, time: tuple[float, int], scheme: Scheme, *,

@@ -130,7 +130,7 @@ def record(out: Path, case: Case) -> Recorder:
     for k in range(case.windows):
         t, H = times[k], times[k + 1] - times[k]
         facts = {"t": float(t), "H": float(H), "scheme": "extrapolated", "seconds": 0.05}
-        state = CoupledState(now, None, 0, {"E_M": EnergyAccount(np.zeros(cells))})
+        state = CoupledState(now, (), 0, {"E_M": EnergyAccount(np.zeros(cells))})
         if case.reject and k % case.reject == 1:
             no = Solved(Verdict.THERMAL_DISCARD, case.message, state, (), Work(thermal_solves=1), {})
             r.window(no, facts | {"H": float(2 * H)}, ledger, probes_at(now, case.n))
@@ -139,7 +139,7 @@ def record(out: Path, case: Case) -> Recorder:
             ledger = ledger.plus(TERMS)
         work = Work(1, 1, 4, 3, 0.02, 0.01, 0.005, 1000)
         monitors = {"touching": 5.0, "max_T": float(now.T.max()), "max_p": float(-now.t_N.min())}
-        state = CoupledState(now, None, 0, state.accounts)
+        state = CoupledState(now, (), 0, state.accounts)
         yes = Solved(Verdict.ACCEPTED, "", state, (TERMS,), work, monitors)
         r.window(yes, facts, ledger, probes_at(now, case.n)[: len(header(case)["probes"])])
         if k + 1 in at:

@@ -62,7 +62,7 @@ def rubbing(h_max: float = np.inf) -> FakeHalf:
 
 def couple(thermal: FakeHalf, mechanical: FakeHalf, substeps: tuple[int, int], n: int = 4):
     now = Level(0.0, np.array([300.0]), np.zeros((1, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(1))
-    state = CoupledState(now, None, 0, accounts_of(mechanical, 1))
+    state = CoupledState(now, (), 0, accounts_of(mechanical, 1))
     plan = Plan(schedule(END, [WindowRange(END, END / n, END / n)], ()), Scheme.STAGGERED,
                 {"thermal": substeps[0], "mechanical": substeps[1]})
     terms: list = []

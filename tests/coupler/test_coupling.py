@@ -28,7 +28,7 @@ END = 20.0
 def couple(n: int, scheme: Scheme, thermal=None, mechanical=None, substeps=(1, 1), kinks=(), bends=(), end=END):
     thermal, mechanical = thermal or lumped(840.0), mechanical or shrinking(840.0)
     x = np.array([[0.0, gap_of(840.0)]])
-    state = CoupledState(Level(0.0, np.array([840.0]), x, np.zeros(0), np.zeros(0), np.zeros(0)), None, 0,
+    state = CoupledState(Level(0.0, np.array([840.0]), x, np.zeros(0), np.zeros(0), np.zeros(0)), (), 0,
                          {"E_M": EnergyAccount(np.zeros(1))})
     plan = Plan(schedule(end, [WindowRange(end, end / n, end / n)], kinks, bends), scheme,
                 {"thermal": substeps[0], "mechanical": substeps[1]})

@@ -1,0 +1,66 @@
+"""One window solved by a scheme, with both halves' states at hand until it is known whether it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import TracebackType
+
+from coupler.errors import CouplingError
+from coupler.iterate import solve_iterated
+from coupler.level import Scheme
+from coupler.scheme import ONCE
+from coupler.settings import Settings
+from coupler.sweep import DiscardError
+from coupler.window import CoupledState, Halves, Solved, Span
+
+
+class Kept:
+    """The states of both halves at the start of a window, while the block lasts.
+
+    t [s], number (from 1) : of the window, for messages.
+    """
+
+    def __init__(self, halves: Halves, t: float, number: int) -> None:
+        self._both = (halves.thermal, halves.mechanical)
+        self._t, self._number = t, number
+
+    def __enter__(self) -> Kept:
+        self._tokens = [half.save() if half.can_save else None for half in self._both]
+        return self
+
+    def put_back(self, why: str) -> None:
+        """Both halves to the start of the window.  Raises CouplingError where one keeps no states."""
+        for half, token in zip(self._both, self._tokens, strict=True):
+            if token is None:
+                raise CouplingError(f"{why}; half {half.name!r} keeps no states, so the window cannot be tried again",
+                                    t=self._t, window=self._number,
+                                    remedy="Give smaller windows (coupling.windows) around this time")
+            half.restore(token)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        for half, token in zip(self._both, self._tokens, strict=True):
+            if token is not None:
+                half.release(token)
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a window is solved.  scheme : never `auto`, which has chosen one."""
+
+    scheme: Scheme
+    settings: Settings
+
+
+def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
+    """The window by a scheme; after a discard the halves are where the discard left them."""
+    halves = replace(halves, inputs=way.settings.inputs)
+    try:
+        if way.scheme is Scheme.ITERATED:
+            solved = solve_iterated(halves, state, span, way.settings.iteration,
+                                    lambda: kept.put_back("a window is to be iterated"))
+        else:
+            solved = ONCE[way.scheme](halves, state, span).solved(state)
+    except DiscardError as discard:
+        return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=way.scheme)
+    return replace(solved, scheme=way.scheme)

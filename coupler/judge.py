@@ -1,0 +1,166 @@
+"""Whether a window that was solved stands: asked of one plug after the other, and what control remembers then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from coupler import auto, cycle, estimate, events, rules, stepsize
+from coupler.control_state import ControlState
+from coupler.cutting import Facts, at_least, cut, shorter, tried_again
+from coupler.errors import CouplingError
+from coupler.estimate import Estimate
+from coupler.events import Found
+from coupler.iteration import OnMax
+from coupler.level import Scheme
+from coupler.monitors import failed_monitors, monitors
+from coupler.plan import OnCycle
+from coupler.rules import Firing
+from coupler.tolerance import ErrorTolerances
+from coupler.window import Solved, Verdict
+
+# So many windows on end in which hardly anything changes are a steady state.
+SLOW = 2
+
+
+@dataclass(frozen=True)
+class Judged:
+    """solved : with its verdict.  control : of the next try.  error, event, fired : what the plugs found."""
+
+    solved: Solved
+    control: ControlState
+    notes: tuple[str, ...] = ()
+    error: Estimate | None = None
+    event: str = ""
+    fired: tuple[Firing, ...] = ()
+
+
+def judged(facts: Facts) -> Judged:
+    """The verdict.  Raises CouplingError where the window must be tried again and may not."""
+    if not facts.solved.taken:
+        return _failed(facts)
+    found, events_memory = _event(facts)
+    if found is not None and not found.located:
+        control = replace(facts.at.control, aim=found.tick, events=events_memory)
+        return Judged(_put_back(facts.solved, Verdict.EVENT, found.text), tried_again(facts, control, found.text),
+                      event=found.text)
+    error = estimate.estimate(facts.at.control.estimate, facts.at.state, facts.solved, facts.span, _tolerance(facts))
+    solved = facts.solved
+    if facts.plan.adaptive is not None and error is not None and error.error > 1.0:
+        if not at_least(facts):
+            size = stepsize.rejected(facts.H, error.error, error.order)
+            return Judged(_put_back(solved, Verdict.ERROR, error.words), shorter(facts, size, error.words), error=error)
+        solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
+                         anyway=True)
+    return _ruled(replace(facts, solved=solved), _Found(error, found, events_memory))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the plugs before the rules found."""
+
+    error: Estimate | None
+    event: Found | None
+    events: events.Memory
+
+
+def _failed(facts: Facts) -> Judged:
+    """A half gave up, or the iteration did: rules that look at failures are heard, then the window is cut."""
+    solved, control, plan = facts.solved, facts.at.control, facts.plan
+    course = solved.course
+    if solved.verdict is Verdict.MAX_ITERATIONS and control.settings.iteration.on_max is OnMax.STOP:
+        assert course is not None
+        raise CouplingError(f"{solved.message}; coupling.iteration.on_max says to stop", t=facts.t,
+                            window=control.number + 1, iteration=len(course.misfits),
+                            residuals=tuple(course.misfits[-1].values()),
+                            remedy="Give smaller windows, another acceleration or more iterations")
+    if not plan.rules:
+        return Judged(solved, cut(facts, 0.5, solved.message))
+    fired = rules.fire_failed(plan.rules, control.rules, failed_monitors(control, facts.span, solved), control.settings)
+    if fired.stop:
+        return Judged(solved, replace(control, stop=fired.stop, settings=fired.settings, rules=fired.memory),
+                      fired=fired.log)
+    again = cut(facts, fired.retry or 0.5, solved.message)
+    return Judged(solved, replace(again, settings=fired.settings, rules=fired.memory), fired=fired.log)
+
+
+def _event(facts: Facts) -> tuple[Found | None, events.Memory]:
+    control = facts.at.control
+    if not facts.plan.locate.on:
+        return None, control.events
+    return events.met(control.events, facts.at.state.now, facts.solved, facts.span, facts.plan)
+
+
+def _ruled(facts: Facts, found: _Found) -> Judged:
+    """The rules, then the cycle; a window that passes both is taken."""
+    plan, control, solved = facts.plan, facts.at.control, facts.solved
+    fired = rules.Fired(control.settings, control.rules)
+    if plan.rules:
+        seen = {**monitors(control, facts.span, solved, found.error), **plan.probed(solved.state.now)}
+        fired = rules.fire(plan.rules, control.rules, seen, control.settings)
+    if fired.retry:
+        why = "; ".join(f"rule {f.rule!r}: {f.text}" for f in fired.log)
+        again = replace(cut(facts, fired.retry, why), settings=fired.settings,
+                        rules=rules.retried(control.rules, fired), stop=fired.stop)
+        return Judged(_put_back(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
+    watch = control.cycle.plus(facts.at.state.now, solved.state.now)
+    notes: tuple[str, ...] = ()
+    settings = fired.settings
+    if watch.cycling:
+        notes = (cycle.note(watch, control.number + 1, solved.state.now.t),)
+        if plan.on_cycle is OnCycle.CUT and not at_least(facts):
+            again = replace(cut(facts, 0.5, notes[0]), cycle=cycle.Watch())
+            return Judged(_put_back(solved, Verdict.CYCLE, notes[0]), again, notes, found.error)
+        watch = watch.tell()
+        if plan.on_cycle is OnCycle.ITERATE:
+            settings = replace(settings, scheme=Scheme.ITERATED)
+    control = _taken(facts, found, replace(fired, settings=settings))
+    return Judged(solved, replace(control, cycle=watch), notes, found.error, found.event.text if found.event else "",
+                  fired.log)
+
+
+def _taken(facts: Facts, found: _Found, fired: rules.Fired) -> ControlState:
+    """Control after a window that stands."""
+    plan, control, span, solved = facts.plan, facts.at.control, facts.span, facts.solved
+    start = facts.at.state
+    slow = control.slow + 1 if _is_slow(facts) else 0
+    steady = f"steady: T changes by less than {plan.steady:g} K/s" if slow >= SLOW else ""
+    control = replace(
+        control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
+        ends=tuple(e for e in control.ends if e > span.k1), event=span.k1 if found.event else control.event,
+        stop=fired.stop or steady, settings=fired.settings, rules=fired.memory,
+        estimate=estimate.after(control.estimate, start, solved, span, found.error),
+        choice=auto.learn(control.choice, start, solved, facts.H),
+        events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
+    return _sized(facts, control, found.error)
+
+
+def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> ControlState:
+    """With the size of the next window."""
+    adaptive = facts.plan.adaptive
+    if adaptive is None:
+        return control
+    limits = stepsize.Limits(adaptive.least, adaptive.most)
+    size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.error,
+                                     2 if error is None else error.order, limits)
+    reason = "no error is known yet" if error is None else error.words
+    return replace(control, size=size, reason=reason, controller=memory)
+
+
+def _is_slow(facts: Facts) -> bool:
+    """Whether hardly anything changed, and no kink lies ahead that could change that."""
+    plan = facts.plan
+    if plan.steady == 0.0 or plan.must_end(facts.span.k0) != plan.last:
+        return False
+    change = float(np.abs(facts.solved.state.now.T - facts.at.state.now.T).max())
+    return change < plan.steady * facts.H
+
+
+def _tolerance(facts: Facts) -> ErrorTolerances:
+    adaptive = facts.plan.adaptive
+    return adaptive.tolerance if adaptive is not None else ErrorTolerances()
+
+
+def _put_back(solved: Solved, verdict: Verdict, message: str) -> Solved:
+    return replace(solved, verdict=verdict, message=message, anyway=False)
