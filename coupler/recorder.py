@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.journal import Journal
+from coupler.beside import drop, journal_of, take_up
+from coupler.journal import Journal, Mark
 from coupler.ledger import Ledger
 from coupler.level import Level
-from coupler.results import ITERATE_FIELDS, WINDOW_FIELDS, finish, journal_of
+from coupler.results import ITERATE_FIELDS, WINDOW_FIELDS, finish
 from coupler.target import check_target
 from coupler.window import Course, Solved
 
@@ -26,17 +27,33 @@ class Recorder:
     """Writes the header, each window, frames of fields and the end; finish() makes run.h5 of it.
 
     header : what is known before the first window (scenario, versions, probes, fields); see Run._header.
+    since : go on with the journal of a run that ended early, behind this place, under the header it has.
     Raises ResultsError if `out` may not or cannot be written.
     """
 
-    def __init__(self, out: Path, header: Mapping[str, Any], interface: Interface) -> None:
+    def __init__(self, out: Path, header: Mapping[str, Any], interface: Interface,
+                 since: Mark | None = None) -> None:
         check_target(out)
         self.out = out
         self._interface = interface
+        self._seconds = 0.0
+        if since is not None:
+            take_up(out)
+            self._journal = Journal(journal_of(out), since)
+            return
         self._journal = Journal(journal_of(out))
+        drop(out)
         self._journal.write("run", header, {
             n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")})
-        self._seconds = 0.0
+
+    @property
+    def mark(self) -> Mark:
+        """Where the next record goes."""
+        return self._journal.mark
+
+    def sync(self) -> None:
+        """Wait until all records are on the disk.  Raises OSError."""
+        self._journal.sync()
 
     def start(self, t: float, probes: Array) -> None:
         """The values before the first window."""

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.beside import journal_of, put_away
 from coupler.errors import ResultsError
 from coupler.fields import write_field_files
 from coupler.journal import being_written, read_journal
@@ -49,11 +50,6 @@ HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
 UNITS = {"K": (1.0, 0.0), "degC": (1.0, -273.15), "m": (1.0, 0.0), "mm": (1e3, 0.0), "um": (1e6, 0.0),
          "Pa": (1.0, 0.0), "kPa": (1e-3, 0.0), "MPa": (1e-6, 0.0)}
 _KIND_OF_UNIT = {"K": "K", "degC": "K", "m": "m", "mm": "m", "um": "m", "Pa": "Pa", "kPa": "Pa", "MPa": "Pa"}
-
-
-def journal_of(path: Path) -> Path:
-    """Where the journal of a run that writes `path` is kept while it runs."""
-    return path.with_name(path.name + ".journal")
 
 
 class Results:
@@ -194,8 +190,9 @@ def _recover(journal: Path, path: Path) -> None:
 
 
 def finish(journal: Path, path: Path) -> None:
-    """Make run.h5 and the field files from a journal, each in one atomic step, and remove the journal.
+    """Make run.h5 and the field files from a journal, each in one atomic step.
 
+    The journal is removed, or, with the checkpoint of a run that is not complete, kept for resuming it.
     All are written aside before the first is put in its place: an error, a full disk say, changes nothing.
     Raises ResultsError if the journal does not hold the beginning of a run, or the files cannot be written.
     """
@@ -204,12 +201,12 @@ def finish(journal: Path, path: Path) -> None:
         # Asked first, because HDF5 meets a full disk with a page of noise for every open file.
         if free < size + HDF5_ROOM:
             raise OSError(f"{free / 1e6:.1f} MB are free on its disk, {(size + HDF5_ROOM) / 1e6:.1f} MB are needed")
-        _make(journal, path)
+        complete = _make(journal, path)
     except (OSError, RuntimeError) as exc:  # a full disk is either, by where HDF5 meets it
         older = ", after the older file is moved away," if path.exists() else ""
         raise ResultsError(f"{path}: cannot be made from {journal.name} ({_reason(exc)}). All windows are in the "
                            f"journal: once this is mended{older} `slideline report {path}` makes the file") from exc
-    journal.unlink(missing_ok=True)
+    put_away(journal, path, complete)
 
 
 def _reason(exc: Exception) -> str:
@@ -218,7 +215,8 @@ def _reason(exc: Exception) -> str:
     return found[1] if found else str(exc)
 
 
-def _make(journal: Path, path: Path) -> None:
+def _make(journal: Path, path: Path) -> bool:
+    """Whether the run is complete."""
     records = read_journal(journal)
     header = next(((m, a) for kind, m, a in records if kind == "run"), None)
     if header is None:
@@ -230,13 +228,15 @@ def _make(journal: Path, path: Path) -> None:
         frames = (r for r in read_journal(journal) if r[0] == "frame")
         parts = write_field_files(Path(scratch), meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
-            _write(f, meta, records)
+            complete = _write(f, meta, records) == "completed"
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
+    return complete
 
 
 def _write(f: h5py.File, meta: dict[str, Any],
-           records: Iterator[tuple[str, dict[str, Any], dict[str, NDArray[Any]]]]) -> None:
+           records: Iterator[tuple[str, dict[str, Any], dict[str, NDArray[Any]]]]) -> str:
+    """The file, from the records after the header.  Returns what became of the run."""
     outcome: dict[str, Any] = {"outcome": "killed",
                                "message": "the run was killed; this is all it had written"}
     rows: list[tuple[Any, ...]] = []
@@ -272,6 +272,7 @@ def _write(f: h5py.File, meta: dict[str, Any],
         group[name] = table[:, i]
         group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
     _write_ledger(f.create_group("ledger", track_order=True), terms)
+    return str(outcome["outcome"])
 
 
 def _write_ledger(group: h5py.Group, terms: list[Mapping[str, float]]) -> None:

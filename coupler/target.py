@@ -7,9 +7,10 @@ from pathlib import Path
 
 import h5py
 
+from coupler.beside import journal_of
 from coupler.errors import ResultsError
 from coupler.journal import being_written
-from coupler.results import FORMAT, journal_of
+from coupler.results import FORMAT
 
 PAGE = ".html"
 

@@ -22,7 +22,7 @@ from coupler.scenario.override import apply_overrides
 from coupler.scenario.probes import probes_of
 from coupler.scenario.problem import scenario_error
 from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.reading import read_document
+from coupler.scenario.reading import document_from, read_document
 from coupler.scenario.scenario import Scenario
 from coupler.scenario.scene import scene_of
 from coupler.scenario.schema import ScenarioFile
@@ -36,7 +36,16 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
     the file's own before it is checked, e.g. {"mechanical.half": "rigid", "coupling.windows.3.size": 2.0}.
     Raises ScenarioError, naming file, line, key, value and remedy, for the first thing found wrong.
     """
-    document = apply_overrides(read_document(Path(path)), overrides or {})
+    return _checked(read_document(Path(path)), overrides or {})
+
+
+def scenario_from(text: str, path: Path, overrides: Mapping[str, Any]) -> Scenario:
+    """The scenario of a text that stood in the file `path`; meshes are looked for beside it.  Raises ScenarioError."""
+    return _checked(document_from(path, text), overrides)
+
+
+def _checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
+    document = apply_overrides(read, overrides)
     try:
         file = ScenarioFile.model_validate(document.tree)
     except ValidationError as exc:
@@ -51,7 +60,7 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
         file=document.path,
         text=document.text,
         resolved=document.tree,
-        overrides=dict(overrides or {}),
+        overrides=dict(overrides),
         hash=_hash(document, file),
         title=file.title or document.path.stem,
         temperature_unit=file.units.temperature.value,

@@ -35,7 +35,11 @@ def read_document(path: Path) -> Document:
     Raises ScenarioError if it is missing, not a file, too big, not UTF-8, not YAML, empty, or not a mapping
     at its top.
     """
-    text = _read_text(path)
+    return document_from(path, _read_text(path))
+
+
+def document_from(path: Path, text: str) -> Document:
+    """The document of a text that stood in a file, which need not be there any more.  Raises ScenarioError."""
     node = _parse(text, str(path))
     if node is None:
         raise ScenarioError("the file is empty", file=str(path), remedy="See docs/scenario.md for the form.")

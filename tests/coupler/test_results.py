@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import coupler.results as results_module
+from coupler.beside import journal_of
 from coupler.errors import ResultsError
-from coupler.results import WINDOW_FIELDS, Results, finish, journal_of
+from coupler.results import WINDOW_FIELDS, Results, finish
 from coupler.vtkhdf import FieldReader
 
 sys.path.insert(0, str(Path(__file__).parent))

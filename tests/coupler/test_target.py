@@ -11,11 +11,12 @@ from types import SimpleNamespace
 import h5py
 import pytest
 
+from coupler.beside import journal_of
 from coupler.errors import ResultsError
 from coupler.journal import Journal
 from coupler.recorder import Recorder
 from coupler.report import write_report
-from coupler.results import Results, journal_of
+from coupler.results import Results
 from coupler.target import check_target
 
 sys.path.insert(0, str(Path(__file__).parent))
