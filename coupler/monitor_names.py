@@ -1,13 +1,13 @@
 """Names of monitors: what rules may look at, and which output of a half tells it.
 
-Beside those below: `thermal.OUTPUT` and `mechanical.OUTPUT` for any number that a half gives out (`OUTPUT[2]` for the second of
-several), and every probe by its name.
+Beside those below: `thermal.OUTPUT` and `mechanical.OUTPUT` for any number that a half gives out (`OUTPUT[2]` for the
+second of several), and every probe by its name.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 
 COUPLER = {
     "t": "s, end of the window", "window": "s, its size", "number": "windows taken before it",
@@ -27,33 +27,26 @@ SHORT = {
 }
 """Short names of what one half gives out."""
 
-# A half that does not tell this gives the other, divided by the size of the window.
-RATES = {"max_strain_rate": "max_strain_increment"}
-LEVELS_OF_T = frozenset({"max_T"})  # in the scenario's unit of temperature
-_OUTPUT = re.compile(r"(thermal|mechanical)\.([^\[\]]+)(?:\[(\d+)\])?")
+# A half that does not tell the first gives the second, divided by the length of its substep.
+RATE, INCREMENT = "mechanical.max_strain_rate", "mechanical.max_strain_increment"
+LEVELS_OF_T = frozenset({"max_T"})  # given in the scenario's unit of temperature
+_OUTPUT = re.compile(r"(thermal|mechanical)\.[^\[\]]+(\[[1-9]\d*\])?")
 
 
-@dataclass(frozen=True)
-class Source:
-    """An output of a half: half, block, and which value of it, from 0; per_window : divide by its size [s]."""
-
-    half: str
-    block: str
-    index: int = 0
-    per_window: bool = False
+def full_name(name: str) -> str | None:
+    """A monitor as it is looked up: COUPLER, `thermal.OUTPUT`, `mechanical.OUTPUT`; None for what is none of these."""
+    full = SHORT.get(name, name)
+    return full if full in COUPLER or _OUTPUT.fullmatch(full) else None
 
 
-def known(name: str) -> bool:
-    """Whether a name is that of a monitor, probes left out."""
-    return name in COUPLER or name in SHORT or _OUTPUT.fullmatch(name) is not None
+def outputs(monitors: Iterable[str]) -> frozenset[str]:
+    """Outputs of the halves, `thermal.max_dT`, that tell these monitors (full names)."""
+    told = {m for m in monitors if m not in COUPLER and _OUTPUT.fullmatch(m)}
+    return frozenset(told | ({INCREMENT} if RATE in told else set()))
 
 
-def source(name: str) -> Source | None:
-    """Which output tells a monitor; None for those of the coupler, and for probes."""
-    if name in COUPLER:
-        return None
-    match = _OUTPUT.fullmatch(SHORT.get(name, name))
-    if match is None:
-        return None
-    half, block, index = match.groups()
-    return Source(half, block, int(index) - 1 if index else 0)
+def with_rate(monitors: Mapping[str, float], substep: float) -> Mapping[str, float]:
+    """With the strain rate of a half that tells only the increment of its last substep [s]."""
+    if RATE in monitors or INCREMENT not in monitors:
+        return monitors
+    return {**monitors, RATE: monitors[INCREMENT] / substep}

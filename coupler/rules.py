@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from coupler.drive import Driven, begun, driven
+from coupler.monitor_names import outputs, with_rate
 from coupler.rule import Action, Change, Drive, Give, Of, Retry, Rule, Stop, Test
 from coupler.rule_actions import applied
 from coupler.rule_words import did, looked_at
@@ -77,8 +78,12 @@ class Fired:
 
 
 def wanted(rules: Sequence[Rule]) -> tuple[str, ...]:
-    """Names of the monitors that the rules read."""
-    return tuple(sorted(set().union(*(r.monitors for r in rules))))
+    """Names of the monitors that the rules read, `thermal.OUTPUT` and `mechanical.OUTPUT` those of the halves.
+
+    Where they want a strain rate the increment is among them: not every half tells the rate.
+    """
+    read: set[str] = set().union(*(r.monitors for r in rules))
+    return tuple(sorted(read | outputs(read)))
 
 
 def first_memory(rules: Sequence[Rule], monitors: Mapping[str, float]) -> Memory:
@@ -98,6 +103,7 @@ def fire(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], s
     and a condition on it does not hold.  A rule that puts the window back comes before all others: they have not seen
     it then.
     """
+    monitors = with_rate(monitors, monitors["window"] / settings.substeps["mechanical"])
     seen = {r.name: _seen(r, memory, monitors) for r in rules}
     due = [r for r in rules if _due(r, seen[r.name], monitors["t"])]
     back = [r for r in due if _share(r, monitors["window"])]

@@ -23,6 +23,7 @@ from coupler.scenario.probes import probes_of
 from coupler.scenario.problem import scenario_error
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.reading import document_from, read_document
+from coupler.scenario.rules_of import rules_of
 from coupler.scenario.scenario import Scenario
 from coupler.scenario.scene import scene_of
 from coupler.scenario.schema import ScenarioFile
@@ -69,6 +70,7 @@ def _checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
         models=written,
         coupling=coupling,
         probes=probes_of(context),
+        rules=rules_of(context, written),
         output=output_of(document, file.output, coupling.end),
     )
 

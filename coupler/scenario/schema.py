@@ -13,6 +13,7 @@ from coupler.scenario.schema_contact import ContactPair
 from coupler.scenario.schema_iteration import Iteration
 from coupler.scenario.schema_material import Material
 from coupler.scenario.schema_mechanical import Mechanical
+from coupler.scenario.schema_rules import RuleSpec
 from coupler.scenario.schema_scene import Body
 from coupler.scenario.schema_thermal import Thermal
 
@@ -155,6 +156,7 @@ class ScenarioFile(Part):
     thermal: Thermal
     mechanical: Mechanical
     coupling: Coupling
+    rules: tuple[RuleSpec, ...] = ()
     probes: dict[DottedName, Probe] = Field(default_factory=dict)
     output: Output = Output()
 
