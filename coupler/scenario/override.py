@@ -15,6 +15,7 @@ from coupler.scenario.reading import plain_value, yaml_value
 ALTERNATIVES = (
     (frozenset({"size"}), frozenset({"first", "last"})),
     (frozenset({"rectangle"}), frozenset({"file"})),
+    (frozenset({"windows"}), frozenset({"adaptive"})),
 )
 
 

@@ -7,9 +7,11 @@ from enum import StrEnum
 from pydantic import Field, model_validator
 
 from coupler.level import Scheme
+from coupler.plan import OnCycle
 from coupler.scenario.base import Part, SignalSpec, exactly_one
 from coupler.scenario.quantity import DottedName, Name, NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.schema_contact import ContactPair
+from coupler.scenario.schema_control import Adaptive, Events, Stop
 from coupler.scenario.schema_iteration import Iteration
 from coupler.scenario.schema_material import Material
 from coupler.scenario.schema_mechanical import Mechanical
@@ -78,9 +80,18 @@ class Coupling(Part):
     iteration: Iteration = Iteration()
     end: Positive
     kinks: tuple[Number, ...] = ()
-    windows: tuple[Windows, ...]
+    windows: tuple[Windows, ...] | None = None
+    adaptive: Adaptive | None = None
+    events: Events = Events()
+    on_cycle: OnCycle | None = None
+    stop: Stop = Stop()
     substeps: Substeps = Substeps()
     link: Text = "direct"
+
+    @model_validator(mode="after")
+    def _one_way_to_size(self) -> Coupling:
+        exactly_one(self, ("windows", "adaptive"))
+        return self
 
     @model_validator(mode="after")
     def _link_known(self) -> Coupling:

@@ -10,6 +10,7 @@ from typing import Any
 
 from coupler.iteration import Iteration
 from coupler.level import Scheme
+from coupler.plan import Adaptive, OnCycle
 from coupler.scenario.convert import jumps_in, kinks_in
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import Coupling as CouplingSpec
@@ -29,7 +30,8 @@ class Coupling:
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
     the chosen halves use.  bends : those of them where only thermal data change slope: no half need restart damped,
     which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
-    iteration : of the scheme `iterated`.
+    iteration : of the scheme `iterated`.  adaptive : of windows that find their own size; then windows is one range.
+    locate, event_tolerance [s] : of events; 0: as coupler.events says.  steady [K/s]: 0: never stop for that.
     """
 
     scheme: Scheme
@@ -40,6 +42,11 @@ class Coupling:
     substeps: Mapping[str, int]
     link: str
     iteration: Iteration = field(default_factory=Iteration)
+    adaptive: Adaptive | None = None
+    locate: bool = False
+    event_tolerance: float = 0.0
+    on_cycle: OnCycle = OnCycle.NOTE
+    steady: float = 0.0
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
@@ -47,13 +54,23 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     for i, t in enumerate(spec.kinks):
         if t < 0:
             raise document.error(("coupling", "kinks", i), "a kink cannot lie before the run begins, at 0 s")
-    windows = _ranges(document, spec.windows, spec.end)
+    adaptive = spec.adaptive.sizes(spec.end) if spec.adaptive is not None else None
+    windows = ((WindowRange(spec.end, spec.end, spec.end),) if spec.windows is None
+               else _ranges(document, spec.windows, spec.end))
     times: Iterable[float] = (*spec.kinks, *kinks_in(models))
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
     substeps = {"thermal": spec.substeps.thermal, "mechanical": spec.substeps.mechanical}
     events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
     return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
-                    spec.iteration.method)
+                    spec.iteration.method, adaptive,
+                    adaptive is not None if spec.events.locate is None else spec.events.locate,
+                    spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0)
+
+
+def _on_cycle(spec: CouplingSpec) -> OnCycle:
+    """Fixed windows of a stated scheme are what somebody asked for: they are not changed unasked."""
+    free = spec.adaptive is not None or spec.scheme is Scheme.AUTO
+    return OnCycle.ITERATE if free else OnCycle.NOTE
 
 
 def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:
