@@ -10,12 +10,15 @@ import re
 from collections.abc import Iterable, Mapping
 
 COUPLER = {
-    "t": "s, end of the window", "window": "s, its size", "number": "windows taken before it",
-    "failures": "tries in a row that failed", "iterations": "of the window, where the scheme iterates",
+    "t": "s, end of the window", "window": "s, its size", "number": "of the window, from 1",
+    "failures": "tries in a row that failed", "iterations": "of the exchange, 1 where the scheme does not iterate",
     "contraction": "measured ratio of residuals of plain iteration", "error": "largest error estimate, in tolerances",
     "error.temperature": "tolerances", "error.gap": "tolerances", "error.heat": "tolerances",
-    "error.displacement": "tolerances", "max_T": "hottest node", "max_p": "Pa, largest contact pressure",
-    "touching": "facing points under pressure", "imbalance": "of heat, over the run",
+    "error.displacement": "tolerances",
+    **{f"{part}.{name}": "tolerances" for part in ("splitting", "own")
+       for name in ("temperature", "gap", "heat", "displacement")},
+    "max_T": "hottest node", "max_p": "Pa, largest contact pressure",
+    "touching": "facing points under pressure", "imbalance": "of the heat of the window",
     "thermal.status": "0 well, 1 discarded", "mechanical.status": "0 well, 1 discarded",
 }
 """Monitors of the coupler, each with its unit or meaning; one that a window does not have is not known in it."""
@@ -41,7 +44,7 @@ def full_name(name: str) -> str | None:
 
 def outputs(monitors: Iterable[str]) -> frozenset[str]:
     """Outputs of the halves, `thermal.max_dT`, that tell these monitors (full names)."""
-    told = {m for m in monitors if m not in COUPLER and _OUTPUT.fullmatch(m)}
+    told = {m.partition("[")[0] for m in monitors if m not in COUPLER and _OUTPUT.fullmatch(m)}
     return frozenset(told | ({INCREMENT} if RATE in told else set()))
 
 

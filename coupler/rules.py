@@ -103,7 +103,9 @@ def fire(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], s
     and a condition on it does not hold.  A rule that puts the window back comes before all others: they have not seen
     it then.
     """
-    monitors = with_rate(monitors, monitors["window"] / settings.substeps["mechanical"])
+    # A window that can be taken has not failed, however often it was tried: nobody fires for the same tries twice.
+    monitors = {**with_rate(monitors, monitors["window"] / settings.substeps["mechanical"]),
+                **dict.fromkeys(OF_FAILURE, 0.0)}
     seen = {r.name: _seen(r, memory, monitors) for r in rules}
     due = [r for r in rules if _due(r, seen[r.name], monitors["t"])]
     back = [r for r in due if _share(r, monitors["window"])]

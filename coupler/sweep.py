@@ -19,6 +19,11 @@ from coupler.window import CoupledState, Halves, Verdict, Work
 Array = NDArray[np.float64]
 Sent = Mapping[str, Mapping[str, Array]]
 
+# Forces and motions of a body: blocks of so many values are told value by value.
+FEW = 3
+# Outputs of which a window has the largest of its substeps.
+OF_A_SUBSTEP = ("max_", "cuts", "substeps", "rejected", "residual", "iterations")
+
 
 class DiscardError(Exception):
     """A half could not do its substep.  work : what the whole passes before it cost."""
@@ -34,7 +39,7 @@ class Pass:
     """A half taken over a window.  outputs : at its end.  work : of this pass and of those before it in the window.
 
     terms : the heat terms of each thermal substep [J].  made : block -> energies the mechanical half made [J].
-    told : every other scalar it was asked for, the largest of its substeps.
+    told : every other number it was asked for (NAME, NAME[1]).
     """
 
     outputs: Mapping[str, Array]
@@ -112,9 +117,12 @@ def _given(halves: Halves, side: str) -> dict[str, Array]:
 
 
 def _told(known: Mapping[str, float], outputs: Mapping[str, Array]) -> dict[str, float]:
-    """Scalars that are no heat, the largest of the substeps so far."""
+    """Numbers that are no heat, and the values of blocks of a few: as they stand, or the largest of the substeps so far
+    of those that tell of a substep."""
     now = {n: float(v) for n, v in outputs.items() if v.ndim == 0 and not n.startswith(PREFIX)}
-    return {n: max(v, known.get(n, v)) for n, v in now.items()}
+    few = {f"{n}[{i + 1}]": float(x) for n, v in outputs.items() if v.ndim == 1 and v.size <= FEW
+           for i, x in enumerate(v)}
+    return few | {n: max(v, known.get(n, v)) if n.startswith(OF_A_SUBSTEP) else v for n, v in now.items()}
 
 
 def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:
