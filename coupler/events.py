@@ -1,7 +1,10 @@
 """Contact events: where in a window something opens, closes, sticks or slips; the window is made to end there.
 
-A window ends just behind its event, in the new status: a scheme that holds pressure and geometry of its start then
-sees the new side of the laws from the first window after it, and what was found once is not found again.
+A window ends just behind its event, in the new status: a scheme that holds pressure and geometry of its start, or of
+the windows before, then sees the new side of the laws from the first window after it.  An iterated one sees them on the
+way to its end: behind an event where a law jumps it would hold the new side all the way, which then may keep the event
+from happening, and no iterate agrees with itself.  So an iterated window ends just before.  What was found once is not
+found again.
 
 Few tries are needed because what is left of a status (a gap, a pressure) is known at the ends of the windows before:
 where it is about to run out a try ends a little before that, and the next one, from a point so near, just behind it.
@@ -15,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from coupler.crossing import MOST
-from coupler.level import Level
+from coupler.level import Level, Scheme
 from coupler.plan import Plan
 from coupler.search import Reach, Search
 from coupler.sights import Sight, Status, changed, seen
@@ -45,6 +48,7 @@ class Memory:
     trail : at the ends of windows since the last kink or event, newest last, itself the first.  rates : how fast what
     was left fell before that [unit/s].  tried : at the ends tried since the last of the trail.
     turned : when each status changed last [s]; -1: never.  aim : the tick at which a try was asked to end; 0: none.
+    due : which are to change at once in this window; coming : in the one after this try.
     """
 
     trail: tuple[Sight, ...] = ()
@@ -52,6 +56,8 @@ class Memory:
     tried: tuple[Sight, ...] = ()
     turned: tuple[float, ...] = ()
     aim: int = 0
+    due: tuple[int, ...] = ()
+    coming: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -72,19 +78,19 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
     """
     before = _at(memory, start, plan)
     sight = seen(plan.locate.places, solved.state.now, solved.monitors)
-    memory = replace(before, tried=(*before.tried, sight), aim=0)
+    memory = replace(before, tried=(*before.tried, sight), aim=0, coming=())
     flipped = changed(memory.trail[-1], sight)
-    reach = _reach(before, span, plan)
+    reach = _reach(before, span, plan, solved.scheme)
     if not flipped:
-        end = _longer(before, memory, reach)
-        return (None, memory) if end is None else _again(end, memory, reach, "just before an event")
+        return _before(before, memory, reach, plan)
     # What turns back in the first window after it turned is a flutter of the window's size: not cut, only told.
-    fresh = [i for i in flipped if memory.turned[i] != reach.t0 and not _of_the_kink(memory, i, reach)]
+    fresh = [i for i in flipped if memory.turned[i] != reach.t0 and i not in memory.due
+             and not _of_the_kink(memory, i, reach)]
     if not fresh:
         turned = any(memory.turned[i] == reach.t0 for i in flipped)
-        text = f"{_told(sight, flipped, plan)} again within one window"
+        text = f"{_told(sight.status, flipped, plan)} again within one window"
         return (Found(span.k1, True, text) if turned else None), memory
-    text = _told(sight, fresh, plan)
+    text = _told(sight.status, fresh, plan)
     searches = [s for s in (Search(i, memory.trail, memory.tried, reach) for i in fresh) if not s.done]
     if not searches or len(memory.tried) >= MAX_TRIES:
         return Found(span.k1, True, text), memory
@@ -95,7 +101,7 @@ def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan) -> int
     """Where an event is expected inside a window that is about to be solved: the tick at which to end it."""
     if not memory.trail or memory.trail[-1].t != state.now.t:
         return None
-    end = _aim(memory, _reach(memory, span, plan))
+    end = _aim(memory, _reach(memory, span, plan, None))
     return None if end is None else _inside(end, span)
 
 
@@ -106,7 +112,7 @@ def settled(memory: Memory, start: Level, solved: Solved) -> Memory:
         return Memory()
     flipped = changed(memory.trail[-1], sight)
     turned = tuple(sight.t if i in flipped else t for i, t in enumerate(memory.turned))
-    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned)
+    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned, due=memory.coming)
 
 
 def forgotten(memory: Memory) -> Memory:
@@ -127,12 +133,12 @@ def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
     return Memory((first,), (), (), (-1.0,) * len(first.status))
 
 
-def _reach(memory: Memory, span: Span, plan: Plan) -> Reach:
+def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Reach:
     t0 = span.clock.seconds(span.k0)
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
     return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance),
-                 NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0)
+                 NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0, scheme is not Scheme.ITERATED)
 
 
 def _aim(memory: Memory, reach: Reach) -> float | None:
@@ -140,7 +146,8 @@ def _aim(memory: Memory, reach: Reach) -> float | None:
     ends = []
     for i in range(len(memory.turned)):
         found = Search(i, memory.trail, memory.tried, reach).ahead()
-        if found is None or memory.turned[i] == reach.t0 or found.doubt > TRUST * (found.t - reach.t0):
+        known = memory.turned[i] == reach.t0 or i in memory.due
+        if known or found is None or found.doubt > TRUST * (found.t - reach.t0):
             continue
         # So near to a kink, or to the start, there is nothing to cut.
         if found.t - reach.t0 <= reach.least or found.t >= reach.t1 - reach.near:
@@ -151,19 +158,25 @@ def _aim(memory: Memory, reach: Reach) -> float | None:
     return min(ends) if ends and min(ends) < reach.t1 else None
 
 
-def _longer(before: Memory, memory: Memory, reach: Reach) -> float | None:
-    """After a try in which nothing changed: where the next one is to end [s] if this was to end at or before an event.
+def _before(before: Memory, memory: Memory, reach: Reach, plan: Plan) -> tuple[Found | None, Memory]:
+    """After a try in which nothing changed: whether it was to end at or before an event, and has to be longer.
 
-    None: it may be taken.  So is one that was made short for another reason.
+    One that was made short for another reason is taken.
     """
     if before.aim != reach.span.k1:
         aim = _aim(before, replace(reach, t1=math.inf))
         if aim is None or abs(aim - reach.end) > CLOSE * (reach.end - reach.t0):
-            return None
+            return None, memory
     searches = [Search(i, memory.trail, memory.tried, reach) for i in range(len(memory.turned))
-                if memory.turned[i] != reach.t0]
+                if memory.turned[i] != reach.t0 and i not in memory.due]
+    due = [s.i for s in searches if s.done]
+    if due:
+        text = _told([NEXT[s] for s in memory.trail[-1].status], due, plan)
+        return Found(reach.span.k1, True, text), replace(memory, coming=tuple(due))
     ends = [s.next_end() for s in searches if s.nears(LONGER * (reach.end - reach.t0))]
-    return min(ends) if ends and len(memory.tried) < MAX_TRIES else None
+    if not ends or len(memory.tried) >= MAX_TRIES:
+        return None, memory
+    return _again(min(ends), memory, reach, "just before an event")
 
 
 def _again(end: float, memory: Memory, reach: Reach, text: str) -> tuple[Found, Memory]:
@@ -188,7 +201,11 @@ WORDS = {Status.OPEN: "opens", Status.CLOSED: "closes", Status.STICKS: "sticks",
          Status.SLIPS_IN_PART: "slips in part"}
 
 
-def _told(sight: Sight, flipped: Sequence[int], plan: Plan) -> str:
-    """What changes, in words."""
+NEXT = {Status.OPEN: Status.CLOSED, Status.CLOSED: Status.OPEN, Status.STICKS: Status.SLIPS_IN_PART,
+        Status.SLIPS: Status.STICKS, Status.SLIPS_IN_PART: Status.SLIPS, Status.APART: Status.APART}
+
+
+def _told(status: Sequence[Status], which: Sequence[int], plan: Plan) -> str:
+    """What changes, in words.  status : the new one of each."""
     names = [*(f"pair {p.name}" for p in plan.locate.places), "contact"]
-    return " and ".join(f"{names[i]} {WORDS[sight.status[i]]}" for i in flipped)
+    return " and ".join(f"{names[i]} {WORDS[status[i]]}" for i in which)

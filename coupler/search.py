@@ -18,7 +18,7 @@ class Reach:
     """Of a window.  must_end : the tick of the next kink.  t0, t1 : its start and its farthest end tried [s].
 
     tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
-    end what is the kink's own.
+    end what is the kink's own.  behind : whether the window is to end just behind its event, or just before.
     """
 
     span: Span
@@ -28,6 +28,7 @@ class Reach:
     tolerance: float
     least: float
     near: float
+    behind: bool
 
     @property
     def end(self) -> float:
@@ -60,18 +61,23 @@ class Search:
 
     @property
     def done(self) -> bool:
-        """Whether this try ends just behind the event, as nearly as is asked for."""
-        if not self.behind or self.behind[0].t != self.reach.end:
-            return False
-        r, hi = self.reach, self.reach.end
-        if hi - r.t0 <= r.least or hi - self.before[-1].t <= r.tolerance or self._neighbours:
-            return True
+        """Whether this try ends beside the event, on the side that is wanted, as nearly as is asked for."""
+        r, lo = self.reach, self.before[-1].t
+        if self.behind:
+            hi = self.behind[0].t
+            if r.end == hi and hi - r.t0 <= r.least:
+                return True
+            if r.end == (hi if r.behind else lo) and (hi - lo <= r.tolerance or self._neighbours):
+                return True
         found = self.ahead()
         if found is None:
             return False
-        if r.near and found.t >= hi - r.near:
-            return True
-        return found.doubt <= r.tolerance and -r.tolerance <= hi - found.t <= r.tolerance
+        if r.behind and self.behind and r.end == self.behind[0].t:
+            past = r.end - found.t
+            return bool(r.near and past <= r.near) or (found.doubt <= r.tolerance and abs(past) <= r.tolerance)
+        if not r.behind and r.end == lo:
+            return found.doubt <= r.tolerance and found.t - lo <= r.tolerance
+        return False
 
     def ahead(self) -> Crossing | None:
         """Where what is left of the status runs out; of several quantities the first."""
@@ -92,19 +98,20 @@ class Search:
         """The time the next try is to end [s]."""
         r, lo = self.reach, self.before[-1].t
         found = self.ahead() or self._back()
+        step = 0.0 if found is None else max(found.doubt, 0.5 * r.tolerance)
         if not self.behind:
             assert found is not None, "without a try behind the event only what nears is searched for"
-            return found.t + max(found.doubt, 0.5 * r.tolerance)
+            end = found.t + (step if r.behind else -step)
+            return end if end > lo else 0.5 * (lo + found.t)
         hi = self.behind[0].t
-        middle = 0.5 * (lo + hi)
         if found is None or len(self.tried) % HALVE == 0:
-            return max(middle, r.t0 + r.least)
-        side = max(found.doubt, 0.5 * r.tolerance)
+            return max(0.5 * (lo + hi), r.t0 + r.least)
         sure = found.doubt <= 0.5 * r.tolerance
         # From a try behind the event one before it is wanted, with what is left there; and the other way round.
-        end = found.t + (-side if self.tried[-1].t == hi and not sure else side)
-        end = end if lo < end < hi else middle
-        return max(end, r.t0 + r.least)
+        before = not r.behind if sure else r.end == hi
+        end = found.t + (-step if before else step)
+        beside = 0.25 * r.tolerance
+        return max(end if lo + beside < end < hi - beside else 0.5 * (lo + hi), r.t0 + r.least)
 
     def _back(self) -> Crossing | None:
         """Where the new status began, from what was left of it at two tries or more."""

@@ -78,7 +78,7 @@ def _nodes(interface: Interface, pair: Pair) -> Indices:
 
 
 def seen(places: tuple[Place, ...], level: Level, monitors: Mapping[str, float]) -> Sight:
-    """monitors : touching, slipping (points), grip (1 - largest |t_T|/(mu p_N)), where they are told."""
+    """monitors : touching, mechanical.contact.slipping (points), grip (1 - largest |t_T|/(mu p_N)), where told."""
     pairs = [_pair(place, level) for place in places]
     friction = _friction(monitors)
     return Sight(level.t, (*(s for s, _ in pairs), friction[0]), (*(left for _, left in pairs), friction[1]))
@@ -96,7 +96,7 @@ def _pair(place: Place, level: Level) -> tuple[Status, tuple[float, ...]]:
 
 
 def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]:
-    slipping, touching = monitors.get("slipping", np.nan), monitors.get("touching", 0.0)
+    slipping, touching = monitors.get("mechanical.contact.slipping", np.nan), monitors.get("touching", 0.0)
     if not touching > 0.0 or np.isnan(slipping):
         return Status.APART, ()
     if slipping >= touching:
