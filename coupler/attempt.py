@@ -8,7 +8,7 @@ from types import TracebackType
 from coupler.errors import CouplingError
 from coupler.iterate import solve_iterated
 from coupler.level import Scheme
-from coupler.scheme import ONCE
+from coupler.scheme import ONCE, extrapolated
 from coupler.settings import Settings
 from coupler.sweep import DiscardError
 from coupler.window import CoupledState, Halves, Solved, Span
@@ -22,7 +22,7 @@ class Kept:
 
     def __init__(self, halves: Halves, t: float, number: int) -> None:
         self._both = (halves.thermal, halves.mechanical)
-        self._t, self._number = t, number
+        self._t, self.number = t, number
 
     def __enter__(self) -> Kept:
         self._tokens = [half.save() if half.can_save else None for half in self._both]
@@ -33,7 +33,7 @@ class Kept:
         for half, token in zip(self._both, self._tokens, strict=True):
             if token is None:
                 raise CouplingError(f"{why}; half {half.name!r} keeps no states, so the window cannot be tried again",
-                                    t=self._t, window=self._number,
+                                    t=self._t, window=self.number,
                                     remedy="Give smaller windows (coupling.windows) around this time")
             half.restore(token)
 
@@ -46,10 +46,14 @@ class Kept:
 
 @dataclass(frozen=True)
 class Way:
-    """How a window is solved.  scheme : never `auto`, which has chosen one."""
+    """How a window is solved.  scheme : never `auto`, which has chosen one.
+
+    curve : how x and t_N are drawn on where the scheme is `extrapolated` (coupler.curve).
+    """
 
     scheme: Scheme
     settings: Settings
+    curve: float = 0.0
 
 
 def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
@@ -59,6 +63,8 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
         if way.scheme is Scheme.ITERATED:
             solved = solve_iterated(halves, state, span, way.settings.iteration,
                                     lambda: kept.put_back("a window is to be iterated"))
+        elif way.curve != 0.0:
+            solved = extrapolated(halves, state, span, way.curve).solved(state)
         else:
             solved = ONCE[way.scheme](halves, state, span).solved(state)
     except DiscardError as discard:

@@ -1,39 +1,158 @@
-"""The scheme `auto`: the cheapest that is safe, window by window.
+"""The scheme `auto`: the cheapest that is safe, window by window, from what iterates already computed tell.
 
-First version, for the border: it always iterates, which is safe and never cheap.
+With rho, what plain iteration multiplies a difference by in one window, and R, what is left of a temperature after
+one window on a geometry held still, a zigzag from window to window is multiplied by R - 2 rho f in windows solved once,
+where f is how often the thermal half sees it (coupler.curve).  So it dies where
+
+    2 rho f < 1 + R.
+
+rho is measured: by every window that is iterated.  R is not: it is at least 0 for methods that damp, and then
+rho f < 1/2 is enough.  The closest drawing of x and t_N that keeps this is taken; where none does, the window is
+iterated.  With the midpoint rule and windows beyond 2/a R is negative: then a zigzag that grows is seen by the misses
+of the prediction, and windows are iterated from there on.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 
-from coupler.level import Scheme
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.curve import closest
+from coupler.iteration import Iteration, Seen, Tolerances
+from coupler.level import Level, Scheme, predicted
 from coupler.window import CoupledState, Solved
+
+Array = NDArray[np.float64]
+
+# rho f is held below this: the 1/2 of methods that damp, less a tenth, because rho drifts between two measurements.
+SAFE = 0.45
+# rho is measured again after so many windows, twice as many each time, for it drifts with T and the gap.
+FIRST_REST, LONGEST_REST = 8, 64
+# A window longer by more than this is measured anew: rho was found to grow with H, by at most H.
+LONGER = 2.0
+# Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
+OTHER_TOUCH = 0.25
+# Misses of the prediction that turn round so many times on end and are at least HOLDS times as long each time, above
+# LEAST_MISS [K], are a zigzag that the model of rho did not foresee.
+TURNS, OPPOSITE, HOLDS, LEAST_MISS = 3, 0.5, 0.8, 1e-4
+# Iterates of a window that only measures need not agree better than windows solved once do.
+LOOSE = 0.02
 
 
 @dataclass(frozen=True)
 class Memory:
-    """What was measured of the exchange."""
+    """What was measured of the exchange since the last event.
+
+    rho : contraction of plain iteration in windows of H seconds, nan: not known.  growth : of ln rho, a window.
+    rest : windows until it is measured again, `since` of them over.  touching : points that touched then.
+    miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
+    wary : windows solved once did what rho did not foretell, so they are iterated.
+    """
+
+    rho: float = math.nan
+    H: float = 0.0
+    growth: float = 0.0
+    rest: int = FIRST_REST
+    since: int = 0
+    touching: float = 0.0
+    miss: Array = field(default_factory=lambda: np.zeros(0))
+    turns: int = 0
+    wary: bool = False
 
 
 @dataclass(frozen=True)
 class Choice:
-    """scheme : of the next window.  reason : in words."""
+    """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.curve).
+
+    loose : the window is iterated to measure; its iterates need only agree loosely.
+    """
 
     scheme: Scheme
     reason: str
+    curve: float = 0.0
+    loose: bool = False
 
 
 def choose(memory: Memory, state: CoupledState, H: float) -> Choice:
     """The scheme of a window of H seconds."""
-    return Choice(Scheme.ITERATED, "iterated is always safe")
+    if memory.wary:
+        return Choice(Scheme.ITERATED, "windows solved once began to go up and down")
+    if not state.past or math.isnan(memory.rho):
+        return Choice(Scheme.ITERATED, "the contraction is not known yet")
+    if H > LONGER * memory.H:
+        return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
+    rho = rho_at(memory, H)
+    times = [state.now.t, *(level.t for level in state.past[:2])]
+    curve = closest(times, state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
+    if curve is None:
+        return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
+    if memory.since >= memory.rest:
+        return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=True)
+    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, curve {curve:.2g}", curve)
 
 
-def learn(memory: Memory, start: CoupledState, solved: Solved, H: float) -> Memory:
-    """The memory after a window was taken.  solved.scheme, solved.course : how it was solved."""
-    return memory
+def rho_at(memory: Memory, H: float) -> float:
+    """The most that rho can be in windows of H seconds: it grows with H, by at most H."""
+    return memory.rho * max(H / memory.H, 1.0)
+
+
+def stable_window(memory: Memory) -> float:
+    """The largest window [s] that can be solved once, as far as is known; nan: unknown.  rho grows by at most H."""
+    return memory.H * SAFE / memory.rho if memory.rho > 0.0 else math.nan if math.isnan(memory.rho) else math.inf
+
+
+def loosened(how: Iteration) -> Iteration:
+    """How a window is iterated that only measures."""
+    t = how.tolerance
+    return replace(how, tolerance=Tolerances(*(
+        replace(q, rtol=max(q.rtol, LOOSE)) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
+
+
+def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: Seen = Seen.MIDDLE) -> Memory:
+    """The memory after a window was taken.  solved.scheme, solved.course : how it was solved.
+
+    seen : of which time iterates gave x to the thermal half.  At the end of the window it feels twice as much of it.
+    """
+    touching = solved.monitors.get("touching", 0.0)
+    if solved.scheme is Scheme.ITERATED:
+        found = math.nan if solved.course is None else solved.course.contraction
+        return _measured(memory, found * (0.5 if seen is Seen.END else 1.0), H, touching)
+    memory = _watched(memory, start, solved.state.now)
+    if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
+        return replace(memory, rho=math.nan, rest=FIRST_REST)
+    return replace(memory, since=memory.since + 1)
 
 
 def forgotten(memory: Memory) -> Memory:
     """The memory past a kink or an event."""
     return Memory()
+
+
+def _measured(memory: Memory, rho: float, H: float, touching: float) -> Memory:
+    """The memory after a window that was iterated; one whose first iterate agrees measures nothing."""
+    if math.isnan(rho):
+        return replace(memory, since=0, turns=0, miss=np.zeros(0), touching=touching)
+    known, apart = memory.rho, memory.since + 1
+    growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and H == memory.H else 0.0
+    rest = FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
+    if growth > 0.0 and rho < SAFE:
+        # Half of the windows until rho is too large, if it goes on so.
+        rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
+    return replace(memory, rho=rho, H=H, growth=growth, rest=rest, since=0, touching=touching, turns=0,
+                   miss=np.zeros(0))
+
+
+def _watched(memory: Memory, start: CoupledState, now: Level) -> Memory:
+    """The memory with the miss of a window solved once: T less T on the line of the last two levels."""
+    if start.before is None:
+        return memory
+    miss, last = now.T - predicted(start.now, start.before, now.t).T, memory.miss
+    if last.size != miss.size:
+        return replace(memory, miss=miss)
+    a2, b2, along = float(last @ last), float(miss @ miss), float(last @ miss)
+    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
+    turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > LEAST_MISS else 0
+    return replace(memory, miss=miss, turns=turns, wary=turns >= TURNS)

@@ -6,10 +6,11 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from coupler import auto, events
+from coupler import auto, estimate, events
 from coupler.attempt import Kept, Way, solve
 from coupler.control_state import Committed, first, opened
 from coupler.cutting import Facts
+from coupler.doubling import doubled
 from coupler.estimate import Estimate
 from coupler.judge import judged
 from coupler.level import Scheme
@@ -75,6 +76,8 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     control = at.control
     with Kept(halves, t0, control.number + 1) as kept:
         solved = solve(halves, at.state, span, way, kept)
+        if solved.taken and plan.adaptive is not None and estimate.wanted(control.estimate, at.state, span, way.scheme):
+            solved = doubled(halves, at.state, span, way, (kept, solved))
         if not solved.taken:
             kept.put_back(solved.message)
         verdict = judged(Facts(plan, at, span, solved))
@@ -105,4 +108,6 @@ def _way(at: Committed, H: float) -> tuple[Way, str]:
     if settings.scheme is not Scheme.AUTO:
         return Way(settings.scheme, settings), ""
     choice = auto.choose(at.control.choice, at.state, H)
-    return Way(choice.scheme, settings), f"{choice.scheme.value}: {choice.reason}"
+    if choice.loose:
+        settings = replace(settings, iteration=auto.loosened(settings.iteration))
+    return Way(choice.scheme, settings, choice.curve), f"{choice.scheme.value}: {choice.reason}"

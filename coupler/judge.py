@@ -45,11 +45,12 @@ def judged(facts: Facts) -> Judged:
         control = replace(facts.at.control, aim=found.tick, events=events_memory)
         return Judged(_put_back(facts.solved, Verdict.EVENT, found.text), tried_again(facts, control, found.text),
                       event=found.text)
-    error = estimate.estimate(facts.at.control.estimate, facts.at.state, facts.solved, facts.span, _tolerance(facts))
+    error = estimate.estimate(facts.at.control.estimate, facts.at.state, facts.solved, _tolerance(facts),
+                              facts.at.control.settings.iteration)
     solved = facts.solved
     if facts.plan.adaptive is not None and error is not None and error.error > 1.0:
         if not at_least(facts):
-            size = stepsize.rejected(facts.H, error.error, error.order)
+            size = stepsize.rejected(facts.H, error.size, error.order)
             return Judged(_put_back(solved, Verdict.ERROR, error.words), shorter(facts, size, error.words), error=error)
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
@@ -130,8 +131,8 @@ def _taken(facts: Facts, found: _Found, fired: rules.Fired) -> ControlState:
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
         ends=tuple(e for e in control.ends if e > span.k1), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=fired.settings, rules=fired.memory,
-        estimate=estimate.after(control.estimate, start, solved, span, found.error),
-        choice=auto.learn(control.choice, start, solved, facts.H),
+        estimate=estimate.after(control.estimate, start, solved, found.error),
+        choice=auto.learn(control.choice, start, solved, facts.H, control.settings.iteration.level),
         events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
     return _sized(facts, control, found.error)
 
@@ -142,7 +143,7 @@ def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> Contr
     if adaptive is None:
         return control
     limits = stepsize.Limits(adaptive.least, adaptive.most)
-    size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.error,
+    size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.size,
                                      2 if error is None else error.order, limits)
     reason = "no error is known yet" if error is None else error.words
     return replace(control, size=size, reason=reason, controller=memory)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.account import EnergyAccount, delivered, with_made
+from coupler.curve import drawn_on
 from coupler.level import Level, Scheme, Slope, exchanged
 from coupler.sweep import Pass, Sent, mechanical_pass, thermal_pass
 from coupler.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
@@ -43,6 +44,11 @@ def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope 
     return _swept(state, span, thermal, mechanical, (accounts, mechanical))
 
 
+def extrapolated(halves: Halves, state: CoupledState, span: Span, curve: float) -> Swept:
+    """Thermal first, x and t_N drawn on past the last levels.  curve : see coupler.curve; 0 is the straight line."""
+    return thermal_first(halves, state, span, drawn_on(state.now, state.past, span.end, curve))
+
+
 def parallel(halves: Halves, state: CoupledState, span: Span) -> Swept:
     """Both from the start of the window: x, t_N and T held.  Heat made in the window is due in the next."""
     thermal = thermal_pass(halves, state, span.times("thermal"), None, Work())
@@ -67,8 +73,7 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
 
 ONCE: Mapping[Scheme, Callable[[Halves, CoupledState, Span], Swept]] = {
     Scheme.STAGGERED: lambda halves, state, span: thermal_first(halves, state, span, None),
-    Scheme.EXTRAPOLATED: lambda halves, state, span: thermal_first(
-        halves, state, span, None if state.before is None else (state.before, state.now)),
+    Scheme.EXTRAPOLATED: lambda halves, state, span: extrapolated(halves, state, span, 0.0),
     Scheme.MECHANICAL_FIRST: lambda halves, state, span: mechanical_first(halves, state, span, exchanged(state.now)),
     Scheme.PARALLEL: parallel,
 }
