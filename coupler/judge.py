@@ -51,7 +51,8 @@ def judged(facts: Facts) -> Judged:
     if facts.plan.adaptive is not None and error is not None and error.error > 1.0:
         if not at_least(facts):
             size = stepsize.rejected(facts.H, error.size, error.order)
-            return Judged(_put_back(solved, Verdict.ERROR, error.words), shorter(facts, size, error.words), error=error)
+            again = replace(shorter(facts, size, error.words), controller=stepsize.failed(facts.at.control.controller))
+            return Judged(_put_back(solved, Verdict.ERROR, error.words), again, error=error)
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
     return _ruled(replace(facts, solved=solved), _Found(error, found, events_memory))

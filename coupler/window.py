@@ -112,6 +112,7 @@ class Solved:
 
     course : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
     large, by request.  scheme : by which it was solved.
+    whole : where this is the answer of the window's two halves (coupler.doubling), that of the window in one.
     """
 
     verdict: Verdict
@@ -123,6 +124,7 @@ class Solved:
     course: Course | None = None
     anyway: bool = False
     scheme: Scheme | None = None
+    whole: Solved | None = None
 
     @property
     def taken(self) -> bool:
