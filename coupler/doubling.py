@@ -9,6 +9,7 @@ one: where a run is free to, it keeps that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -65,5 +66,5 @@ def _course(first: Course | None, second: Course | None) -> Course | None:
     """Of both: all iterates, the larger contraction."""
     if first is None or second is None:
         return second
-    known = [c.contraction for c in (first, second) if c.contraction == c.contraction]
-    return Course((*first.misfits, *second.misfits), (*first.factors, *second.factors), max(known, default=float("nan")))
+    known = [c.contraction for c in (first, second) if not math.isnan(c.contraction)]
+    return Course((*first.misfits, *second.misfits), (*first.factors, *second.factors), max(known, default=math.nan))

@@ -28,9 +28,10 @@ from coupler.window import CoupledState, Solved, Span
 
 Array = NDArray[np.float64]
 
-# The error over the difference from two halves: 4/3 of second order, 2 of first; of the two halves' own answer a
-# quarter of that.  To overstate is the smaller fault.
-WHOLE, HALVES = 1.5, 0.25
+# The error over the difference from two halves, which is 4/3 of second order and 2 of first: to overstate is the
+# smaller fault.  The two halves' own answer has 2^-order of it.
+WHOLE = {1: 2.0, 2: 1.5}
+FIRST_ORDER = frozenset((Scheme.STAGGERED, Scheme.MECHANICAL_FIRST, Scheme.PARALLEL))
 # Ratios this near agree.  Measured again after at most so many windows, and when the window has changed by a factor.
 AGREE, MOST, CHANGED = 1.4, 16, 2.5
 # An error of less than this share of its tolerance decides nothing, and is not measured again for its own sake.
@@ -106,19 +107,20 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     if solved.whole is None and not memory.ratios:
         return None
     levels = (solved.state.now, start.now, *start.past)
-    H = levels[0].t - levels[1].t
+    H, order = levels[0].t - levels[1].t, 1 if solved.scheme in FIRST_ORDER else 2
     second = _second(levels, memory, solved)
     left = _left_over(start.now, solved, iteration)
     if solved.whole is None:
-        grown = max(H / memory.H, 1.0)
+        grown = _grown(memory, H, order)
         errors = {n: memory.ratios[n] * grown * d + left.get(n, 0.0) for n, d in second.items() if n in memory.ratios}
-        return _told(errors, (levels, solved), tolerance, _own(levels, errors["temperature"], left))
+        return replace(_told(errors, (levels, solved), tolerance, _own(levels, errors["temperature"], left)),
+                       order=order)
     apart = _apart(solved, solved.whole, second)
-    ratios = {n: WHOLE * d / second[n] if second[n] > 0.0 else 0.0 for n, d in apart.items()}
-    whole, kept = ({n: c * WHOLE * d + left.get(n, 0.0) for n, d in apart.items()} for c in (1.0, HALVES))
+    ratios = {n: WHOLE[order] * d / second[n] if second[n] > 0.0 else 0.0 for n, d in apart.items()}
+    whole, kept = ({n: c * WHOLE[order] * d + left.get(n, 0.0) for n, d in apart.items()} for c in (1.0, 0.5**order))
     own = _own(levels, whole["temperature"], left)
     size = _told(whole, (levels, solved), tolerance, own).error
-    return replace(_told(kept, (levels, solved), tolerance, own), ratios=ratios, size=size)
+    return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios, size=size)
 
 
 def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None) -> Memory:
@@ -143,12 +145,17 @@ def forgotten(memory: Memory) -> Memory:
 
 def _agree(memory: Memory, found: Estimate, H: float) -> bool:
     """Whether the ratios of all quantities that decide are what they would have been taken for."""
-    grown = max(H / memory.H, 1.0)
+    grown = _grown(memory, H, found.order)
     for name, ratio in found.ratios.items():
         expected = memory.ratios.get(name, 0.0) * grown
-        if found.shares[name] > IDLE * HALVES and not expected / AGREE <= ratio <= expected * AGREE:
+        if found.shares[name] > IDLE * 0.5**found.order and not expected / AGREE <= ratio <= expected * AGREE:
             return False
     return True
+
+
+def _grown(memory: Memory, H: float, order: int) -> float:
+    """What to multiply a ratio by: a second difference goes with H^2, the error of a window of this order with H^3."""
+    return max(H / memory.H, 1.0) ** (order - 1)
 
 
 def _told(errors: Mapping[str, float], window: tuple[Sequence[Level], Solved], tolerance: ErrorTolerances,
@@ -161,7 +168,7 @@ def _told(errors: Mapping[str, float], window: tuple[Sequence[Level], Solved], t
 
 
 def _own(levels: Sequence[Level], total: float, left: Mapping[str, float]) -> float:
-    """The halves' own part of an error of T [K]: what the midpoint rule would make on T as it went, if all were smooth."""
+    """The halves' own part of an error of T [K]: what the midpoint rule would make if T were smooth as it went."""
     if total == 0.0:
         return 0.0
     return min(MIDPOINT * _third(levels), total - left.get("temperature", 0.0)) / total
