@@ -69,8 +69,8 @@ def _journal(path: Path) -> Path:
     if being_written(journal):
         raise ResultsError(f"{path}: its run still goes on; there is nothing to resume")
     if not checkpoint_of(path).exists():
-        raise ResultsError(f"{path}: its run left no checkpoint (it ended before its first window, or output.checkpoint "
-                           "is null, or a half cannot write its state down); run it anew")
+        raise ResultsError(f"{path}: its run left no checkpoint (it ended before its first window, "
+                           "or output.checkpoint is null, or a half cannot write its state down); run it anew")
     return journal
 
 

@@ -8,11 +8,10 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
@@ -21,9 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.account import HEATS, EnergyAccount
-from coupler.control import Plan, Tried, windows
+from coupler.checkpoint import Checkpoint, Told
+from coupler.control import Plan, Tried, finished, step
+from coupler.control_state import first
 from coupler.errors import CouplingError, HalfError
 from coupler.half import Half
+from coupler.keeper import Keeper, put_back, versions
 from coupler.launch import Launched, launch
 from coupler.ledger import Ledger
 from coupler.level import Level, Scheme
@@ -31,14 +33,13 @@ from coupler.measure import measure
 from coupler.recorder import Recorder
 from coupler.results import Results
 from coupler.scenario import Scenario
+from coupler.scenario.output import SAME
 from coupler.schedule import schedule
 from coupler.target import check_target
 from coupler.watched import Watched
 from coupler.window import CoupledState, Verdict, wanted_outputs
 
 Array = NDArray[np.float64]
-PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh", "h5py", "numba")
-
 # The time left is told from the pace of this many windows: some windows cost ten times others.
 PACE = 50
 
@@ -79,10 +80,12 @@ class Run:
 
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
+    since : the checkpoint to go on from (coupler.resume.resumed finds it).
     Ctrl-C ends the run after the window in hand; a second one at once.
     """
 
-    def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False) -> None:
+    def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False,
+                 since: Checkpoint | None = None) -> None:
         self.scenario = scenario
         self.out = Path(out)
         self.processes = processes
@@ -91,13 +94,17 @@ class Run:
         self.ledger = Ledger()
         self._stack = ExitStack()
         self._interrupted = False
-        self._finished = False
+        self._begun = self._finished = False
         self._pace: deque[tuple[int, float]] = deque([(0, 0.0)], maxlen=PACE)
         self._framed = -1.0  # s, the time of the last frame
+        self._since = since
+        self._until = float("inf")
+        self._spent = self.setup_seconds = 0.0
+        self._resumed: tuple[float, ...] = ()
 
     def __enter__(self) -> Run:
         check_target(self.out)
-        started = time.perf_counter()
+        self._started = started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(_interrupts(self))
             launched = stack.enter_context(launch(self.scenario, processes=self.processes))
@@ -105,10 +112,16 @@ class Run:
             self._check(launched.thermal, launched.mechanical)
             self.plan = plan_of(self.scenario)
             self._watched = Watched(self.scenario.interface, self.halves.mechanical_outputs)
-            self.state = self._first_state(launched)
-            self._recorder = Recorder(self.out, self._header(), self.scenario.interface)
+            self._at = first(self._first_state(launched), self.plan)
+            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
+            if self._since is not None:
+                self._take_up(self._since, both)
+            self._recorder = Recorder(self.out, self._header(), self.scenario.interface,
+                                      self._since.told.mark if self._since else None)
+            self._keeper = Keeper(self.scenario, self._recorder, both)
+            self._stands = self._at, self._told()
             self._stack = stack.pop_all()
-        self.setup_seconds = time.perf_counter() - started
+        self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
         return self
 
@@ -117,40 +130,84 @@ class Run:
         outcome, message = ("failed", str(error)) if error is not None else ("completed", "")
         if kind is KeyboardInterrupt or (error is None and self._interrupted):
             outcome, message = "interrupted", f"stopped at t = {self.state.now.t:.9g} s on request"
+        elif error is None and not self._finished and self.state.now.t >= self._until:
+            outcome, message = "stopped", f"stopped at t = {self.state.now.t:.9g} s as asked"
         elif error is None and not self._finished:
             outcome, message = "stopped", f"left at t = {self.state.now.t:.9g} s by its caller"
         try:
             if error is None or isinstance(error, CouplingError):
+                if not self._finished and self._keeper.on:
+                    self._keeper.keep(*self._stands)
                 self._frame()  # where the run stopped; both halves are at the end of the last accepted window
             self._recorder.end(outcome, message, self._totals())
         finally:
             self._stack.close()
 
-    def windows(self) -> Iterator[Progress]:
+    @property
+    def state(self) -> CoupledState:
+        """What the halves have told each other, at the end of the last accepted window."""
+        return self._at.state
+
+    def windows(self, until: float | None = None) -> Iterator[Progress]:
         """Solve the windows; yields after every window tried, rejected ones too.
 
+        until : stop at the first window end at or after this time [s]; `slideline resume` goes on from there.
         Raises CouplingError when a window cannot be solved, HalfError when a half died.
         """
         frames = self.scenario.output.frames()
         kinks = {self.plan.schedule.clock.seconds(k) for k in self.plan.schedule.kinks}
-        self._recorder.start(0.0, self._probed())
-        self._frame()
-        for tried in windows(self.halves, self.state, self.plan):
+        frames.due(self._at.control.number, self.state.now.t)  # those a resumed run has kept already
+        self._until = float("inf") if until is None else until * (1 - SAME)
+        self._finished = finished(self._at, self.plan)
+        if not self._begun:
+            self._begun = True
+            self._recorder.start(0.0, self._probed())
+            self._frame()
+        self._stand()
+        while not (self._finished or self._interrupted or self.state.now.t >= self._until):
+            tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
             if tried.accepted:
                 notes = (*notes, *self._watched.after(self.state.now, tried.solved.state.now))
-                self.state = tried.solved.state
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
+            self._at = tried.after
+            self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
             facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
             self._recorder.window(tried.solved, facts, self.ledger, self._probed())
-            if tried.accepted and (frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks):
-                self._frame()
+            if tried.accepted:
+                if frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
+                    self._frame()
+                self._stand()
             yield replace(self._progress(tried), notes=notes)
-            if self._interrupted:
-                return
-        self._finished = True
+
+    def _stand(self) -> None:
+        """The window stands: from here a run can go on.  A checkpoint is written where one is due."""
+        self._stands = self._at, self._told()
+        if self._keeper.due:
+            self._keeper.keep(*self._stands)
+
+    def _told(self) -> Told:
+        """What was recorded and told up to now."""
+        seen, said = self._watched.memory
+        return Told(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
+                    self._seconds(), self.setup_seconds, self._resumed)
+
+    def _take_up(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
+        """Bring everything to where a checkpoint left it."""
+        put_back(halves, since, str(self.out))
+        told = since.told
+        self._at, self.ledger, self.noticed = since.committed, told.ledger, list(told.noticed)
+        self._framed, self._begun = told.framed, True
+        self._watched.put_back(told.seen, told.said)
+        self._pace = deque([(since.committed.control.number, 0.0)], maxlen=PACE)
+        self._spent, self.setup_seconds = told.seconds, told.setup_seconds
+        self._resumed = (*told.resumed, self.state.now.t)
+
+    def _seconds(self) -> float:
+        """Wall-clock time spent on windows, before this run was resumed too."""
+        return self._spent + (time.perf_counter() - self._started)
 
     def _probed(self) -> Array:
         return measure(self.scenario.probes, self.scenario.interface, self.state.now)
@@ -201,7 +258,7 @@ class Run:
             "fields": {"thermal": {"point": ["T", *self._has("thermal", "f_s")], "cell": self._has("thermal", "q")},
                        "mechanical": {"point": ["u", "p", "gap"], "cell": self._has("mechanical", "sigma_v", "sigma")}},
             "processes": self.processes, "notes": self.notes, "machine": platform.platform(),
-            "versions": {"python": platform.python_version(), **{p: version(p) for p in PACKAGES}},
+            "versions": versions(),
         }
 
     def _has(self, role: str, *names: str) -> list[str]:
@@ -222,7 +279,7 @@ class Run:
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
-        return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds,
+        return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "notes": [*self._watched.at_end(self.state.now), *self.noticed], **heats}
 
     def _progress(self, tried: Tried) -> Progress:
@@ -268,14 +325,15 @@ def plan_of(scenario: Scenario) -> Plan:
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
-        on_window: Callable[[Progress], None] | None = None) -> Results:
+        until: float | None = None, on_window: Callable[[Progress], None] | None = None) -> Results:
     """Run a scenario to its end and return what it left in `out`.
 
+    until : stop at the first window end at or after this time [s]; `slideline resume` goes on from there.
     on_window : called after every window tried.
     Raises CouplingError, HalfError; the results file then holds all accepted windows.
     """
     with Run(scenario, out, processes=processes) as r:
-        for progress in r.windows():
+        for progress in r.windows(until):
             if on_window is not None:
                 on_window(progress)
     return Results(out)
