@@ -19,7 +19,8 @@ from coupler.iteration import Acceleration, Iteration, OnMax, Seen, Tolerance, T
 from coupler.level import Level
 from coupler.window import CoupledState
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).resolve().parents[1] / "coupler")]
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from bar_halves import DELTA, conducting_bar, moving_bar
 from conduction_halves import ALUMINIUM, STEEL, ratio, takes_flow, takes_temperature
 from coupled_run import start

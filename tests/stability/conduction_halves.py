@@ -1,7 +1,7 @@
 """Two bars end to end, one a half: it is given a temperature and tells a heat flow, or the other way (case E5).
 
-Linear elements, consistent storage, backward Euler, far ends held at 0.  x[0, 1] is the heat flow into the one that tells
-its temperature, in MW/m2, over the step; T[0] is the temperature of the joint + 1000.
+Linear elements, consistent storage, backward Euler, far ends held at 0.  x[0, 1] is the heat flow over a step into
+the one that tells its temperature, in MW/m2; T[0] is the temperature of the joint + 1000.
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-from coupler.half import Block
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from fake_halves import T_IN, T_OUT, X_IN, X_OUT, FakeHalf, blocks_of
