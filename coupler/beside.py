@@ -26,6 +26,11 @@ def part_of(path: Path) -> Path:
     return path.with_name(f".{path.name}.part")
 
 
+def can_resume(path: Path) -> bool:
+    """Whether a run to `path` ended early and left what resuming it needs."""
+    return checkpoint_of(path).exists() and (stopped_of(path).exists() or journal_of(path).exists())
+
+
 def put_away(journal: Path, path: Path, complete: bool) -> None:
     """Leave of a run whose results file was made what resuming it needs: nothing, where it is complete."""
     if not complete and checkpoint_of(path).exists():

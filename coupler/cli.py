@@ -21,6 +21,7 @@ from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.launch import build_halves
 from coupler.report import write_report
 from coupler.results import Results
+from coupler.resume import resume, resumed
 from coupler.runner import plan_of, run
 from coupler.scenario import Scenario, load_scenario, parse_override
 from coupler.target import check_target
@@ -35,6 +36,10 @@ SetOption = Annotated[list[str] | None, typer.Option(
     "--set", metavar="KEY=VALUE", help="Change a value: coupling.scheme=staggered. May be repeated.")]
 SwapOption = Annotated[list[str] | None, typer.Option(
     "--swap", metavar="HALF=KIND", help="Use another half: mechanical=rigid. May be repeated.")]
+UntilOption = Annotated[float | None, typer.Option(
+    "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` goes on.")]
+ProcessesOption = Annotated[bool, typer.Option(
+    "--processes", help="Each half and the contact service in a process of its own.")]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
 
 
@@ -78,8 +83,7 @@ def _sizes(sizes: Sequence[float]) -> str:
 @app.command("run")
 def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: SetOption = None,
                 swaps: SwapOption = None,
-                processes: Annotated[bool, typer.Option(
-                    "--processes", help="Each half and the contact service in a process of its own.")] = False,
+                processes: ProcessesOption = False, until: UntilOption = None,
                 report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False) -> None:
     """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
     s = _scenario(scenario, sets, swaps)
@@ -89,13 +93,28 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     for note in s.notes:
         typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:
-        results = run(s, out, processes=processes, on_window=line)
+        results = run(s, out, processes=processes, until=until, on_window=line)
     typer.echo(summary(results))
     if report:
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:
         typer.echo(f"  see it: slideline report {out}")
     if results.outcome == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+
+
+@app.command("resume")
+def resume_command(results: Annotated[Path, typer.Argument(help="The results file of a run that ended early.",
+                                                           show_default=False)],
+                   processes: ProcessesOption = False, until: UntilOption = None) -> None:
+    """Go on with a run that was interrupted, stopped or killed, or that failed, into the same results file."""
+    going = resumed(results, processes=processes)
+    scenario = going.scenario
+    typer.echo(f"{scenario.title}: on from t = {going.start:.9g} s of {scenario.coupling.end:g} s", err=True)
+    with ProgressLine(scenario.temperature_unit) as line:
+        done = resume(going, until=until, on_window=line)
+    typer.echo(summary(done))
+    if done.outcome == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
 
@@ -128,10 +147,11 @@ def main() -> None:
     try:
         app()
     except (SlidelineError, LinkError) as exc:
-        typer.echo(f"error: {exc}", err=True)
+        typer.echo("\n".join([f"error: {exc}", *getattr(exc, "__notes__", ())]), err=True)
         code = {ScenarioError: BAD_INPUT, ResultsError: BAD_RESULTS}.get(type(exc), FAILED)
         sys.exit(code)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as exc:
+        typer.echo("\n".join(getattr(exc, "__notes__", ())), err=True)
         sys.exit(INTERRUPTED)
 
 

@@ -10,6 +10,7 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
+from coupler.beside import can_resume
 from coupler.results import Results, iteration_words
 from coupler.runner import Progress
 from coupler.window import Verdict
@@ -103,4 +104,6 @@ def summary(results: Results) -> str:
         lines.insert(1, f"  {told}")
     if results.message:
         lines.insert(1, f"  {results.message}")
+    if can_resume(results.path):
+        lines.append(f"  to go on: slideline resume {results.path}")
     return "\n".join(lines + [f"  note: {n}" for n in results.notes])

@@ -36,6 +36,14 @@ class Keeper:
         self._origin = origin_of(scenario)
         self._last = float("-inf")
         self.trouble = ""
+        self._kept: float | None = None
+
+    @property
+    def remedy(self) -> str:
+        """How this run, if it ends early, is gone on with; empty where it cannot be."""
+        if self._kept is None:
+            return ""
+        return f"`slideline resume {self._recorder.out}` goes on from t = {self._kept:.9g} s"
 
     @property
     def on(self) -> bool:
@@ -58,7 +66,7 @@ class Keeper:
             # What the checkpoint goes on from must be on the disk before the checkpoint is.
             self._recorder.sync()
             write_checkpoint(self._path, to_bytes(self._origin, checkpoint))
-            self.trouble = ""
+            self.trouble, self._kept = "", committed.state.now.t
         except OSError as exc:
             self.trouble = f"{self._path}: the checkpoint could not be written ({exc.strerror}); an older one stays"
         self._last = time.monotonic()

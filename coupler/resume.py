@@ -17,18 +17,19 @@ from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 
 
-def resume(out: str | Path, *, processes: bool = False, until: float | None = None,
+def resume(run: Run | str | Path, *, processes: bool = False, until: float | None = None,
            on_window: Callable[[Progress], None] | None = None) -> Results:
     """Go on with the run of a results file to its end, into the same file, as if it had never stopped.
 
-    until : stop at the first window end at or after this time [s].  on_window : called after every window tried.
+    run : the results file, or what `resumed` made of it.  until : stop at the first window end at or after this time
+    [s].  on_window : called after every window tried.
     Raises ResultsError where that run cannot be gone on with (nothing is changed then), CouplingError, HalfError.
     """
-    with resumed(out, processes=processes) as r:
+    with run if isinstance(run, Run) else resumed(run, processes=processes) as r:
         for progress in r.windows(until):
             if on_window is not None:
                 on_window(progress)
-    return Results(out)
+    return Results(r.out)
 
 
 def resumed(out: str | Path, *, processes: bool = False) -> Run:

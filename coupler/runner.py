@@ -140,6 +140,8 @@ class Run:
                     self._keeper.keep(*self._stands)
                 self._frame()  # where the run stopped; both halves are at the end of the last accepted window
             self._recorder.end(outcome, message, self._totals())
+            if error is not None and self._keeper.remedy:
+                error.add_note(self._keeper.remedy)
         finally:
             self._stack.close()
 
@@ -147,6 +149,11 @@ class Run:
     def state(self) -> CoupledState:
         """What the halves have told each other, at the end of the last accepted window."""
         return self._at.state
+
+    @property
+    def start(self) -> float:
+        """The time from which it runs [s]: 0, or that of the checkpoint."""
+        return self._since.committed.state.now.t if self._since is not None else 0.0
 
     def windows(self, until: float | None = None) -> Iterator[Progress]:
         """Solve the windows; yields after every window tried, rejected ones too.
