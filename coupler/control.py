@@ -96,7 +96,7 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps)
     if not plan.locate.on or control.failures:
         return span, proposal.reason
-    tick = events.expected(control.events, at.state, span, plan)
+    tick = events.expected(control.events, at.state, span, plan, control.settings.scheme)
     if tick is None or not span.k0 < tick < span.k1:
         return span, proposal.reason
     return replace(span, k1=tick), "to end where an event is expected"

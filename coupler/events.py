@@ -97,11 +97,14 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
     return _again(min(s.next_end() for s in searches), memory, reach, text)
 
 
-def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan) -> int | None:
-    """Where an event is expected inside a window that is about to be solved: the tick at which to end it."""
+def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan, scheme: Scheme) -> int | None:
+    """Where an event is expected inside a window that is about to be solved: the tick at which to end it.
+
+    scheme : by which it is to be solved; `auto`: not known yet.
+    """
     if not memory.trail or memory.trail[-1].t != state.now.t:
         return None
-    end = _aim(memory, _reach(memory, span, plan, None))
+    end = _aim(memory, _reach(memory, span, plan, scheme))
     return None if end is None else _inside(end, span)
 
 
@@ -138,7 +141,7 @@ def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Rea
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
     return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance),
-                 NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0, scheme is not Scheme.ITERATED)
+                 NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0, scheme not in (Scheme.ITERATED, Scheme.AUTO))
 
 
 def _aim(memory: Memory, reach: Reach) -> float | None:
@@ -152,8 +155,8 @@ def _aim(memory: Memory, reach: Reach) -> float | None:
         # So near to a kink, or to the start, there is nothing to cut.
         if found.t - reach.t0 <= reach.least or found.t >= reach.t1 - reach.near:
             continue
-        sure = found.doubt <= 0.5 * reach.tolerance
-        end = found.t + (0.5 * reach.tolerance if sure else -2.0 * found.doubt)
+        half = 0.5 * reach.tolerance
+        end = found.t + half if reach.behind and found.doubt <= half else found.t - max(2.0 * found.doubt, half)
         ends.append(max(end, reach.t0 + reach.least))
     return min(ends) if ends and min(ends) < reach.t1 else None
 

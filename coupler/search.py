@@ -69,6 +69,8 @@ class Search:
                 return True
             if r.end == (hi if r.behind else lo) and (hi - lo <= r.tolerance or self._neighbours):
                 return True
+            if r.end == hi and self._stands:
+                return True
         found = self.ahead()
         if found is None:
             return False
@@ -80,11 +82,17 @@ class Search:
         return False
 
     def ahead(self) -> Crossing | None:
-        """Where what is left of the status runs out; of several quantities the first."""
+        """Where what is left of the status runs out; of several quantities the first.
+
+        From all ends known before it, or from those tried in this window alone where that is surer: where a half rings
+        from window to window the former lie on no one curve.
+        """
         found = []
         for j in range(min((len(s.left[self.i]) for s in self.before), default=0)):
-            c = crossing([s.t for s in self.before], [s.left[self.i][j] for s in self.before])
-            found += [c] if c is not None else []
+            all_ = [(s.t, s.left[self.i][j]) for s in self.before]
+            own = [p for p in all_ if p[0] > self.reach.t0]
+            known = [c for c in (_crossing(all_), _crossing(own)) if c is not None]
+            found += [min(known, key=lambda c: c.doubt)] if known else []
         return min(found, key=lambda c: c.t) if found else None
 
     def nears(self, longer: float) -> bool:
@@ -126,7 +134,17 @@ class Search:
         return self.trail[-1].status[self.i]
 
     @property
+    def _stands(self) -> bool:
+        """Whether the end of the window does not matter: a scheme that gives mechanics the T of its start."""
+        late = [s.left[self.i] for s in self.behind[:2]]
+        return len(late) == 2 and late[0] == late[1] != ()
+
+    @property
     def _neighbours(self) -> bool:
         """Whether no tick is left between the ends on either side."""
         clock = self.reach.span.clock
         return clock.ticks(self.behind[0].t) - clock.ticks(self.before[-1].t) <= 1
+
+
+def _crossing(points: list[tuple[float, float]]) -> Crossing | None:
+    return crossing([t for t, _ in points], [v for _, v in points]) if len(points) > 1 else None
