@@ -75,18 +75,22 @@ def relaxed(how: Iteration, trail: Trail) -> tuple[Array, float]:
 
 
 def contraction(trail: Trail, least: float) -> float:
-    """The largest |H(g) - H(g')|/|g - g'| of successive iterates; nan if there is none.
+    """The largest of `contractions`; nan if there is none."""
+    return max(contractions(trail, least), default=math.nan)
+
+
+def contractions(trail: Trail, least: float) -> tuple[float, ...]:
+    """|H(g) - H(g')|/|g - g'| of successive iterates, the nearest to the solution last.
 
     It is the ratio of successive residuals of plain iteration, below 1 where that converges, whatever acceleration
     was in use.  least : differences of guesses shorter than this are round-off.
     """
-    found = math.nan
+    found = []
     for k in range(1, len(trail.guesses)):
         apart = float(np.linalg.norm(trail.guesses[k] - trail.guesses[k - 1]))
         if apart > least:
-            ratio = float(np.linalg.norm(trail.outcomes[k] - trail.outcomes[k - 1])) / apart
-            found = max(ratio, found) if found == found else ratio
-    return found
+            found.append(float(np.linalg.norm(trail.outcomes[k] - trail.outcomes[k - 1])) / apart)
+    return tuple(found)
 
 
 def _stepped(trail: Trail, factor: float) -> Array:

@@ -23,14 +23,16 @@ from numpy.typing import NDArray
 from coupler.curve import closest
 from coupler.iteration import Iteration, Seen, Tolerances
 from coupler.level import Level, Scheme, predicted
-from coupler.window import CoupledState, Solved
+from coupler.window import CoupledState, Course, Solved
 
 Array = NDArray[np.float64]
 
 # rho f is held below this: the 1/2 of methods that damp, less a tenth, because rho drifts between two measurements.
 SAFE = 0.45
 # rho is measured again after so many windows, twice as many each time, for it drifts with T and the gap.
-FIRST_REST, LONGEST_REST = 8, 64
+FIRST_REST, LONGEST_REST = 4, 64
+# Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
+ROUGH, ROUGH_REST = 1.5, 2
 # A window longer by more than this is measured anew: rho was found to grow with H, by at most H.
 LONGER = 2.0
 # Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
@@ -39,7 +41,7 @@ OTHER_TOUCH = 0.25
 # LEAST_MISS [K], are a zigzag that the model of rho did not foresee.
 TURNS, OPPOSITE, HOLDS, LEAST_MISS = 3, 0.5, 0.8, 1e-4
 # Iterates of a window that only measures need not agree better than windows solved once do.
-LOOSE = 0.02
+LOOSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,7 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
     """
     touching = solved.monitors.get("touching", 0.0)
     if solved.scheme is Scheme.ITERATED:
-        found = math.nan if solved.course is None else solved.course.contraction
-        return _measured(memory, found * (0.5 if seen is Seen.END else 1.0), H, touching)
+        return _measured(memory, Measure.of(solved.course, seen), H, touching)
     memory = _watched(memory, start, solved.state.now)
     if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
         return replace(memory, rho=math.nan, rest=FIRST_REST)
@@ -131,13 +132,30 @@ def forgotten(memory: Memory) -> Memory:
     return Memory()
 
 
-def _measured(memory: Memory, rho: float, H: float, touching: float) -> Memory:
+@dataclass(frozen=True)
+class Measure:
+    """What a window that was iterated tells of rho; nan: nothing.  rough : its iterates do not agree on it."""
+
+    rho: float
+    rough: bool
+
+    @staticmethod
+    def of(course: Course | None, seen: Seen) -> Measure:
+        """course : of the window.  seen : as of `learn`."""
+        if course is None or math.isnan(course.contraction):
+            return Measure(math.nan, False)
+        rough = bool(course.ratios) and course.contraction > ROUGH * course.ratios[-1]
+        return Measure(course.contraction * (0.5 if seen is Seen.END else 1.0), rough)
+
+
+def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Memory:
     """The memory after a window that was iterated; one whose first iterate agrees measures nothing."""
+    rho = measure.rho
     if math.isnan(rho):
         return replace(memory, since=0, turns=0, miss=np.zeros(0), touching=touching)
     known, apart = memory.rho, memory.since + 1
     growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and H == memory.H else 0.0
-    rest = FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
+    rest = ROUGH_REST if measure.rough else FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
     if growth > 0.0 and rho < SAFE:
         # Half of the windows until rho is too large, if it goes on so.
         rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))

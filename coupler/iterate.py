@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.acceleration import Memory, Trail, contraction, next_guess, relaxed, remembered
+from coupler.acceleration import Memory, Trail, contractions, next_guess, relaxed, remembered
 from coupler.convergence import Step, misfits
 from coupler.iteration import Iteration, OnMax, Seen
 from coupler.level import Level, exchanged, predicted
@@ -43,7 +43,8 @@ class _Progress:
 
     @property
     def course(self) -> Course:
-        return Course(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR))
+        ratios = contractions(self.trail, TOO_NEAR)
+        return Course(self.misfits, self.trail.factors, max(ratios, default=math.nan), ratios)
 
     @property
     def converged(self) -> bool:

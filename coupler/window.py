@@ -99,11 +99,13 @@ class Course:
 
     misfits : for each iterate quantity -> difference in units of its tolerance.  factors : of the steps between
     iterates.  contraction : largest measured ratio of successive residuals of plain iteration; nan if unknown.
+    ratios : all of them, the nearest to the solution last.
     """
 
     misfits: tuple[Mapping[str, float], ...]
     factors: tuple[float, ...]
     contraction: float
+    ratios: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
