@@ -33,13 +33,19 @@ class Bar:
     def system(self, dt: float) -> tuple[Array, Array]:
         """M/dt + K and M/dt of the free nodes, (n, n) [W/m2K]."""
         if dt not in self._kept:
-            h, n = self.L / self.n, self.n
-            M, K = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
-            for i in range(n):
-                M[i:i + 2, i:i + 2] += self.rho_c * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
-                K[i:i + 2, i:i + 2] += self.k / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
-            self._kept[dt] = ((M / dt + K)[1:, 1:], M[1:, 1:] / dt)
+            M, K = self.matrices
+            self._kept[dt] = (M / dt + K, M / dt)
         return self._kept[dt]
+
+    @property
+    def matrices(self) -> tuple[Array, Array]:
+        """Storage M [J/m2K] and conduction K [W/m2K] of the free nodes, (n, n)."""
+        h, n = self.L / self.n, self.n
+        M, K = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+        for i in range(n):
+            M[i:i + 2, i:i + 2] += self.rho_c * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+            K[i:i + 2, i:i + 2] += self.k / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return M[1:, 1:], K[1:, 1:]
 
     def stiffness(self, dt: float) -> float:
         """Heat flow into the joint that warms it by 1 K within a step [W/m2K]."""
@@ -52,6 +58,17 @@ ALUMINIUM, STEEL = Bar(210.0, 2.75e6), Bar(45.0, 3.744e6)
 def ratio(dirichlet: Bar, neumann: Bar, dt: float) -> float:
     """What plain iteration multiplies a difference by, with the other sign."""
     return dirichlet.stiffness(dt) / neumann.stiffness(dt)
+
+
+def together(one: Bar, other: Bar) -> tuple[Array, Array]:
+    """M and K of both as one bar, from beside one's far end over the joint, node n - 1, to beside the other's."""
+    n = one.n
+    whole = np.zeros((2, n + other.n - 1, n + other.n - 1))
+    back = np.arange(n + other.n - 2, n - 2, -1)
+    for sums, own, others in zip(whole, one.matrices, other.matrices, strict=True):
+        sums[:n, :n] += own
+        sums[np.ix_(back, back)] += others
+    return whole[0], whole[1]
 
 
 def takes_flow(bar: Bar, T: Array) -> FakeHalf:

@@ -16,8 +16,8 @@ from coupler.level import Scheme
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from boundary import bisected, contraction
-from cases import CASES, DAMPED, e5_limit, joined
-from conduction_halves import ALUMINIUM, STEEL, ratio
+from cases import CASES, DAMPED, e5_limit, joined, skin
+from conduction_halves import ALUMINIUM, STEEL, ratio, together
 from coupled_run import couple
 
 E5 = tomllib.loads((Path(__file__).resolve().parents[1] / "expected.toml").read_text(encoding="utf-8"))["E5"]
@@ -61,14 +61,7 @@ def test_accelerated_both_bars_come_to_what_one_system_gives():
     dt = 1.0
     halves, state = joined(0.3)
     final, _ = couple(halves, state, (dt, 1), Scheme.ITERATED, how=DAMPED)
-    warm = halves[0].saved[0][0]
-    (A, a), (B, b) = ALUMINIUM.system(dt), STEEL.system(dt)
-    n = len(A)
-    whole, right = np.zeros((2 * n - 1, 2 * n - 1)), np.zeros(2 * n - 1)
-    whole[:n, :n] += A
-    right[:n] += a @ warm
-    back = np.arange(2 * n - 2, n - 2, -1)  # steel from its far end to the joint, node n - 1
-    whole[np.ix_(back, back)] += B
-    right[back] += b @ warm
-    exact = np.linalg.solve(whole, right)[n - 1]
+    warm = np.concatenate([skin(0.3), skin(0.3)[-2::-1]])
+    M, K = together(ALUMINIUM, STEEL)
+    exact = np.linalg.solve(M / dt + K, M @ warm / dt)[ALUMINIUM.n - 1]
     assert final.now.T[0] - 1000.0 == pytest.approx(exact, abs=1e-6)
