@@ -69,4 +69,4 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
             solved = ONCE[way.scheme](halves, state, span).solved(state)
     except DiscardError as discard:
         return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=way.scheme)
-    return replace(solved, scheme=way.scheme)
+    return replace(solved, scheme=way.scheme, curve=way.curve)

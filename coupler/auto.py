@@ -20,9 +20,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.curve import closest
+from coupler.curve import closest, zigzag
 from coupler.iteration import Iteration, Seen, Tolerances
-from coupler.level import Level, Scheme, predicted
+from coupler.level import Scheme, predicted
 from coupler.window import CoupledState, Course, Solved
 
 Array = NDArray[np.float64]
@@ -38,10 +38,12 @@ LONGER = 2.0
 # Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
 OTHER_TOUCH = 0.25
 # Misses of the prediction that turn round so many times on end and are at least HOLDS times as long each time, above
-# LEAST_MISS [K], are a zigzag that the model of rho did not foresee.
-TURNS, OPPOSITE, HOLDS, LEAST_MISS = 3, 0.5, 0.8, 1e-4
+# LEAST_MISS [K], are a zigzag that hardly dies: rho is measured at once.
+TURNS, OPPOSITE, HOLDS, LEAST_MISS = 2, 0.5, 0.8, 1e-4
+# If rho had not been too large, the model does not hold in windows of this size, nor in those longer than this share.
+WARY_FROM = 0.5
 # Iterates of a window that only measures need not agree better than windows solved once do.
-LOOSE = 0.1
+LOOSE = 0.3
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class Memory:
     rho : contraction of plain iteration in windows of H seconds, nan: not known.  growth : of ln rho, a window.
     rest : windows until it is measured again, `since` of them over.  touching : points that touched then.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
-    wary : windows solved once did what rho did not foretell, so they are iterated.
+    zigzag : how often that window saw one.  wary [s] : windows so long did what rho does not foretell; 0: none did.
     """
 
     rho: float = math.nan
@@ -62,7 +64,8 @@ class Memory:
     touching: float = 0.0
     miss: Array = field(default_factory=lambda: np.zeros(0))
     turns: int = 0
-    wary: bool = False
+    zigzag: float = 0.0
+    wary: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,20 +83,25 @@ class Choice:
 
 def choose(memory: Memory, state: CoupledState, H: float) -> Choice:
     """The scheme of a window of H seconds."""
-    if memory.wary:
-        return Choice(Scheme.ITERATED, "windows solved once began to go up and down")
+    if memory.wary and H > WARY_FROM * memory.wary:
+        return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if not state.past or math.isnan(memory.rho):
         return Choice(Scheme.ITERATED, "the contraction is not known yet")
     if H > LONGER * memory.H:
         return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     rho = rho_at(memory, H)
-    times = [state.now.t, *(level.t for level in state.past[:2])]
-    curve = closest(times, state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
+    curve = closest(_times(state), state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
     if curve is None:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
+    if memory.turns >= TURNS:
+        return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=True)
     return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, curve {curve:.2g}", curve)
+
+
+def _times(state: CoupledState) -> list[float]:
+    return [state.now.t, *(level.t for level in state.past[:2])]
 
 
 def rho_at(memory: Memory, H: float) -> float:
@@ -121,7 +129,7 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
     touching = solved.monitors.get("touching", 0.0)
     if solved.scheme is Scheme.ITERATED:
         return _measured(memory, Measure.of(solved.course, seen), H, touching)
-    memory = _watched(memory, start, solved.state.now)
+    memory = _watched(memory, start, solved)
     if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
         return replace(memory, rho=math.nan, rest=FIRST_REST)
     return replace(memory, since=memory.since + 1)
@@ -154,23 +162,26 @@ def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Me
     if math.isnan(rho):
         return replace(memory, since=0, turns=0, miss=np.zeros(0), touching=touching)
     known, apart = memory.rho, memory.since + 1
-    growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and H == memory.H else 0.0
+    growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and math.isclose(H, memory.H) else 0.0
     rest = ROUGH_REST if measure.rough else FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
     if growth > 0.0 and rho < SAFE:
         # Half of the windows until rho is too large, if it goes on so.
         rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
+    wary = H if memory.turns >= TURNS and rho * memory.zigzag < SAFE else memory.wary
     return replace(memory, rho=rho, H=H, growth=growth, rest=rest, since=0, touching=touching, turns=0,
-                   miss=np.zeros(0))
+                   miss=np.zeros(0), wary=wary)
 
 
-def _watched(memory: Memory, start: CoupledState, now: Level) -> Memory:
+def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:
     """The memory with the miss of a window solved once: T less T on the line of the last two levels."""
-    if start.before is None:
+    if start.before is None or solved.scheme is not Scheme.EXTRAPOLATED:
         return memory
+    now = solved.state.now
+    memory = replace(memory, zigzag=zigzag(_times(start), now.t, solved.curve))
     miss, last = now.T - predicted(start.now, start.before, now.t).T, memory.miss
     if last.size != miss.size:
         return replace(memory, miss=miss)
     a2, b2, along = float(last @ last), float(miss @ miss), float(last @ miss)
     turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
     turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > LEAST_MISS else 0
-    return replace(memory, miss=miss, turns=turns, wary=turns >= TURNS)
+    return replace(memory, miss=miss, turns=turns)

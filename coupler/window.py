@@ -113,7 +113,7 @@ class Solved:
     """The outcome of a window.  terms : the heat terms of each thermal substep [J] (empty after a discard).
 
     course : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
-    large, by request.  scheme : by which it was solved.
+    large, by request.  scheme : by which it was solved.  curve : how that drew x and t_N on.
     whole : where this is the answer of the window's two halves (coupler.doubling), that of the window in one.
     """
 
@@ -126,6 +126,7 @@ class Solved:
     course: Course | None = None
     anyway: bool = False
     scheme: Scheme | None = None
+    curve: float = 0.0
     whole: Solved | None = None
 
     @property
