@@ -140,8 +140,9 @@ def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Rea
     t0 = span.clock.seconds(span.k0)
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
-    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance),
-                 NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0, scheme not in (Scheme.ITERATED, Scheme.AUTO))
+    near = NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near,
+                 scheme not in (Scheme.ITERATED, Scheme.AUTO))
 
 
 def _aim(memory: Memory, reach: Reach) -> float | None:

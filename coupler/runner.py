@@ -30,11 +30,13 @@ from coupler.launch import Launched, launch
 from coupler.ledger import Ledger
 from coupler.level import Level, Scheme
 from coupler.measure import measure
+from coupler.plan import Locate
 from coupler.recorder import Recorder
 from coupler.results import Results
 from coupler.scenario import Scenario
 from coupler.scenario.output import SAME
 from coupler.schedule import schedule
+from coupler.sights import looked_at, places_of
 from coupler.target import check_target
 from coupler.watched import Watched
 from coupler.window import CoupledState, Verdict, wanted_outputs
@@ -108,7 +110,8 @@ class Run:
         with ExitStack() as stack:
             stack.enter_context(_interrupts(self))
             launched = stack.enter_context(launch(self.scenario, processes=self.processes))
-            self.halves = wanted_outputs(launched.thermal, launched.mechanical)
+            looked = looked_at(self.scenario.interface) if self.scenario.coupling.locate else ()
+            self.halves = wanted_outputs(launched.thermal, launched.mechanical, looked)
             self._check(launched.thermal, launched.mechanical)
             self.plan = plan_of(self.scenario)
             self._watched = Watched(self.scenario.interface, self.halves.mechanical_outputs)
@@ -328,7 +331,9 @@ def _made_by(half: Half) -> list[str]:
 def plan_of(scenario: Scenario) -> Plan:
     """Where windows end, by which scheme, with how many substeps."""
     c = scenario.coupling
-    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration)
+    locate = Locate(c.locate, c.event_tolerance, places_of(scenario.interface) if c.locate else ())
+    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
+                c.on_cycle, c.steady)
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,

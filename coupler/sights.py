@@ -21,6 +21,7 @@ Indices = NDArray[np.intp]
 
 # Positions are good to about this share of the size of the scene; a pressure of the penalty times that is round-off.
 ROUND_OFF = 1e-13
+SLIPPING = "mechanical.contact.slipping"
 
 
 class Status(Enum):
@@ -72,6 +73,11 @@ def places_of(interface: Interface) -> tuple[Place, ...]:
     return tuple(found)
 
 
+def looked_at(interface: Interface) -> tuple[str, ...]:
+    """Monitors to ask for besides what is exchanged."""
+    return (SLIPPING,) if any(pair.mu > 0.0 for pair in interface.pairs) else ()
+
+
 def _nodes(interface: Interface, pair: Pair) -> Indices:
     nodes = np.concatenate([interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
     return np.unique(np.searchsorted(interface.contact_nodes, nodes)).astype(np.intp)
@@ -96,7 +102,7 @@ def _pair(place: Place, level: Level) -> tuple[Status, tuple[float, ...]]:
 
 
 def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]:
-    slipping, touching = monitors.get("mechanical.contact.slipping", np.nan), monitors.get("touching", 0.0)
+    slipping, touching = monitors.get(SLIPPING, np.nan), monitors.get("touching", 0.0)
     if not touching > 0.0 or np.isnan(slipping):
         return Status.APART, ()
     if slipping >= touching:
