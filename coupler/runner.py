@@ -197,6 +197,8 @@ class Run:
         self._stands = self._at, self._told()
         if self._keeper.due:
             self._keeper.keep(*self._stands)
+            if self._keeper.trouble and self._keeper.trouble not in self.noticed:
+                self.noticed.append(self._keeper.trouble)
 
     def _told(self) -> Told:
         """What was recorded and told up to now."""
