@@ -19,8 +19,8 @@ from coupler.rule_actions import applied
 from coupler.rule_words import did, looked_at
 from coupler.settings import Settings
 
-__all__ = ["Fired", "Firing", "Memory", "Past", "Rule", "fire", "fire_failed", "first_memory", "first_settings",
-           "retried", "value", "wanted"]
+__all__ = ["Fired", "Firing", "Memory", "Past", "Rule", "alone", "fire", "fire_failed", "first_memory",
+           "first_settings", "retried", "value", "wanted"]
 
 # Monitors that a window which failed has too; without one of them a rule does not look at it.
 OF_FAILURE = frozenset({"failures", "thermal.status", "mechanical.status"})
@@ -132,6 +132,25 @@ def fire_failed(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, fl
     log = tuple(Firing(r.name, did(r.do), _values(r, memory, monitors)) for r in due)
     shares = [share for r in due if (share := _share(r, monitors["window"]))]
     return Fired(applied(settings, _others(due)), _with_fired(memory, due), log, min(shares, default=0.0), _stop(due))
+
+
+def alone(rule: Rule, memory: Memory, monitors: Mapping[str, float], failed: bool = False) -> tuple[
+        Firing | None, Memory]:
+    """Whether one rule would fire on a window that is done with, and the memory after it.  Nothing is put back.
+
+    failed : monitors are those of `fire_failed`.
+    """
+    if failed and not OF_FAILURE & rule.monitors:
+        return None, memory
+    if not failed:
+        monitors = {**monitors, **dict.fromkeys(OF_FAILURE, 0.0)}
+    seen = _seen(rule, memory, monitors)
+    acts = rule.drive is not None or bool(_others([rule])) or _share(rule, monitors["window"]) > 0.0
+    due = acts and _due(rule, seen, monitors["t"])
+    fired = Firing(rule.name, did(rule.do), _values(rule, memory, monitors)) if due else None
+    if failed:
+        return fired, _with_fired(memory, [rule]) if due else memory
+    return fired, replace(memory, rules={rule.name: _after(rule, seen, due)}, last=dict(monitors))
 
 
 def retried(memory: Memory, fired: Fired) -> Memory:
