@@ -63,7 +63,8 @@ class Estimate:
     own steps.  order : the local error goes with H^(order + 1).
 
     errors : the same in K, m, J.  ratios : errors over second differences, where they were measured in this window.
-    size : the share by which the next window is sized; larger than `error` where the answer of two halves is kept.
+    size : the share by which the next window is sized: that of a window solved in one, also where the answer of two
+    halves is kept, because the next may be solved in one.
     """
 
     shares: Mapping[str, float]
@@ -119,8 +120,8 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     ratios = {n: WHOLE[order] * d / second[n] if second[n] > 0.0 else 0.0 for n, d in apart.items()}
     whole, kept = ({n: c * WHOLE[order] * d + left.get(n, 0.0) for n, d in apart.items()} for c in (1.0, 0.5**order))
     own = _own(levels, whole["temperature"], left)
-    size = _told(whole, (levels, solved), tolerance, own).error
-    return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios, size=size)
+    return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios,
+                   size=_told(whole, (levels, solved), tolerance, own).error)
 
 
 def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None) -> Memory:
@@ -132,9 +133,7 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
         return replace(memory, left=memory.left - 1, rate=rate)
     if not start.past:  # two levels have no second difference
         return Memory(rate=rate)
-    pause = 0
-    if memory.ratios and _agree(memory, found, H):
-        pause = min(max(1, 2 * memory.pause), MOST)
+    pause = min(max(1, 2 * memory.pause), MOST) if _agree(memory, found, H) else 0
     return Memory(found.ratios, H, pause, pause, "" if solved.scheme is None else solved.scheme.value, rate)
 
 
@@ -145,6 +144,8 @@ def forgotten(memory: Memory) -> Memory:
 
 def _agree(memory: Memory, found: Estimate, H: float) -> bool:
     """Whether the ratios of all quantities that decide are what they would have been taken for."""
+    if not memory.ratios:
+        return False
     grown = _grown(memory, H, found.order)
     for name, ratio in found.ratios.items():
         expected = memory.ratios.get(name, 0.0) * grown
