@@ -120,6 +120,7 @@ class Drive:
     half, name : the input, `load.press`.  first : its value at the start.  least, most : its bounds.
     log : the load moves in its logarithm, else linearly.  gain : change of (ln) load for a change of (ln) monitor,
     1/slope; nan: measured as the run goes (log only).  rate : largest |change| of (ln) load a second.
+    lag [s] : the time constant with which a monitor that is slow to answer goes to its target.
     """
 
     half: str
@@ -132,6 +133,7 @@ class Drive:
     log: bool
     gain: float = math.nan
     rate: float = math.inf
+    lag: float = 0.0
 
 
 @dataclass(frozen=True)

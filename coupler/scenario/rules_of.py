@@ -159,4 +159,5 @@ class _Reader:
         least = spec.least if spec.least is not None else first * 1e-6 if spec.log else -math.inf
         return Drive(half, f"{kind}.{condition}", monitor, target, first, least,
                      spec.most if spec.most is not None else math.inf, spec.log,
-                     spec.gain if spec.gain is not None else math.nan, spec.rate if spec.rate is not None else math.inf)
+                     spec.gain if spec.gain is not None else math.nan, spec.rate if spec.rate is not None else math.inf,
+                     spec.lag)

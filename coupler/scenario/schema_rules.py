@@ -161,6 +161,7 @@ class DriveSpec(Part):
     least: Number | None = None
     most: Number | None = None
     rate: Positive | None = None
+    lag: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _one(self) -> DriveSpec:

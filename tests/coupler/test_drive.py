@@ -6,6 +6,7 @@ import math
 import sys
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,7 @@ def test_b14_measured_strain_rate_is_held() -> None:
     """The load is ninety times too small at first; p is compared at the row's strains, which the run reaches later."""
     told = rates(B14["m"], hold(), (310.0, 310))
     caught_up = next(t for t, rate, _ in told if abs(rate / TARGET - 1.0) < B14["rate_held_within"])
-    assert caught_up < 10.0
+    assert caught_up < 12.0
     assert max(abs(rate / TARGET - 1.0) for t, rate, _ in told if t > 20.0) < B14["rate_held_within"]
     assert max(abs(rate / TARGET - 1.0) for t, rate, _ in told if t > 50.0) < 1e-3
     strain, p = np.cumsum([rate for _, rate, _ in told]), [PRESS * load for *_, load in told]
@@ -101,6 +102,19 @@ def test_a_drift_leaves_no_lag() -> None:
     told = plain(lambda load, n: TARGET * (load * 0.98**n) ** 2, hold(0.3))
     assert told[-1][0] == pytest.approx(TARGET, rel=1e-6)
     assert told[-1][1] == pytest.approx(0.98**-59, rel=1e-6)
+
+
+def test_a_monitor_that_is_slow_to_answer() -> None:
+    """T' = (600 load - T)/50 s: without a lag the load swings for ever, with one of 5 s T is at 900 K in 40 s."""
+    def last(lag: float) -> list[float]:
+        T, known, told = 600.0, begun(drive := replace(hold(most=5.0), monitor="T", target=900.0, lag=lag)), []
+        for _ in range(80):
+            T += (600.0 * known.value - T) * (1.0 - math.exp(-1.0 / 50.0))
+            told.append(T)
+            known = driven(drive, known, T, 1.0)
+        return told[40:]
+    assert last(5.0) == pytest.approx([900.0] * 40, abs=1.0)
+    assert np.ptp(last(0.0)) > 50.0
 
 
 def test_the_load_keeps_its_bounds_and_catches_up_again() -> None:

@@ -255,7 +255,7 @@ def test_the_strain_rate_of_a_half_that_tells_increments_only():
 
 def test_memory_crosses_a_checkpoint():
     memory = Memory({"r": Past(2, 1, (3, 0))}, {"t": 1.0, "a": math.inf},
-                    {"d": Driven(1.5, 0.2, (0.1,), (0.2,), (1.0,))})
+                    {"d": Driven(1.5, 0.2, 0.1, (0.1,), (0.2,), (1.0,))})
     assert decode(encode(memory), kinds_of([Memory])) == memory
 
 
