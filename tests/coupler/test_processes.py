@@ -65,6 +65,19 @@ def gone(pids: list[int], within: float = SOON) -> bool:
     return False
 
 
+def test_states_of_any_size_cross_as_bytes(fmu):
+    with two(fmu) as p:
+        half = p.halves["thermal"]
+        assert half.can_serialise
+        half.advance(0.0, 2.0, {}, ["y"])
+        done, data = half.read(["y"])["y"], half.serialise(half.save())
+        half.advance(2.0, 1.0, {"x": 2 * X}, [])
+        half.restore(half.deserialise(data))
+        assert half.read(["y"])["y"].tobytes() == done.tobytes()
+        large = np.random.default_rng(1).bytes(20_000_000)
+        assert half.serialise(half.deserialise(large)) == large
+
+
 def test_a_half_in_a_process_is_a_half(fmu):
     with two(fmu) as p:
         half = p.halves["thermal"]
