@@ -49,7 +49,7 @@ class Told:
 
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
-    resumed : the times [s] from which it was resumed.
+    resumed : the times [s] from which it was resumed.  rows : of the windows table.
     """
 
     mark: Mark
@@ -61,6 +61,7 @@ class Told:
     seconds: float = 0.0
     setup_seconds: float = 0.0
     resumed: tuple[float, ...] = ()
+    rows: int = 0
 
 
 @dataclass(frozen=True)

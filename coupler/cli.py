@@ -19,10 +19,12 @@ from coupler.console import ProgressLine, summary
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.launch import build_halves
+from coupler.outset import plan_of
+from coupler.plan import Plan
 from coupler.report import write_report
 from coupler.results import Results
 from coupler.resume import resume, resumed
-from coupler.runner import plan_of, run
+from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario, parse_override
 from coupler.target import check_target
 
@@ -69,13 +71,17 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"{len(i.quads)} quads, {len(i.triangles)} triangles\n"
                f"  contact pairs: {pairs}\n"
                f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
-               f"  {_sizes(sizes)} to t = {s.coupling.end:g} s; {f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
+               f"  {_sizes(sizes, plan)} to t = {s.coupling.end:g} s; "
+               f"{f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}")
     for note in s.notes:
         typer.echo(f"  note: {note}")
 
 
-def _sizes(sizes: Sequence[float]) -> str:
+def _sizes(sizes: Sequence[float], plan: Plan) -> str:
+    if plan.adaptive is not None:
+        a = plan.adaptive
+        return f"windows that find their own size, {a.first:.3g} s at first, {a.least:.3g} to {a.most:.3g} s,"
     least, most = f"{min(sizes):.3g}", f"{max(sizes):.3g}"
     return f"{len(sizes)} window{'s' if len(sizes) > 1 else ''} of {least if least == most else f'{least} to {most}'} s"
 
@@ -88,8 +94,9 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
     s = _scenario(scenario, sets, swaps)
     check_target(out, report=report)
-    typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {len(plan_of(s).schedule.bounds) - 1} windows "
-               f"to t = {s.coupling.end:g} s", err=True)
+    plan = plan_of(s)
+    count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "windows that find their own size"
+    typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
     for note in s.notes:
         typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from types import TracebackType
 
@@ -11,13 +12,15 @@ from rich.spinner import Spinner
 from rich.text import Text
 
 from coupler.beside import can_resume
+from coupler.progress import Progress
 from coupler.results import Results, iteration_words
-from coupler.runner import Progress
 from coupler.window import Verdict
 
 ZERO_CELSIUS = 273.15
 # The first windows load compiled code and solve from cold: an estimate from them is ten times too long.
 GUESS_AFTER = 0.05
+# Windows put back for their error are everyday where windows find their own size: so many are told one by one.
+LISTED = 10
 SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, up to a minute"
 
 
@@ -30,7 +33,8 @@ class ProgressLine:
         self._live = Live(console=self._console, refresh_per_second=8, transient=True)
         self._next_share = 0.0
         self._rejected = 0
-        self._reason = ""
+        self._tries: list[Progress] = []  # of the window in hand that were put back
+        self._too_large = 0
 
     def __enter__(self) -> ProgressLine:
         if self._console.is_terminal:
@@ -41,37 +45,60 @@ class ProgressLine:
         return self
 
     def __call__(self, p: Progress) -> None:
-        for note in p.notes:
-            self._console.print(f"note: {note}", soft_wrap=True, markup=False)
-        if p.verdict != Verdict.ACCEPTED.value:
-            self._rejected += not p.taken
-            # The reason once: halving a window ten times repeats it ten times.
-            reason = "the same" if p.message == self._reason else p.message
-            self._reason = p.message
-            what = "taken all the same" if p.taken else "trying half of it"
-            self._console.print(f"window {p.number} at t = {p.t:.6g} s: {p.verdict} ({reason}); {what}",
-                                soft_wrap=True, markup=False)
+        for text in (*(f"note: {note}" for note in p.notes), *p.fired):
+            self._print(text)
         if not p.taken:
+            self._rejected += 1
+            self._tries.append(p)
+            if self._console.is_terminal:
+                self._live.update(Text(f"window {p.number}, {p.H:.3g} s: {p.verdict}; trying again"))
             return
+        self._tell_tries(f"taken with {p.H:.3g} s {p.scheme}".rstrip())
+        if p.verdict != Verdict.ACCEPTED.value:
+            self._print(f"window {p.number} to t = {p.t:.6g} s: {p.verdict} ({p.message}); taken all the same")
+        elif p.event:
+            self._print(f"t = {p.t:.9g} s: {p.event}")
         if self._console.is_terminal:
             self._live.update(Text(self.line(p)))
-        elif p.number / p.total >= self._next_share:
-            # By windows, not by time: most of the work lies where windows are small.
-            self._next_share = p.number / p.total + 0.1
+        elif p.share >= self._next_share:
+            self._next_share = p.share + 0.1
             print(self.line(p), file=self._console.file, flush=True)
+
+    def _tell_tries(self, outcome: str) -> None:
+        """One line on all tries of a window that were put back: halving it ten times is no ten lines."""
+        tries, self._tries = self._tries, []
+        # A search for an event is told by the event.
+        told = [p for p in tries if p.verdict != Verdict.EVENT.value]
+        if not told:
+            return
+        if all(p.verdict == Verdict.ERROR.value for p in told):
+            self._too_large += 1
+            if self._too_large > LISTED:
+                return
+        first = told[0]
+        reasons = "; ".join(dict.fromkeys(f"{p.verdict} ({p.message})" for p in told))
+        times = f", {len(told)} times" if len(told) > 1 else ""
+        more = "; further ones are only counted" if self._too_large == LISTED else ""
+        self._print(f"window {first.number} at t = {first.t:.6g} s, {first.H:.3g} s {first.scheme}".rstrip()
+                    + f": {reasons}{times}; {outcome}{more}")
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, soft_wrap=True, markup=False)
 
     def line(self, p: Progress) -> str:
         """t, windows, contact count, max T, max p, heat imbalance, time left once it can be told."""
         T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
-        left = f" | {clock_text(p.left)} left" if p.number >= GUESS_AFTER * p.total else ""
+        left = f" | {clock_text(p.left)} left" if p.share >= GUESS_AFTER and math.isfinite(p.left) else ""
+        number = f"{p.number}/{p.total}" if p.total else f"{p.number} of {p.H:.3g} s"
         rejected = f" ({self._rejected} rejected)" if self._rejected else ""
         iterations = f"{p.iterations} iterations | " if p.iterations else ""
-        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {p.number}/{p.total}{rejected} | {iterations}"
+        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {number}{rejected} | {iterations}"
                 f"{p.touching} points touch | max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
                 f"heat imbalance {p.imbalance:.0e}{left}")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
+        self._tell_tries("given up")
         if self._console.is_terminal:
             self._live.stop()
 
@@ -95,7 +122,8 @@ def summary(results: Results) -> str:
     lines = [
         f"{results.outcome}: {results.t[-1]:.6g} s in {accepted} windows"
         + (f" ({len(w) - accepted} rejected)" if len(w) > accepted else "")
-        + f", {int(w.solves.sum())} half-solves, {sum(parts.values()):.1f} s after {set_up:.1f} s of set-up",
+        + f", {int(w.solves.sum() + results.rewound.get('solves', 0))} half-solves, "
+        + f"{sum(parts.values()):.1f} s after {set_up:.1f} s of set-up",
         "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in parts.items()),
         f"  heat imbalance {results.heat_imbalance:.1e}",
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),

@@ -7,13 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from coupler import auto, estimate, events
+from coupler.adiabatic import can_freeze
 from coupler.attempt import Kept, Way, solve
-from coupler.control_state import Committed, first, opened
+from coupler.control_state import Committed, ControlState, first, opened
 from coupler.cutting import Facts
 from coupler.doubling import doubled
 from coupler.estimate import Estimate
 from coupler.judge import judged
 from coupler.level import Scheme
+from coupler.monitors import monitors
 from coupler.plan import Plan
 from coupler.proposal import propose
 from coupler.rules import Firing
@@ -26,9 +28,10 @@ __all__ = ["Plan", "Tried", "finished", "step", "windows"]
 class Tried:
     """One window tried: its number (of those taken), its times [s], what came of it, what it cost, what was noticed.
 
-    after : all the coupler remembers then, whether the window stands or not.  reason : why it had this size and
-    scheme, in words; why it does not stand is the message of `solved`.  error : where it is known.  event : what
-    happens at its end, or inside where it was put back for it.  fired : the rules that fired.
+    before : what control remembered at its start.  after : all the coupler remembers then, whether the window stands
+    or not.  reason : why it had this size and scheme, in words; why it does not stand is the message of `solved`.
+    error : where it is known.  event : what happens at its end, or inside where it was put back for it.
+    fired : the rules that fired.
     """
 
     number: int
@@ -37,6 +40,8 @@ class Tried:
     solved: Solved
     seconds: float
     after: Committed
+    before: ControlState
+    span: Span
     notes: tuple[str, ...] = ()
     reason: str = ""
     error: Estimate | None = None
@@ -47,6 +52,11 @@ class Tried:
     def accepted(self) -> bool:
         """Whether the run goes on from its end."""
         return self.solved.taken
+
+    @property
+    def monitors(self) -> dict[str, float]:
+        """What rules look at, but for the probes (coupler.monitors)."""
+        return monitors(self.before, self.span, self.solved, self.error)
 
 
 def windows(halves: Halves, state: CoupledState, plan: Plan) -> Iterator[Tried]:
@@ -72,7 +82,7 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     started = time.perf_counter()
     span, reason = _span(at, plan)
     t0 = span.clock.seconds(span.k0)
-    way, why = _way(at, span.end - t0)
+    way, why = _way(halves, at, span.end - t0)
     control = at.control
     with Kept(halves, t0, control.number + 1) as kept:
         solved = solve(halves, at.state, span, way, kept)
@@ -85,8 +95,8 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
             kept.put_back(verdict.solved.message)
     state = solved.state if verdict.solved.taken else at.state
     return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
-                 Committed(state, verdict.control), verdict.notes, "; ".join(r for r in (reason, why) if r),
-                 verdict.error, verdict.event, verdict.fired)
+                 Committed(state, verdict.control), control, span, verdict.notes,
+                 "; ".join(r for r in (reason, why) if r), verdict.error, verdict.event, verdict.fired)
 
 
 def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
@@ -102,12 +112,13 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     return replace(span, k1=tick), "to end where an event is expected"
 
 
-def _way(at: Committed, H: float) -> tuple[Way, str]:
+def _way(halves: Halves, at: Committed, H: float) -> tuple[Way, str]:
     """By which scheme, and why where that was chosen."""
     settings = at.control.settings
     if settings.scheme is not Scheme.AUTO:
         return Way(settings.scheme, settings), ""
-    choice = auto.choose(at.control.choice, at.state, H)
+    freezes = can_freeze(halves.thermal, halves.mechanical, settings.substeps)
+    choice = auto.choose(at.control.choice, at.state, H, freezes)
     if choice.loose:
         settings = replace(settings, iteration=auto.loosened(settings.iteration))
-    return Way(choice.scheme, settings, choice.curve), f"{choice.scheme.value}: {choice.reason}"
+    return Way(choice.scheme, settings, choice.curve, may_run_away=True), f"{choice.scheme.value}: {choice.reason}"

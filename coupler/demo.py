@@ -9,9 +9,10 @@ from typing import Any
 
 from coupler.errors import ScenarioError
 from coupler.launch import make_folder
+from coupler.progress import Progress
 from coupler.report import write_report
 from coupler.results import Results
-from coupler.runner import Progress, run
+from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario
 
 SCENARIO = "sliding_blocks.yaml"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,31 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.beside import drop, journal_of, take_up
+from coupler.columns import ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.estimate import Estimate
+from coupler.finish import finish
 from coupler.journal import Journal, Mark
 from coupler.ledger import Ledger
 from coupler.level import Level
-from coupler.results import ITERATE_FIELDS, WINDOW_FIELDS, finish
+from coupler.rules import Firing
 from coupler.target import check_target
 from coupler.window import Course, Solved
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Words:
+    """What else a window's record holds.  reason : why it had its size and scheme.  event, fired, error : as in Tried.
+
+    monitors : those that rules look at, of a window that was taken.
+    """
+
+    reason: str = ""
+    event: str = ""
+    fired: tuple[Firing, ...] = ()
+    error: Estimate | None = None
+    monitors: Mapping[str, float] = field(default_factory=dict)
 
 
 class Recorder:
@@ -37,6 +55,7 @@ class Recorder:
         self.out = out
         self._interface = interface
         self._seconds = 0.0
+        self.rows = 0  # windows recorded so far that stand in the table, rejected ones too
         if since is not None:
             take_up(out)
             self._journal = Journal(journal_of(out), since)
@@ -59,18 +78,21 @@ class Recorder:
         """The values before the first window."""
         self._journal.write("start", {"t_now": t, "terms": {}}, {"probes": probes})
 
-    def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array) -> None:
+    def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
+               words: Words = Words()) -> None:
         """One window tried.  facts : t, H, scheme and seconds of it.
 
         Its recording_seconds are those spent on records since the row before it: a row cannot hold its own.
         """
         started = time.perf_counter()
+        self.rows += 1
         w = solved.work
         row = {"verdict": solved.verdict.value, "solves": w.thermal_solves + w.mechanical_solves, **vars(w),
                **{n: solved.monitors.get(n, 0.0) for n in ("touching", "max_T", "max_p")},
                "taken": solved.taken, **iterated(solved.course), "imbalance": ledger.imbalance,
+               "error": math.nan if words.error is None else words.error.error,
                "recording_seconds": self._seconds, **facts}
-        meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message}
+        meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message, **_told(words)}
         if solved.course is not None:
             meta["iterates"] = iterates(solved.course)
         accepted = solved.taken
@@ -78,6 +100,11 @@ class Recorder:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         self._journal.write("window", meta, {"probes": probes} if accepted else None)
         self._seconds = time.perf_counter() - started
+
+    def rewind(self, t: float, rows: int) -> None:
+        """What was recorded after the time t [s], where so many rows stood, is no longer so; the journal keeps it."""
+        self._journal.write("rewind", {"t_now": t, "rows": rows})
+        self.rows = rows
 
     def frame(self, level: Level, more: Mapping[str, Array]) -> None:
         """The fields of both halves at one time.  more : what else the halves show: sigma_v, sigma, f_s, q."""
@@ -94,6 +121,22 @@ class Recorder:
         self._journal.write("end", {"outcome": outcome, "message": message, "totals": dict(totals)})
         self._journal.close()
         finish(self._journal.path, self.out)
+
+
+def _told(words: Words) -> dict[str, Any]:
+    """What there is of them, as it goes into the journal."""
+    told: dict[str, Any] = {"reason": words.reason, "event": words.event, "monitors": dict(words.monitors),
+                            "fired": [[f.rule, f.text, dict(f.values)] for f in words.fired]}
+    if words.error is not None:
+        told["estimate"] = estimated(words.error)
+    return {n: v for n, v in told.items() if v}
+
+
+def estimated(error: Estimate) -> list[float]:
+    """A row as in ESTIMATE_FIELDS from the first quantity on; nan for what is not known."""
+    parts = {"": error.shares, "_splitting": error.splitting, "_own": error.own}
+    found = {f"{quantity}{part}": v for part, values in parts.items() for quantity, v in values.items()}
+    return [found.get(n, math.nan) for n, _ in ESTIMATE_FIELDS[1:]]
 
 
 def iterated(course: Course | None) -> dict[str, float | int]:

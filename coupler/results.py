@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
-import re
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,41 +12,32 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.beside import journal_of, put_away
+from coupler.beside import journal_of
+from coupler.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.errors import ResultsError
-from coupler.fields import write_field_files
-from coupler.journal import being_written, read_journal
+from coupler.finish import finish, reason_of
+from coupler.journal import being_written
 from coupler.ledger import PREFIX, imbalance
 
-FORMAT, FORMAT_VERSION = "slideline.run", 2
 Array = NDArray[np.float64]
-
-WINDOW_FIELDS: tuple[tuple[str, str], ...] = (
-    ("t", "f8"), ("H", "f8"), ("verdict", "S24"), ("scheme", "S16"), ("solves", "i4"),
-    ("thermal_solves", "i4"), ("mechanical_solves", "i4"), ("thermal_iterations", "i4"),
-    ("mechanical_iterations", "i4"), ("thermal_seconds", "f8"), ("mechanical_seconds", "f8"),
-    ("fmi_seconds", "f8"), ("seconds", "f8"), ("recording_seconds", "f8"), ("values", "i8"),
-    ("touching", "i4"), ("max_T", "f8"), ("max_p", "f8"), ("imbalance", "f8"), ("taken", "?"),
-    ("iterations", "i4"), ("misfit", "f8"), ("contraction", "f8"),
-)
-"""Columns of the windows table, one row a window tried, rejected too; times [s], max_T [K], max_p [Pa].
-
-taken : the run went on from its end.  iterations : of the window, 0 where the scheme does not iterate; misfit : the
-largest difference left, in tolerances; contraction : measured ratio of successive residuals of plain iteration.
-"""
-
-ITERATE_FIELDS: tuple[tuple[str, str], ...] = (
-    ("window", "i4"), ("iterate", "i4"), ("temperature", "f8"), ("gap", "f8"), ("pressure", "f8"),
-    ("solid_fraction", "f8"), ("factor", "f8"),
-)
-"""Columns of the iterates table, one row an iterate: row of the windows table (from 0), number in the window (from
-1), differences in units of their tolerances, factor of the step that led to it."""
-
-HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
 
 UNITS = {"K": (1.0, 0.0), "degC": (1.0, -273.15), "m": (1.0, 0.0), "mm": (1e3, 0.0), "um": (1e6, 0.0),
          "Pa": (1.0, 0.0), "kPa": (1e-3, 0.0), "MPa": (1e-6, 0.0)}
 _KIND_OF_UNIT = {"K": "K", "degC": "K", "m": "m", "mm": "m", "um": "m", "Pa": "Pa", "kPa": "Pa", "MPa": "Pa"}
+
+
+@dataclass(frozen=True)
+class Firing:
+    """row : of the windows table.  t [s]: where its window began.  rule : its name.  text : what it did.
+
+    values : monitors that made it.
+    """
+
+    row: int
+    t: float
+    rule: str
+    text: str
+    values: Mapping[str, float]
 
 
 class Results:
@@ -61,8 +49,11 @@ class Results:
     outcome : completed | interrupted | stopped | failed | killed, with its message.
     header, totals : what the run wrote before its first window and after its last one.
     t : (n,) [s], the start and the ends of the accepted windows.
-    windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected.
+    windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected; reasons : why it had
+    its size and scheme, where that was chosen; events : what happened to contact at its end or inside.
     iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
+    estimates : one row a window whose error is known (ESTIMATE_FIELDS).  firings : of rules, in order.
+    rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
     later : the journal of a later, unfinished run to the same file, if there is one.
     Raises ResultsError if the file is missing, unreadable or not one of ours, or its run still goes on.
     """
@@ -79,7 +70,7 @@ class Results:
             with h5py.File(self.path, "r") as f:
                 self._read(f)
         except (OSError, KeyError, ValueError) as exc:
-            raise ResultsError(f"{self.path}: not a readable results file ({_reason(exc)})") from exc
+            raise ResultsError(f"{self.path}: not a readable results file ({reason_of(exc)})") from exc
 
     def _read(self, f: h5py.File) -> None:
         if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
@@ -92,9 +83,17 @@ class Results:
         rows = f["windows"][()]
         text = [(n, k.replace("S", "U")) for n, k in WINDOW_FIELDS]
         self.windows: np.recarray[Any, Any] = rows.astype(text).view(np.recarray)
-        self.messages = {int(k): str(v) for k, v in json.loads(f["windows"].attrs["messages"]).items()}
+        words: list[dict[str, Any]] = json.loads(f["words"].asstr()[()])
+        self.messages, self.reasons, self.events = (
+            {k: str(row[n]) for k, row in enumerate(words) if n in row} for n in ("message", "reason", "event"))
+        self.firings = tuple(Firing(k, float(self.windows.t[k]), str(rule), str(text), dict(values))
+                             for k, row in enumerate(words) for rule, text, values in row.get("fired", ()))
         self.iterates: np.recarray[Any, Any] = (
             f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)
+        self.estimates: np.recarray[Any, Any] = (
+            f["estimates"][()] if "estimates" in f else np.zeros(0, list(ESTIMATE_FIELDS))).view(np.recarray)
+        self.rewound: dict[str, float] = self.totals.get("rewound", {})
+        self._monitors: dict[str, Array] = {n: d[()] for n, d in f["monitors"].items()}
         self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
@@ -164,6 +163,11 @@ class Results:
                         "set-up": float(self.totals.get("setup_seconds", 0.0))}
 
     @property
+    def monitors(self) -> dict[str, Array]:
+        """Name -> value at each of `t` : (n,); those that rules of the run look at, nan where one was not known."""
+        return dict(self._monitors)
+
+    @property
     def field_files(self) -> dict[str, Path]:
         """The .vtkhdf file of each half."""
         return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}
@@ -178,7 +182,7 @@ def iteration_words(results: Results) -> str:
     text = f"{w.iterations.mean():.1f} iterations a window, {w.iterations.max()} at most"
     if len(known):
         text += f", contraction of plain iteration up to {known.max():.3g}"
-    at_max = int((w.verdict != "accepted").sum())
+    at_max = int((w.verdict == "max iterations").sum())
     return text + (f"; {at_max} windows taken though they did not converge" if at_max else "")
 
 
@@ -187,96 +191,3 @@ def _recover(journal: Path, path: Path) -> None:
     if being_written(journal):
         raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")
     finish(journal, path)
-
-
-def finish(journal: Path, path: Path) -> None:
-    """Make run.h5 and the field files from a journal, each in one atomic step.
-
-    The journal is removed, or, with the checkpoint of a run that is not complete, kept for resuming it.
-    All are written aside before the first is put in its place: an error, a full disk say, changes nothing.
-    Raises ResultsError if the journal does not hold the beginning of a run, or the files cannot be written.
-    """
-    try:
-        size, free = journal.stat().st_size, shutil.disk_usage(path.parent).free
-        # Asked first, because HDF5 meets a full disk with a page of noise for every open file.
-        if free < size + HDF5_ROOM:
-            raise OSError(f"{free / 1e6:.1f} MB are free on its disk, {(size + HDF5_ROOM) / 1e6:.1f} MB are needed")
-        complete = _make(journal, path)
-    except (OSError, RuntimeError) as exc:  # a full disk is either, by where HDF5 meets it
-        older = ", after the older file is moved away," if path.exists() else ""
-        raise ResultsError(f"{path}: cannot be made from {journal.name} ({_reason(exc)}). All windows are in the "
-                           f"journal: once this is mended{older} `slideline report {path}` makes the file") from exc
-    put_away(journal, path, complete)
-
-
-def _reason(exc: Exception) -> str:
-    """What HDF5 means, without its file descriptors and addresses."""
-    found = re.search(r"error message = '([^']*)'", str(exc))
-    return found[1] if found else str(exc)
-
-
-def _make(journal: Path, path: Path) -> bool:
-    """Whether the run is complete."""
-    records = read_journal(journal)
-    header = next(((m, a) for kind, m, a in records if kind == "run"), None)
-    if header is None:
-        raise ResultsError(f"{journal}: the run ended before its first window; nothing to recover")
-    meta, arrays = header
-    meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
-        part = Path(scratch) / path.name
-        frames = (r for r in read_journal(journal) if r[0] == "frame")
-        parts = write_field_files(Path(scratch), meta, arrays, frames)
-        with h5py.File(part, "w", track_order=True) as f:
-            complete = _write(f, meta, records) == "completed"
-        for file in (*parts, part):
-            os.replace(file, path.with_name(file.name))
-    return complete
-
-
-def _write(f: h5py.File, meta: dict[str, Any],
-           records: Iterator[tuple[str, dict[str, Any], dict[str, NDArray[Any]]]]) -> str:
-    """The file, from the records after the header.  Returns what became of the run."""
-    outcome: dict[str, Any] = {"outcome": "killed",
-                               "message": "the run was killed; this is all it had written"}
-    rows: list[tuple[Any, ...]] = []
-    t, probes = [], []
-    terms: list[Mapping[str, float]] = []
-    messages: dict[int, str] = {}
-    iterates: list[tuple[Any, ...]] = []
-    for kind, m, a in records:
-        if kind == "window":
-            if m["message"]:
-                messages[len(rows)] = m["message"]
-            iterates += [(len(rows), *row) for row in m.get("iterates", ())]
-            rows.append(tuple(m[n].encode() if k.startswith("S") else m[n] for n, k in WINDOW_FIELDS))
-        if kind in ("start", "window") and "probes" in a:
-            t.append(float(m["t_now"]))
-            probes.append(a["probes"])
-            terms.append(dict(m["terms"]))
-        if kind == "end":
-            outcome = m
-    text = h5py.string_dtype("utf-8")
-    f.attrs.update(format=FORMAT, version=FORMAT_VERSION, outcome=outcome["outcome"],
-                   message=outcome["message"], header=json.dumps(meta),
-                   totals=json.dumps(outcome.get("totals", {})))
-    f.create_dataset("scenario", data=meta["scenario"]["text"], dtype=text)
-    f["t"] = np.array(t)
-    f["windows"] = np.array(rows, dtype=list(WINDOW_FIELDS))
-    f["windows"].attrs["messages"] = json.dumps(messages)
-    if iterates:
-        f["iterates"] = np.array(iterates, dtype=list(ITERATE_FIELDS))
-    group = f.create_group("probes", track_order=True)
-    table = np.array(probes, dtype=float).reshape(len(t), len(meta["probes"]))
-    for i, (name, about) in enumerate(meta["probes"].items()):
-        group[name] = table[:, i]
-        group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
-    _write_ledger(f.create_group("ledger", track_order=True), terms)
-    return str(outcome["outcome"])
-
-
-def _write_ledger(group: h5py.Group, terms: list[Mapping[str, float]]) -> None:
-    names = list(dict.fromkeys(n for row in terms for n in row))
-    for name in names:
-        data = group.create_dataset(name.removeprefix(PREFIX), data=[row.get(name, 0.0) for row in terms])
-        data.attrs["unit"] = "J"

@@ -11,8 +11,9 @@ from coupler.checkpoint import Checkpoint, Origin, read_checkpoint
 from coupler.errors import ResultsError
 from coupler.journal import being_written, check_mark, read_journal
 from coupler.keeper import versions
+from coupler.progress import Progress
 from coupler.results import Results
-from coupler.runner import Progress, Run
+from coupler.runner import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 

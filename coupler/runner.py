@@ -3,74 +3,43 @@
 from __future__ import annotations
 
 import platform
-import signal
-import sys
-import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import Any
+from types import TracebackType
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.account import HEATS, EnergyAccount
+from coupler import rules
+from coupler.account import HEATS
+from coupler.changes import Changes, changed
 from coupler.checkpoint import Checkpoint, Told
-from coupler.control import Plan, Tried, finished, step
-from coupler.control_state import first
-from coupler.errors import CouplingError, HalfError
+from coupler.control import Tried, finished, step
+from coupler.control_state import Committed, first
+from coupler.errors import CouplingError
 from coupler.half import Half
+from coupler.interrupt import Interrupts
 from coupler.keeper import Keeper, put_back, versions
-from coupler.launch import Launched, launch
+from coupler.launch import launch
 from coupler.ledger import Ledger
-from coupler.level import Level, Scheme
 from coupler.measure import measure
-from coupler.plan import Locate
-from coupler.recorder import Recorder
+from coupler.moment import Moment, Moments
+from coupler.outset import check_halves, first_state, halves_of, plan_of, what_is_missing
+from coupler.progress import Pace, Progress, Standing, progress
+from coupler.recorder import Recorder, Words
 from coupler.results import Results
 from coupler.scenario import Scenario
-from coupler.scenario.output import SAME
-from coupler.schedule import schedule
-from coupler.sights import looked_at, places_of
+from coupler.scenario.output import SAME, Frames
 from coupler.target import check_target
 from coupler.watched import Watched
-from coupler.window import CoupledState, Verdict, wanted_outputs
+from coupler.window import CoupledState
 
 Array = NDArray[np.float64]
-# The time left is told from the pace of this many windows: some windows cost ten times others.
-PACE = 50
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a run stands after a window.  t, t_end [s]; max_T [K]; max_p [Pa]; left : seconds to go, estimated.
-
-    notes : what happened to contact in it that should not go by in silence.
-    """
-
-    t: float
-    t_end: float
-    number: int
-    total: int
-    verdict: str
-    message: str
-    touching: int
-    max_T: float
-    max_p: float
-    imbalance: float
-    elapsed: float
-    left: float
-    notes: tuple[str, ...] = ()
-    iterations: int = 0  # of the window, where the scheme iterates
-    anyway: bool = False  # taken though it did not converge
-
-    @property
-    def taken(self) -> bool:
-        return self.anyway or self.verdict == Verdict.ACCEPTED.value
 
 
 class Run:
@@ -84,6 +53,9 @@ class Run:
     processes : each half and the contact service in a process of its own.
     since : the checkpoint to go on from (coupler.resume.resumed finds it).
     Ctrl-C ends the run after the window in hand; a second one at once.
+
+    Between windows: `monitors()` shows the last one tried, `change(...)` changes how the next ones are solved,
+    `keep()` keeps this moment and `rewind(moment)` goes back to it.
     """
 
     def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False,
@@ -95,9 +67,10 @@ class Run:
         self.noticed: list[str] = []
         self.ledger = Ledger()
         self._stack = ExitStack()
-        self._interrupted = False
+        self._interrupts = Interrupts()
         self._begun = self._finished = False
-        self._pace: deque[tuple[int, float]] = deque([(0, 0.0)], maxlen=PACE)
+        self._pace = Pace()
+        self._tried: Tried | None = None
         self._framed = -1.0  # s, the time of the last frame
         self._since = since
         self._until = float("inf")
@@ -108,19 +81,21 @@ class Run:
         check_target(self.out)
         self._started = started = time.perf_counter()
         with ExitStack() as stack:
-            stack.enter_context(_interrupts(self))
+            stack.enter_context(self._interrupts)
             launched = stack.enter_context(launch(self.scenario, processes=self.processes))
-            looked = looked_at(self.scenario.interface) if self.scenario.coupling.locate else ()
-            self.halves = wanted_outputs(launched.thermal, launched.mechanical, looked)
-            self._check(launched.thermal, launched.mechanical)
-            self.plan = plan_of(self.scenario)
-            self._watched = Watched(self.scenario.interface, self.halves.mechanical_outputs)
-            self._at = first(self._first_state(launched), self.plan)
+            self.plan, interface = plan_of(self.scenario), self.scenario.interface
+            self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
+            check_halves(launched.thermal, launched.mechanical, self.scenario)
+            self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
+            self._moments = Moments(self.halves)
+            self._watched = Watched(interface, self.halves.mechanical_outputs)
+            self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end), self.plan)
             both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             if self._since is not None:
                 self._take_up(self._since, both)
-            self._recorder = Recorder(self.out, self._header(), self.scenario.interface,
+            self._recorder = Recorder(self.out, self._header(), interface,
                                       self._since.told.mark if self._since else None)
+            self._recorder.rows = self._since.told.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both)
             self._stands = self._at, self._told()
             self._stack = stack.pop_all()
@@ -130,8 +105,8 @@ class Run:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        outcome, message = ("failed", str(error)) if error is not None else ("completed", "")
-        if kind is KeyboardInterrupt or (error is None and self._interrupted):
+        outcome, message = ("failed", str(error)) if error is not None else ("completed", self._at.control.stop)
+        if kind is KeyboardInterrupt or (error is None and self._interrupts.asked):
             outcome, message = "interrupted", f"stopped at t = {self.state.now.t:.9g} s on request"
         elif error is None and not self._finished and self.state.now.t >= self._until:
             outcome, message = "stopped", f"stopped at t = {self.state.now.t:.9g} s as asked"
@@ -164,9 +139,8 @@ class Run:
         until : stop at the first window end at or after this time [s]; `slideline resume` goes on from there.
         Raises CouplingError when a window cannot be solved, HalfError when a half died.
         """
-        frames = self.scenario.output.frames()
         kinks = {self.plan.schedule.clock.seconds(k) for k in self.plan.schedule.kinks}
-        frames.due(self._at.control.number, self.state.now.t)  # those a resumed run has kept already
+        self._frames = self._frames_from_here()
         self._until = float("inf") if until is None else until * (1 - SAME)
         self._finished = finished(self._at, self.plan)
         if not self._begun:
@@ -174,8 +148,8 @@ class Run:
             self._recorder.start(0.0, self._probed())
             self._frame()
         self._stand()
-        while not (self._finished or self._interrupted or self.state.now.t >= self._until):
-            tried = step(self.halves, self._at, self.plan)
+        while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
+            tried = self._tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
             if tried.accepted:
                 notes = (*notes, *self._watched.after(self.state.now, tried.solved.state.now))
@@ -184,13 +158,77 @@ class Run:
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
-            facts = {"t": tried.t, "H": tried.H, "scheme": self.plan.scheme.value, "seconds": tried.seconds}
-            self._recorder.window(tried.solved, facts, self.ledger, self._probed())
+            self._record(tried)
             if tried.accepted:
-                if frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
+                if self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
                     self._frame()
                 self._stand()
-            yield replace(self._progress(tried), notes=notes)
+            elapsed = time.perf_counter() - self._started
+            yield progress(tried, Standing(self.scenario.coupling.end, self._total, elapsed, self.ledger), self._pace,
+                           notes)
+
+    def monitors(self) -> dict[str, float]:
+        """What rules look at, of the last window tried, and the probes as they are now; SI.  Empty before the first."""
+        return {} if self._tried is None else {**self._tried.monitors, **self.plan.probed(self.state.now)}
+
+    def change(self, **changes: Unpack[Changes]) -> None:
+        """From the next window on; see coupler.changes.Changes for what there is.
+
+        >>> r.change(scheme="iterated", substeps={"mechanical": 4}, inputs={"mechanical": {"load.press": 1.2}})
+
+        A rewind takes changes back with the windows.  A resumed run has them too, but for rules: it begins with those
+        of the scenario.  Raises ScenarioError for what cannot be.
+        """
+        control = changed(self._at.control, self.halves, **changes)
+        if "rules" in changes:
+            self.plan = replace(self.plan, rules=tuple(changes["rules"]))
+            self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
+            memory = rules.first_memory(self.plan.rules, {"t": self.state.now.t, **self.plan.probed(self.state.now)})
+            control = replace(control, rules=memory, settings=rules.first_settings(self.plan.rules, control.settings))
+        self._at = Committed(self.state, replace(control, stop=""))
+        told = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
+        self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
+                            + "; ".join(x for x in (told, "rules" if "rules" in changes else "") if x))
+        self._stands = self._at, self._told()
+
+    def keep(self) -> Moment:
+        """This moment, to go back to: both halves and all that is remembered.  Raises CouplingError."""
+        return self._moments.keep(self._at, self._told(), self.plan)
+
+    def rewind(self, moment: Moment) -> None:
+        """Back to a moment that was kept: windows after it are taken out of the results, what they cost stays counted.
+
+        May be done again and again.  Raises CouplingError for a moment after one that was gone back to.
+        """
+        self._moments.put_back(moment)
+        told = moment.told
+        self._at, self.plan, self.ledger, self.noticed = moment.committed, moment.plan, told.ledger, list(told.noticed)
+        self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
+        self._watched.put_back(told.seen, told.said)
+        self._recorder.rewind(moment.t, told.rows)
+        self._framed, self._tried = min(self._framed, told.framed), None
+        self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
+        self._stands = self._at, self._told()
+
+    def _record(self, tried: Tried) -> None:
+        facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
+        facts["scheme"] = tried.solved.scheme.value if tried.solved.scheme else ""
+        seen: dict[str, float] = {}
+        if self.plan.rules and tried.accepted:
+            all_of_them = self.monitors()
+            seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
+        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen)
+        self._recorder.window(tried.solved, facts, self.ledger, self._probed(), words)
+
+    def _frames_from_here(self) -> Frames:
+        """Those that were kept up to now are not due again."""
+        frames = self.scenario.output.frames()
+        frames.due(self._at.control.number, self.state.now.t)
+        return frames
+
+    @property
+    def _total(self) -> int:
+        return len(self.plan.schedule.bounds) - 1 if self.plan.adaptive is None else 0
 
     def _stand(self) -> None:
         """The window stands: from here a run can go on.  A checkpoint is written where one is due."""
@@ -204,7 +242,7 @@ class Run:
         """What was recorded and told up to now."""
         seen, said = self._watched.memory
         return Told(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
-                    self._seconds(), self.setup_seconds, self._resumed)
+                    self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows)
 
     def _take_up(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Bring everything to where a checkpoint left it."""
@@ -213,7 +251,8 @@ class Run:
         self._at, self.ledger, self.noticed = since.committed, told.ledger, list(told.noticed)
         self._framed, self._begun = told.framed, True
         self._watched.put_back(told.seen, told.said)
-        self._pace = deque([(since.committed.control.number, 0.0)], maxlen=PACE)
+        number = since.committed.control.number
+        self._pace = Pace(number / self._total if self._total else self.state.now.t / self.scenario.coupling.end)
         self._spent, self.setup_seconds = told.seconds, told.setup_seconds
         self._resumed = (*told.resumed, self.state.now.t)
 
@@ -223,36 +262,6 @@ class Run:
 
     def _probed(self) -> Array:
         return measure(self.scenario.probes, self.scenario.interface, self.state.now)
-
-    def _check(self, thermal: Half, mechanical: Half) -> None:
-        interface = self.scenario.interface
-        expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
-                    "geometry": interface.geometry}
-        for half in (thermal, mechanical):
-            for name, value in expected.items():
-                own = half.strings.get(name, value)
-                if own != value:
-                    raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})",
-                                    half=half.name)
-            if self.scenario.coupling.scheme is Scheme.ITERATED and not half.can_save:
-                raise HalfError("keeps no states, so its windows cannot be iterated; give another coupling.scheme",
-                                half=half.name)
-        self.notes += what_is_missing(thermal, mechanical, bool(interface.pairs))
-
-    def _first_state(self, launched: Launched) -> CoupledState:
-        thermal, mechanical = launched.thermal, launched.mechanical
-        interface, end = self.scenario.interface, self.scenario.coupling.end
-        n_s = len(interface.contact_nodes)
-        link = {"contact.link": launched.link}
-        first = thermal.initialise(0.0, end, link, {"x": interface.nodes}, [
-            "T", *(n for n in ("f_s",) if n in self.halves.thermal_outputs)])
-        given = {n: v for n, v in first.items() if n in mechanical.blocks}
-        out = mechanical.initialise(0.0, end, link, given, [
-            n for n in self.halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
-        now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
-                    out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)),
-                    first.get("f_s"))
-        return CoupledState(now, (), 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
 
     def _header(self) -> dict[str, Any]:
         s = self.scenario
@@ -294,48 +303,6 @@ class Run:
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "notes": [*self._watched.at_end(self.state.now), *self.noticed], **heats}
 
-    def _progress(self, tried: Tried) -> Progress:
-        elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1
-        done = max(tried.number + 1, 1)
-        self._pace.append((done, elapsed))
-        first, since = self._pace[0]
-        left = (elapsed - since) / max(done - first, 1) * max(total - done, 0)
-        m = tried.solved.monitors
-        return Progress(self.state.now.t, self.scenario.coupling.end, done, total, tried.solved.verdict.value,
-                        tried.solved.message, int(m.get("touching", 0)), m.get("max_T", np.nan), m.get("max_p", 0.0),
-                        self.ledger.imbalance, elapsed, left, tried.notes,
-                        len(tried.solved.course.misfits) if tried.solved.course else 0, tried.solved.anyway)
-
-
-def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:
-    """What the halves lack and what it costs, a sentence each.  touches : whether the scene has contact pairs."""
-    notes = [f"{half.name} keeps no states: a window that fails cannot be tried again"
-             for half in (thermal, mechanical) if not half.can_save]
-    if touches and "contact.t_N" not in mechanical.blocks:
-        notes.append(f"{mechanical.name} gives no contact.t_N: conductance sees no pressure")
-    if touches and "contact.gap" not in mechanical.blocks:
-        notes.append(f"{mechanical.name} gives no contact.gap: gaps are not recorded")
-    notes += [f"{thermal.name} takes no {n}: the heat {mechanical.name} makes is counted but not delivered"
-              for n in _made_by(mechanical) if n not in thermal.blocks]
-    return notes
-
-
-def accounts_of(mechanical: Half, n_cells: int) -> dict[str, EnergyAccount]:
-    """An empty account for E_M, and for each other heat that the mechanical half makes."""
-    shapes = {"E_M": (n_cells,)} | {n: mechanical.blocks[n].shape for n in _made_by(mechanical)}
-    return {n: EnergyAccount(np.zeros(shape)) for n, shape in shapes.items()}
-
-
-def _made_by(half: Half) -> list[str]:
-    return [n for n in HEATS if n in half.blocks and half.blocks[n].causality == "output"]
-
-
-def plan_of(scenario: Scenario) -> Plan:
-    """Where windows end, by which scheme, with how many substeps."""
-    c = scenario.coupling
-    locate = Locate(c.locate, c.event_tolerance, places_of(scenario.interface) if c.locate else ())
-    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
-                c.on_cycle, c.steady)
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
@@ -351,28 +318,3 @@ def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = Fal
             if on_window is not None:
                 on_window(progress)
     return Results(out)
-
-
-class _interrupts:  # noqa: N801  (a context manager used once, named like one)
-    """While open, the first Ctrl-C asks the run to stop after its window; the second interrupts at once.
-
-    An interrupt raised inside a half's step would look to the half like a failure of its own.
-    """
-
-    def __init__(self, owner: Run) -> None:
-        self._owner = owner
-
-    def __enter__(self) -> None:
-        self._old: Any = None
-        if threading.current_thread() is threading.main_thread():
-            self._old = signal.signal(signal.SIGINT, self._handle)
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self._owner._interrupted:
-            raise KeyboardInterrupt
-        self._owner._interrupted = True
-        print("stopping after this window; Ctrl-C again stops at once", file=sys.stderr, flush=True)
-
-    def __exit__(self, *exc: object) -> None:
-        if self._old is not None:
-            signal.signal(signal.SIGINT, self._old)

@@ -8,9 +8,9 @@ from pathlib import Path
 import h5py
 
 from coupler.beside import journal_of
+from coupler.columns import FORMAT
 from coupler.errors import ResultsError
 from coupler.journal import being_written
-from coupler.results import FORMAT
 
 PAGE = ".html"
 

@@ -13,7 +13,7 @@ from coupler.account import EnergyAccount, share_of
 from coupler.control import Plan, windows
 from coupler.half import Block
 from coupler.level import Level, Scheme
-from coupler.runner import accounts_of, what_is_missing
+from coupler.outset import accounts_of, what_is_missing
 from coupler.schedule import WindowRange, schedule
 from coupler.window import CoupledState, wanted_outputs
 

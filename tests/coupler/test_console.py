@@ -8,7 +8,7 @@ from dataclasses import replace
 from rich.console import Console
 
 from coupler.console import SETTING_UP, ProgressLine
-from coupler.runner import Progress
+from coupler.progress import Progress
 
 FIRST = Progress(t=1.0, t_end=1000.0, number=1, total=200, verdict="accepted", message="", touching=0, max_T=373.15,
                  max_p=-0.0, imbalance=1e-14, elapsed=30.0, left=6000.0)
@@ -43,12 +43,24 @@ def test_a_terminal_hears_of_the_set_up() -> None:
     assert SETTING_UP in file.getvalue()
 
 
-def test_a_reason_is_told_once() -> None:
+def test_tries_of_one_window_are_one_line() -> None:
     line, file = shown()
     with line:
-        for message in ("nothing holds body [b]", "nothing holds body [b]", "no equilibrium"):
-            line(replace(FIRST, verdict="mechanical discard", message=message))
-    first, second, third = file.getvalue().splitlines()[1:]
-    assert "nothing holds body [b]" in first
-    assert "the same" in second
-    assert "no equilibrium" in third
+        for message in ("nothing holds body [b]",) * 9 + ("no equilibrium",):
+            line(replace(FIRST, verdict="mechanical discard", message=message, H=2.0, scheme="iterated"))
+        line(replace(FIRST, H=0.002, scheme="iterated"))
+    first, second = file.getvalue().splitlines()[1:]
+    assert first == ("window 1 at t = 1 s, 2 s iterated: mechanical discard (nothing holds body [b]); "
+                     "mechanical discard (no equilibrium), 10 times; taken with 0.002 s iterated")
+    assert "| window 1/200 (10 rejected)" in second
+
+
+def test_errors_that_are_too_large_are_told_ten_times() -> None:
+    line, file = shown()
+    with line:
+        for n in range(1, 31):
+            line(replace(FIRST, number=n, total=0, verdict="error too large", message="2 tolerances", H=2.0))
+            line(replace(FIRST, number=n, total=0, H=1.0))
+    told = [text for text in file.getvalue().splitlines() if "error too large" in text]
+    assert len(told) == 10
+    assert told[-1].endswith("further ones are only counted")

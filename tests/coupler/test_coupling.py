@@ -14,7 +14,7 @@ from coupler.control import Plan, windows
 from coupler.errors import CouplingError
 from coupler.ledger import Ledger
 from coupler.level import Level, Scheme
-from coupler.runner import what_is_missing
+from coupler.outset import what_is_missing
 from coupler.schedule import WindowRange, schedule
 from coupler.window import CoupledState, Verdict, wanted_outputs
 

@@ -13,10 +13,12 @@ import h5py
 import numpy as np
 import pytest
 
-import coupler.results as results_module
+import coupler.finish as finish_module
 from coupler.beside import journal_of
+from coupler.columns import WINDOW_FIELDS
 from coupler.errors import ResultsError
-from coupler.results import WINDOW_FIELDS, Results, finish
+from coupler.finish import finish
+from coupler.results import Results
 from coupler.vtkhdf import FieldReader
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -190,7 +192,7 @@ def test_finish_is_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     def full(*args: object) -> None:
         raise OSError("no space left on device")
 
-    target = results_module.os if where == "replace" else results_module
+    target = finish_module.os if where == "replace" else finish_module
     monkeypatch.setattr(target, where, full)
     with pytest.raises(ResultsError, match="no space"):
         finish(journal_of(out), out)
@@ -210,7 +212,7 @@ def test_a_disk_full_while_recovering_says_so(tmp_path: Path, monkeypatch: pytes
     def full(*args: object) -> None:
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(results_module, "_write", full)
+    monkeypatch.setattr(finish_module, "_write", full)
     with pytest.raises(ResultsError, match="no space"):
         Results(out)
     assert journal_of(out).exists()

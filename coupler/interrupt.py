@@ -1,0 +1,35 @@
+"""Ctrl-C: once to stop after the window in hand, twice to stop at once."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from types import FrameType
+from typing import Any
+
+
+class Interrupts:
+    """While open, the first Ctrl-C is remembered in `asked`; the second interrupts at once.
+
+    An interrupt raised inside a half's step would look to the half like a failure of its own.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __enter__(self) -> Interrupts:
+        self._old: Any = None
+        if threading.current_thread() is threading.main_thread():
+            self._old = signal.signal(signal.SIGINT, self._handle)
+        return self
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+        print("stopping after this window; Ctrl-C again stops at once", file=sys.stderr, flush=True)
+
+    def __exit__(self, *exc: object) -> None:
+        if self._old is not None:
+            signal.signal(signal.SIGINT, self._old)

@@ -1,0 +1,111 @@
+"""The outset of a run: the plan of a scenario, what is asked of the halves, how they stand before the first window."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from coupler.account import HEATS, EnergyAccount
+from coupler.adiabatic import check_adiabatic
+from coupler.errors import HalfError
+from coupler.half import Half
+from coupler.launch import Launched
+from coupler.level import Level, Scheme
+from coupler.measure import measure
+from coupler.monitor_names import outputs
+from coupler.plan import Locate, Plan
+from coupler.rules import wanted
+from coupler.rules_fit import unfit
+from coupler.scenario import Scenario
+from coupler.schedule import schedule
+from coupler.sights import looked_at, places_of
+from coupler.window import CoupledState, Halves, wanted_outputs
+
+Array = NDArray[np.float64]
+
+# Schemes that solve a window more than once.
+NEED_STATES = frozenset({Scheme.ITERATED, Scheme.AUTO})
+
+
+def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
+    """Raises HalfError where a half was built for another scene, or lacks what the scheme or a rule needs."""
+    if lacks := unfit(scenario.rules, {"thermal": thermal.blocks, "mechanical": mechanical.blocks}):
+        raise HalfError("; ".join(lacks))
+    interface = scenario.interface
+    expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
+                "geometry": interface.geometry}
+    if scenario.coupling.scheme is Scheme.ADIABATIC:
+        check_adiabatic(thermal, mechanical, scenario.coupling.substeps)
+    for half in (thermal, mechanical):
+        for name, value in expected.items():
+            own = half.strings.get(name, value)
+            if own != value:
+                raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})",
+                                half=half.name)
+        if half.can_save:
+            continue
+        if scenario.coupling.scheme in NEED_STATES:
+            raise HalfError("keeps no states, so its windows cannot be iterated; give another coupling.scheme",
+                            half=half.name)
+        if scenario.coupling.adaptive is not None or scenario.coupling.locate:
+            raise HalfError("keeps no states, so no window can be tried again; give coupling.windows instead of "
+                            "coupling.adaptive, and leave coupling.events.locate false", half=half.name)
+
+
+def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface) -> Halves:
+    """With what is asked of them after every substep: what is exchanged and recorded, what events and rules look at."""
+    looked = looked_at(interface) if plan.locate.on else ()
+    return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *looked})
+
+
+def first_state(launched: Launched, halves: Halves, interface: Interface, end: float) -> CoupledState:
+    """Both halves initialised for a run of `end` seconds, and what they tell each other then."""
+    thermal, mechanical = launched.thermal, launched.mechanical
+    n_s = len(interface.contact_nodes)
+    link = {"contact.link": launched.link}
+    first = thermal.initialise(0.0, end, link, {"x": interface.nodes}, [
+        "T", *(n for n in ("f_s",) if n in halves.thermal_outputs)])
+    given = {n: v for n, v in first.items() if n in mechanical.blocks}
+    out = mechanical.initialise(0.0, end, link, given, [
+        n for n in halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
+    now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
+                out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)),
+                first.get("f_s"))
+    return CoupledState(now, (), 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
+
+
+def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:
+    """What the halves lack and what it costs, a sentence each.  touches : whether the scene has contact pairs."""
+    notes = [f"{half.name} keeps no states: a window that fails cannot be tried again"
+             for half in (thermal, mechanical) if not half.can_save]
+    if touches and "contact.t_N" not in mechanical.blocks:
+        notes.append(f"{mechanical.name} gives no contact.t_N: conductance sees no pressure")
+    if touches and "contact.gap" not in mechanical.blocks:
+        notes.append(f"{mechanical.name} gives no contact.gap: gaps are not recorded")
+    notes += [f"{thermal.name} takes no {n}: the heat {mechanical.name} makes is counted but not delivered"
+              for n in _made_by(mechanical) if n not in thermal.blocks]
+    return notes
+
+
+def accounts_of(mechanical: Half, n_cells: int) -> dict[str, EnergyAccount]:
+    """An empty account for E_M, and for each other heat that the mechanical half makes."""
+    shapes = {"E_M": (n_cells,)} | {n: mechanical.blocks[n].shape for n in _made_by(mechanical)}
+    return {n: EnergyAccount(np.zeros(shape)) for n, shape in shapes.items()}
+
+
+def _made_by(half: Half) -> list[str]:
+    return [n for n in HEATS if n in half.blocks and half.blocks[n].causality == "output"]
+
+
+def plan_of(scenario: Scenario) -> Plan:
+    """What a scenario asks for, from its first window to its last."""
+    c = scenario.coupling
+    names = tuple(scenario.probes)
+
+    def probed(level: Level) -> dict[str, float]:
+        return dict(zip(names, measure(scenario.probes, scenario.interface, level).tolist(), strict=True))
+
+    locate = Locate(c.locate, c.event_tolerance, places_of(scenario.interface) if c.locate else ())
+    return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
+                c.on_cycle, c.steady, scenario.rules, probed)
