@@ -75,21 +75,23 @@ def relaxed(how: Iteration, trail: Trail) -> tuple[Array, float]:
 
 
 def contraction(trail: Trail, least: float) -> float:
-    """The largest of `contractions`; nan if there is none."""
-    return max(contractions(trail, least), default=math.nan)
+    """The largest of `contractions` without their signs; nan if there is none."""
+    return max((abs(ratio) for ratio in contractions(trail, least)), default=math.nan)
 
 
 def contractions(trail: Trail, least: float) -> tuple[float, ...]:
-    """|H(g) - H(g')|/|g - g'| of successive iterates, the nearest to the solution last.
+    """|H(g) - H(g')|/|g - g'| of successive iterates, the nearest to the solution last; < 0 where they point apart.
 
     It is the ratio of successive residuals of plain iteration, below 1 where that converges, whatever acceleration
     was in use.  least : differences of guesses shorter than this are round-off.
     """
     found = []
     for k in range(1, len(trail.guesses)):
-        apart = float(np.linalg.norm(trail.guesses[k] - trail.guesses[k - 1]))
+        step = trail.guesses[k] - trail.guesses[k - 1]
+        apart = float(np.linalg.norm(step))
         if apart > least:
-            found.append(float(np.linalg.norm(trail.outcomes[k] - trail.outcomes[k - 1])) / apart)
+            ratio = float(np.linalg.norm(trail.outcomes[k] - trail.outcomes[k - 1])) / apart
+            found.append(math.copysign(ratio, float(step @ (trail.outcomes[k] - trail.outcomes[k - 1]))))
     return tuple(found)
 
 

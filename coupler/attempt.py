@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import TracebackType
 
+from coupler.adiabatic import check_adiabatic, with_mode
+from coupler.auto import runs_away
 from coupler.errors import CouplingError
 from coupler.iterate import solve_iterated
 from coupler.level import Scheme
@@ -49,20 +51,28 @@ class Way:
     """How a window is solved.  scheme : never `auto`, which has chosen one.
 
     curve : how x and t_N are drawn on where the scheme is `extrapolated` (coupler.curve).
+    may_run_away : a window whose iterates show that what changes drives itself on is solved by `staggered` instead.
     """
 
     scheme: Scheme
     settings: Settings
     curve: float = 0.0
+    may_run_away: bool = False
 
 
 def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
     """The window by a scheme; after a discard the halves are where the discard left them."""
-    halves = replace(halves, inputs=way.settings.inputs)
+    if way.scheme is Scheme.ADIABATIC:
+        check_adiabatic(halves.thermal, halves.mechanical, span.substeps)
+    halves = replace(halves, inputs=with_mode(way.settings.inputs, halves.mechanical, way.scheme))
     try:
         if way.scheme is Scheme.ITERATED:
             solved = solve_iterated(halves, state, span, way.settings.iteration,
                                     lambda: kept.put_back("a window is to be iterated"))
+            if way.may_run_away and runs_away(solved.course):
+                kept.put_back("a window is to be solved once")
+                followed = ONCE[Scheme.STAGGERED](halves, state, span).solved(state, solved.course)
+                return replace(followed, work=solved.work.plus(followed.work), scheme=Scheme.STAGGERED)
         elif way.curve != 0.0:
             solved = extrapolated(halves, state, span, way.curve).solved(state)
         else:

@@ -6,10 +6,10 @@ where f is how often the thermal half sees it (coupler.curve).  So it dies where
 
     2 rho f < 1 + R.
 
-rho is measured: by every window that is iterated.  R is not: it is at least 0 for methods that damp, and then
-rho f < 1/2 is enough.  The closest drawing of x and t_N that keeps this is taken; where none does, the window is
-iterated.  With the midpoint rule and windows beyond 2/a R is negative: then a zigzag that grows is seen by the misses
-of the prediction, and windows are iterated from there on.
+rho is measured: by every window that is iterated.  R is not: it is at least 0 for backward Euler, and then rho f < 1/2
+is enough.  The closest drawing of x and t_N that keeps this is taken; where none does, the window is iterated.  In
+windows beyond 1/a R may be below 0 (-.2 with sdirk2, -1 with the midpoint rule): then a zigzag that does not die is seen
+by the misses of the prediction, and windows are iterated from there on.
 """
 
 from __future__ import annotations
@@ -27,8 +27,14 @@ from coupler.window import CoupledState, Course, Solved
 
 Array = NDArray[np.float64]
 
-# rho f is held below this: the 1/2 of methods that damp, less a tenth, because rho drifts between two measurements.
+# rho f is held below this: the 1/2 of backward Euler, less a tenth, because rho drifts between two measurements.
 SAFE = 0.45
+# With mechanics first, x is seen half of one level and half of the next: nothing of a zigzag.  The limit is rho < 1,
+# here less a tenth.
+MOVES_FIRST = 0.9
+# Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
+# follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
+DRIVEN = 0.8
 # rho is measured again after so many windows, twice as many each time, for it drifts with T and the gap.
 FIRST_REST, LONGEST_REST = 4, 64
 # Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
@@ -50,7 +56,8 @@ LOOSE = 0.3
 class Memory:
     """What was measured of the exchange since the last event.
 
-    rho : contraction of plain iteration in windows of H seconds, nan: not known.  growth : of ln rho, a window.
+    rho : contraction of plain iteration in windows of H seconds, nan: not known.  driven : what changes drives itself
+    on, instead of turning round.  growth : of ln rho, a window.
     rest : windows until it is measured again, `since` of them over.  touching : points that touched then.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
     zigzag : how often that window saw one.  wary [s] : windows so long did what rho does not foretell; 0: none did.
@@ -58,6 +65,7 @@ class Memory:
 
     rho: float = math.nan
     H: float = 0.0
+    driven: bool = False
     growth: float = 0.0
     rest: int = FIRST_REST
     since: int = 0
@@ -81,15 +89,19 @@ class Choice:
     loose: bool = False
 
 
-def choose(memory: Memory, state: CoupledState, H: float) -> Choice:
-    """The scheme of a window of H seconds."""
-    if memory.wary and H > WARY_FROM * memory.wary:
+def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False) -> Choice:
+    """The scheme of a window of H seconds.  freezes : the halves can be run by the scheme `adiabatic`."""
+    if 0.0 < WARY_FROM * memory.wary < H:
         return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if not state.past or math.isnan(memory.rho):
         return Choice(Scheme.ITERATED, "the contraction is not known yet")
     if H > LONGER * memory.H:
         return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     rho = rho_at(memory, H)
+    if freezes and state.accounts["E_M"].made != 0.0 and rho < MOVES_FIRST:
+        return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
+    if memory.driven and rho > SAFE and memory.since < memory.rest:
+        return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
     curve = closest(_times(state), state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
     if curve is None:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
@@ -114,10 +126,15 @@ def stable_window(memory: Memory) -> float:
     return memory.H * SAFE / memory.rho if memory.rho > 0.0 else math.nan if math.isnan(memory.rho) else math.inf
 
 
+def runs_away(course: Course | None) -> bool:
+    """Whether an iterated window lies past where implicit steps follow what drives itself on."""
+    return course is not None and max(course.ratios, default=0.0) > DRIVEN
+
+
 def loosened(how: Iteration) -> Iteration:
-    """How a window is iterated that only measures."""
+    """How a window is iterated that only measures: twice at least, and then loosely."""
     t = how.tolerance
-    return replace(how, tolerance=Tolerances(*(
+    return replace(how, least=2, tolerance=Tolerances(*(
         replace(q, rtol=max(q.rtol, LOOSE)) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
 
 
@@ -126,8 +143,10 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
 
     seen : of which time iterates gave x to the thermal half.  At the end of the window it feels twice as much of it.
     """
+    if solved.whole is not None:
+        H *= 0.5  # the window was solved in two, and that answer taken
     touching = solved.monitors.get("touching", 0.0)
-    if solved.scheme is Scheme.ITERATED:
+    if solved.course is not None:
         return _measured(memory, Measure.of(solved.course, seen), H, touching)
     memory = _watched(memory, start, solved)
     if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
@@ -142,18 +161,23 @@ def forgotten(memory: Memory) -> Memory:
 
 @dataclass(frozen=True)
 class Measure:
-    """What a window that was iterated tells of rho; nan: nothing.  rough : its iterates do not agree on it."""
+    """What a window that was iterated tells.  rho : nan: nothing.  driven : as in the memory.
 
-    rho: float
-    rough: bool
+    rough : its iterates do not agree on rho.
+    """
+
+    rho: float = math.nan
+    driven: bool = False
+    rough: bool = False
 
     @staticmethod
     def of(course: Course | None, seen: Seen) -> Measure:
         """course : of the window.  seen : as of `learn`."""
         if course is None or math.isnan(course.contraction):
-            return Measure(math.nan, False)
-        rough = bool(course.ratios) and course.contraction > ROUGH * course.ratios[-1]
-        return Measure(course.contraction * (0.5 if seen is Seen.END else 1.0), rough)
+            return Measure()
+        last = course.ratios[-1] if course.ratios else -course.contraction
+        return Measure(course.contraction * (0.5 if seen is Seen.END else 1.0), last > 0.0,
+                       course.contraction > ROUGH * abs(last))
 
 
 def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Memory:
@@ -168,8 +192,8 @@ def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Me
         # Half of the windows until rho is too large, if it goes on so.
         rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
     wary = H if memory.turns >= TURNS and rho * memory.zigzag < SAFE else memory.wary
-    return replace(memory, rho=rho, H=H, growth=growth, rest=rest, since=0, touching=touching, turns=0,
-                   miss=np.zeros(0), wary=wary)
+    return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0, touching=touching,
+                   turns=0, miss=np.zeros(0), wary=wary)
 
 
 def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:

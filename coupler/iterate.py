@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.acceleration import Memory, Trail, contractions, next_guess, relaxed, remembered
+from coupler.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
 from coupler.convergence import Step, misfits
 from coupler.iteration import Iteration, OnMax, Seen
 from coupler.level import Level, exchanged, predicted
@@ -43,8 +43,8 @@ class _Progress:
 
     @property
     def course(self) -> Course:
-        ratios = contractions(self.trail, TOO_NEAR)
-        return Course(self.misfits, self.trail.factors, max(ratios, default=math.nan), ratios)
+        return Course(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR),
+                      contractions(self.trail, TOO_NEAR))
 
     @property
     def converged(self) -> bool:
@@ -65,7 +65,7 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
             rollback()
         swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
         so_far = _judged(so_far, state.now, swept, how)
-        if so_far.converged:
+        if so_far.converged and k >= how.least:
             break
     solved = swept.solved(state, so_far.course)
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))

@@ -64,6 +64,7 @@ class Iteration:
     never wild, because the T it goes to is what the thermal half found between its own boundary data.
     reuse : windows whose residuals `iqn_ils` remembers.  0 as a default: what a melting front did in the last window
     costs more iterates than it saves.
+    least : iterates before agreement is believed; two always tell a contraction.
     level : `middle` as a default: it keeps the order of the midpoint rule.
     """
 
@@ -74,3 +75,4 @@ class Iteration:
     reuse: int = 0
     tolerance: Tolerances = field(default_factory=Tolerances)
     level: Seen = Seen.MIDDLE
+    least: int = 1

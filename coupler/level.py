@@ -19,6 +19,7 @@ class Scheme(Enum):
     MECHANICAL_FIRST = "mechanical_first"  # mechanics first, with the T of the start; first order
     PARALLEL = "parallel"  # both see the other as it was at the start; first order
     EXTRAPOLATED = "extrapolated"  # thermal first, on geometry predicted to the middle of the substep; second order
+    ADIABATIC = "adiabatic"  # mechanics at frozen entropy, then thermal from the T that leaves (coupler.adiabatic)
     AUTO = "auto"  # the cheapest that is safe, window by window (coupler.auto)
     ITERATED = "iterated"  # mechanics, then thermal, again and again until nothing changes; second order
 

@@ -76,6 +76,7 @@ ONCE: Mapping[Scheme, Callable[[Halves, CoupledState, Span], Swept]] = {
     Scheme.EXTRAPOLATED: lambda halves, state, span: extrapolated(halves, state, span, 0.0),
     Scheme.MECHANICAL_FIRST: lambda halves, state, span: mechanical_first(halves, state, span, exchanged(state.now)),
     Scheme.PARALLEL: parallel,
+    Scheme.ADIABATIC: lambda halves, state, span: mechanical_first(halves, state, span, exchanged(state.now)),
 }
 """The schemes that solve each half once."""
 

@@ -99,7 +99,7 @@ class Course:
 
     misfits : for each iterate quantity -> difference in units of its tolerance.  factors : of the steps between
     iterates.  contraction : largest measured ratio of successive residuals of plain iteration; nan if unknown.
-    ratios : all of them, the nearest to the solution last.
+    ratios : all of them, the nearest to the solution last; < 0 where what comes out turns against what was put in.
     """
 
     misfits: tuple[Mapping[str, float], ...]
