@@ -1,0 +1,109 @@
+"""Rules on real halves: a lumped body that shrinks from a wall, stations of FMUs and all (the bodies of case E4)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler import Results, load_scenario
+from coupler.errors import HalfError
+from coupler.report import write_report
+from coupler.report.rules import rules_that_fired
+from coupler.rules_replay import replayed, words
+
+sys.path.insert(0, str(Path(__file__).parent))
+from small_scenes import LUMPED_GAP, solve
+
+BASE = LUMPED_GAP.replace("{{h: 5000, T: 933}}}}", "{{h: 5000, T: 933}}, name: film}}").format(
+    T0=840, method="sdirk2", scheme="extrapolated", size=1, end=16)
+SOFT = "{name: soft start, once: true, when: {max_dT: {above: 3}}, do: [{retry: {window: .5}}]}"
+HOLD = "{name: hold, drive: {load: film, so_that: {T: 835}, lag: 5, least: 0.2, most: 5}}"
+LATE = """{name: late, once: true, when: {T: {below: 839}, t: {above: 8}}, do: [{method: {thermal: backward_euler}},
+   {substeps: {thermal: x2}}, {set: {load.film: x.5}}, {scheme: iterated}]}"""
+ENOUGH = "{name: enough, when: {thermal.heat_stored: {of: change, between: [-2000, 0]}}, do: [{stop: at rest}]}"
+
+
+def ruled(folder: Path, *rules: str, **overrides: object) -> Results:
+    folder.mkdir(exist_ok=True)
+    return solve(folder, BASE + "rules:\n" + "".join(f" - {rule}\n" for rule in rules) if rules else BASE, **overrides)
+
+
+def test_a_window_put_back_leaves_no_trace(tmp_path: Path) -> None:
+    """The first window is cut in two by a rule: the same bits as where it was two from the start."""
+    cut = ruled(tmp_path / "cut", SOFT)
+    laid = ruled(tmp_path / "laid", **{"coupling.windows": [{"until": 1, "size": 0.5}, {"until": 16, "size": 1}]})
+    assert list(cut.windows.verdict[:3]) == ["cut by a rule", "accepted", "accepted"]
+    assert cut.messages[0].startswith("rule 'soft start': window put back")
+    np.testing.assert_array_equal(cut.t, laid.t)
+    for probe in ("T", "gap"):
+        np.testing.assert_array_equal(cut.probe(probe)[1], laid.probe(probe)[1])
+    assert cut.heat_imbalance < 1e-12
+    (firing,) = cut.firings
+    assert (firing.row, firing.t, firing.rule, firing.text) == (0, 0.0, "soft start", "window put back, x0.5")
+    assert firing.values["thermal.max_dT"] > 3.0
+
+
+def test_a_film_driven_so_that_a_probe_holds_its_target(tmp_path: Path) -> None:
+    told = ruled(tmp_path, HOLD, **{"coupling.end": 64, "coupling.windows": [{"until": 64, "size": 1}]})
+    T = told.probe("T")[1]
+    assert T[-20:] == pytest.approx(835.0, abs=0.5)
+    assert abs(ruled(tmp_path / "free").probe("T")[1][-1] - 835.0) > 1.0
+    assert {f.rule for f in told.firings} == {"hold"}
+    assert told.monitors["T"][1:] == pytest.approx(T[1:])
+    (rule,) = rules_that_fired(told)
+    assert (rule.name, rule.times, rule.left_out) == ("hold", len(told.firings), len(told.firings) - 10)
+    page = write_report(told, tmp_path / "run.html").read_text(encoding="utf-8")
+    assert f"hold: fired {rule.times} times" in page
+    assert rule.last[-1].did in page
+
+
+def test_method_substeps_load_and_scheme_of_real_halves(tmp_path: Path) -> None:
+    told, free = ruled(tmp_path, LATE), ruled(tmp_path / "free")
+    w = told.windows
+    assert list(w.scheme) == ["extrapolated"] * 9 + ["iterated"] * 7
+    assert list(w.thermal_solves[:9]) == [1] * 9
+    assert (w.thermal_solves[9:] == 2 * w.iterations[9:]).all()
+    (firing,) = told.firings
+    assert (firing.row, firing.text) == (8, "thermal.control.method 3, thermal.substeps x2, thermal.load.film x0.5, "
+                                            "scheme iterated")
+    np.testing.assert_array_equal(told.probe("T")[1][:10], free.probe("T")[1][:10])
+    assert told.probe("T")[1][10] < free.probe("T")[1][10] - 0.5
+
+
+def test_stop_is_a_good_end(tmp_path: Path) -> None:
+    told = ruled(tmp_path, ENOUGH)
+    assert told.outcome == "completed"
+    assert "rule 'enough': at rest" in told.message
+    assert told.t[-1] < 16.0
+    assert told.firings[-1].values["change of thermal.heat_stored"] > -2000.0
+
+
+def test_which_rules_would_have_fired(tmp_path: Path) -> None:
+    """From a run with SOFT: what its monitors and probes tell, and what they do not."""
+    told = ruled(tmp_path, SOFT)
+    later = tmp_path / "later.yaml"
+    later.write_text(BASE + f"rules:\n - {SOFT}\n - {LATE}\n - {ENOUGH}\n" + """\
+ - {name: cold, when: {T: {below: 200}}, do: [{stop: cold}]}
+ - {name: falls, when: {T: {below: -0.2, of: rate, for: 2}}, do: [{retry: {least: 1}}, {window: x.5}], cooldown: 1}
+""", encoding="utf-8")
+    soft, late, enough, cold, falls = replayed(load_scenario(later).rules, told)
+    assert (soft.firings, soft.did) == ((), 1)
+    assert [row for row, _, _ in late.firings] == [10]
+    assert late.firings[0][1] == pytest.approx(9.0)
+    assert enough.missing == ("thermal.heat_stored",)
+    assert cold.firings == ()
+    rate = np.diff(told.probe("T")[1]) / np.diff(told.t) < -0.2
+    assert rate[:3].all()
+    assert falls.firings[0][0] == 2  # the second window taken
+    assert "has not recorded thermal.heat_stored" in words(enough, told)
+    assert words(cold, told) == "cold: never"
+    assert words(soft, told) == "soft start: never; it fired once in the run itself"
+    assert words(late, told).startswith("late: once, first in row 11 of the windows, t = 9 s (T 8")
+
+
+def test_what_the_halves_do_not_have_is_said_before_the_run(tmp_path: Path) -> None:
+    with pytest.raises(HalfError, match="rule 'a': the mechanical half gives out no max_strain_rate"):
+        ruled(tmp_path, "{name: a, when: {max_strain_rate: {above: 1}}, do: [{stop: x}]}")
