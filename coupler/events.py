@@ -35,8 +35,8 @@ NEAR = 0.02
 TRUST = 0.2
 # After a try that ends a little before its event the next one is at most so much longer.
 LONGER = 0.25
-# Two reckonings of where a try was to end agree to this share of the window.
-CLOSE = 0.05
+# Two reckonings of where a try was to end, before it and after it, agree to this share of the window.
+CLOSE = 1e-3
 # Halving needs 20 tries for 1e-6.
 MAX_TRIES = 40
 
@@ -141,8 +141,7 @@ def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Rea
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
     near = NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0
-    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near,
-                 scheme not in (Scheme.ITERATED, Scheme.AUTO))
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near, scheme)
 
 
 def _aim(memory: Memory, reach: Reach) -> float | None:
@@ -167,6 +166,8 @@ def _before(before: Memory, memory: Memory, reach: Reach, plan: Plan) -> tuple[F
 
     One that was made short for another reason is taken.
     """
+    if reach.span.k1 >= reach.must_end:
+        return None, memory
     if before.aim != reach.span.k1:
         aim = _aim(before, replace(reach, t1=math.inf))
         if aim is None or abs(aim - reach.end) > CLOSE * (reach.end - reach.t0):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from coupler.crossing import Crossing, crossing
+from coupler.level import Scheme
 from coupler.sights import Sight
 from coupler.window import Span
 
@@ -18,7 +19,7 @@ class Reach:
     """Of a window.  must_end : the tick of the next kink.  t0, t1 : its start and its farthest end tried [s].
 
     tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
-    end what is the kink's own.  behind : whether the window is to end just behind its event, or just before.
+    end what is the kink's own.  scheme : by which it is solved; auto: not known yet.
     """
 
     span: Span
@@ -28,7 +29,17 @@ class Reach:
     tolerance: float
     least: float
     near: float
-    behind: bool
+    scheme: Scheme | None
+
+    @property
+    def behind(self) -> bool:
+        """Whether the window is to end just behind its event, or just before."""
+        return self.scheme not in (Scheme.ITERATED, Scheme.AUTO)
+
+    @property
+    def holds(self) -> bool:
+        """Whether mechanics sees the T of the start."""
+        return self.scheme in (Scheme.MECHANICAL_FIRST, Scheme.PARALLEL)
 
     @property
     def end(self) -> float:
@@ -106,20 +117,20 @@ class Search:
         """The time the next try is to end [s]."""
         r, lo = self.reach, self.before[-1].t
         found = self.ahead() or self._back()
-        step = 0.0 if found is None else max(found.doubt, 0.5 * r.tolerance)
-        if not self.behind:
-            assert found is not None, "without a try behind the event only what nears is searched for"
-            end = found.t + (step if r.behind else -step)
-            return end if end > lo else 0.5 * (lo + found.t)
-        hi = self.behind[0].t
-        if found is None or len(self.tried) % HALVE == 0:
+        hi = self.behind[0].t if self.behind else float("inf")
+        if found is None or (self.behind and len(self.tried) % HALVE == 0):
+            assert self.behind, "without a try behind the event only what nears is searched for"
             return max(0.5 * (lo + hi), r.t0 + r.least)
-        sure = found.doubt <= 0.5 * r.tolerance
-        # From a try behind the event one before it is wanted, with what is left there; and the other way round.
-        before = not r.behind if sure else r.end == hi
-        end = found.t + (-step if before else step)
-        beside = 0.25 * r.tolerance
-        return max(end if lo + beside < end < hi - beside else 0.5 * (lo + hi), r.t0 + r.least)
+        half = 0.5 * r.tolerance
+        # While it is in doubt one more end before it, so near that the next is beside it; else on the side wanted.
+        if found.doubt > half:
+            end = found.t - 2.0 * found.doubt
+            end = end if end > lo + half else found.t + found.doubt
+        else:
+            end = found.t + (half if r.behind else -half)
+        if not lo + 0.25 * r.tolerance < end < hi - 0.25 * r.tolerance:
+            end = 0.5 * (lo + min(hi, found.t if found.t > lo else hi))
+        return max(end, r.t0 + r.least)
 
     def _back(self) -> Crossing | None:
         """Where the new status began, from what was left of it at two tries or more."""
@@ -135,9 +146,9 @@ class Search:
 
     @property
     def _stands(self) -> bool:
-        """Whether the end of the window does not matter: a scheme that gives mechanics the T of its start."""
+        """Whether the end of the window does not matter, because mechanics sees only the T of its start."""
         late = [s.left[self.i] for s in self.behind[:2]]
-        return len(late) == 2 and late[0] == late[1] != ()
+        return self.reach.holds and len(late) == 2 and late[0] == late[1] != ()
 
     @property
     def _neighbours(self) -> bool:

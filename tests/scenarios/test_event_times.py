@@ -34,8 +34,9 @@ def uneven() -> Tree:
     tree = scene()
     for body, cells in (("lower", [4, 2]), ("upper", [5, 2])):
         tree["bodies"][body]["mesh"]["rectangle"]["cells"] = cells
-    tree["signals"] |= {"stroke": {"t": [0, DOWN], "value": [-HIGH, -DEEP]}, "squeeze": {"t": [0, END], "value": [1e7, 1e7]},
-                        "slide": {"t": [0, DOWN, END], "value": [0, 0, 1.1 * WIDTH]}, "gap_gas": 1}
+    tree["signals"] |= {"stroke": {"t": [0, DOWN], "value": [-HIGH, -DEEP]},
+                        "slide": {"t": [0, DOWN, END], "value": [0, 0, 1.1 * WIDTH]},
+                        "squeeze": {"t": [0, END], "value": [1e7, 1e7]}, "gap_gas": 1}
     tree["coupling"] = {"scheme": "extrapolated", "end": END, "events": {"locate": True},
                         "windows": [{"until": DOWN, "size": 50}, {"until": END, "size": 40}]}
     return tree
