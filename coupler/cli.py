@@ -24,6 +24,7 @@ from coupler.plan import Plan
 from coupler.report import write_report
 from coupler.results import Results
 from coupler.resume import resume, resumed
+from coupler.rules_replay import rules_report
 from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario, parse_override
 from coupler.target import check_target
@@ -57,9 +58,16 @@ def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | Non
 
 
 @app.command("check")
-def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOption = None) -> None:
+def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOption = None,
+                  rules: Annotated[Path | None, typer.Option(
+                      "--rules", metavar="RUN", help="A results file: say which rules would have fired in it.")] = None
+                  ) -> None:
     """Read a scenario and say what it would run, without running it."""
     s = _scenario(scenario, sets, swaps)
+    if rules is not None:
+        for line in rules_report(s, Results(rules)):
+            typer.echo(line)
+        return
     plan = plan_of(s)
     i, clock = s.interface, plan.schedule.clock
     sizes = [clock.seconds(b) - clock.seconds(a)

@@ -10,6 +10,7 @@ from coupler import rules as plug
 from coupler.monitor_names import INCREMENT, RATE, with_rate
 from coupler.results import Results
 from coupler.rule import Rule
+from coupler.scenario import Scenario
 from coupler.window import Verdict
 
 # Columns of the windows table that are monitors under another name.
@@ -48,6 +49,17 @@ def replayed(rules: Sequence[Rule], results: Results) -> list[Would]:
         missing = tuple(sorted(rule.monitors - has))
         found.append(Would(rule, missing, () if missing else tuple(_firings(rule, results, seen)), did))
     return found
+
+
+def rules_report(scenario: Scenario, results: Results) -> Iterator[str]:
+    """Lines for a user: the run, then a line on each rule."""
+    taken = int(results.windows.taken.sum())
+    yield (f"{results.path.name}: {results.header['title']}, {results.outcome}, {taken} windows to "
+           f"t = {results.t[-1]:.6g} s. Of the rules of {scenario.file.name}:")
+    for would in replayed(scenario.rules, results):
+        yield f"  {words(would, results)}"
+    if not scenario.rules:
+        yield "  there are none"
 
 
 def words(would: Would, results: Results) -> str:

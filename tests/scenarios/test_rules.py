@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from coupler import Results, load_scenario
+from coupler.cli import app
 from coupler.errors import HalfError
 from coupler.report import write_report
 from coupler.report.rules import rules_that_fired
@@ -102,6 +104,11 @@ def test_which_rules_would_have_fired(tmp_path: Path) -> None:
     assert words(cold, told) == "cold: never"
     assert words(soft, told) == "soft start: never; it fired once in the run itself"
     assert words(late, told).startswith("late: once, first in row 11 of the windows, t = 9 s (T 8")
+    shown = CliRunner().invoke(app, ["check", "--rules", str(told.path), str(later)])
+    assert shown.exit_code == 0, shown.output
+    lines = shown.output.splitlines()
+    assert lines[0] == "run.h5: scenario, completed, 17 windows to t = 16 s. Of the rules of later.yaml:"
+    assert lines[1:] == [f"  {words(would, told)}" for would in (soft, late, enough, cold, falls)]
 
 
 def test_what_the_halves_do_not_have_is_said_before_the_run(tmp_path: Path) -> None:
