@@ -8,8 +8,8 @@ where f is how often the thermal half sees it (coupler.curve).  So it dies where
 
 rho is measured: by every window that is iterated.  R is not: it is at least 0 for backward Euler, and then rho f < 1/2
 is enough.  The closest drawing of x and t_N that keeps this is taken; where none does, the window is iterated.  In
-windows beyond 1/a R may be below 0 (-.2 with sdirk2, -1 with the midpoint rule): then a zigzag that does not die is seen
-by the misses of the prediction, and windows are iterated from there on.
+windows beyond 1/a R may be below 0 (-.2 with sdirk2, -1 with the midpoint rule): then a zigzag that does not die is
+seen by the misses of the prediction, and windows are iterated from there on.
 """
 
 from __future__ import annotations

@@ -1,0 +1,187 @@
+"""The scheme auto: what it costs and how near it comes, where it iterates, what it measures and forgets."""
+
+from __future__ import annotations
+
+import math
+import sys
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact.messages import decode, encode, kinds_of
+from coupler import auto
+from coupler.auto import SAFE, Memory, choose, forgotten, learn, stable_window
+from coupler.iteration import Acceleration, Iteration, Seen
+from coupler.level import Scheme
+from coupler.window import Course, Solved, Verdict, Work
+
+sys.path.insert(0, str(Path(__file__).parent))
+from coupled_run import couple, start
+from fake_halves import A_LAG, B_LAG, T_IN, X_OUT, FakeHalf, blocks_of, echo, gap_of, lumped, shrinking, table
+
+EXPECTED = tomllib.loads((Path(__file__).resolve().parents[1] / "expected.toml").read_text(encoding="utf-8"))
+E4, E8 = EXPECTED["E4"], EXPECTED["E8"]
+AITKEN = Iteration(Acceleration.AITKEN)
+
+
+def run(end: float, n: int, scheme: Scheme = Scheme.AUTO, T0: float = 840.0, method: str = "midpoint", **more):
+    return couple((lumped(T0, method), shrinking(T0)), start(T0, gap_of(T0)), (end, n), scheme, how=AITKEN, **more)
+
+
+def pairs(tried) -> int:
+    """Half-solve pairs, those of windows that only measured and of windows put back too."""
+    return sum(w.solved.work.thermal_solves for w in tried)
+
+
+def schemes(tried) -> list[Scheme]:
+    return [w.solved.scheme for w in tried]
+
+
+@pytest.mark.parametrize("method", ["backward_euler", "midpoint"])
+@pytest.mark.parametrize("off", [1e-3, 0.3])
+def test_far_inside_the_limit_a_window_costs_about_one_solve_of_each_half(method, off):
+    """E4 off its rest by a share of 400 to 933 K; windows of .1 and .3 of the limit of the lagged gap, to 200 s."""
+    spent = []
+    for share in (0.1, 0.3):
+        H = share * E4["dt_c"][method]
+        n = math.ceil(200.0 / H)
+        state, tried = run(n * H, n, T0=E4["T"] - off * 533.0, method=method)
+        assert float(state.now.T[0]) == pytest.approx(E4["T"], abs=1e-5)
+        spent.append(pairs(tried) / n)
+    assert max(spent) <= 1.3
+
+
+def test_at_equal_error_it_costs_less_than_half_of_aitken_in_every_window():
+    """E8 to 20 s: Aitken needs 2.5 times the pairs for the error auto has in windows of 1/2 s."""
+    state, tried = run(20.0, 40)
+    error = abs(float(state.now.T[0]) - E8["T"])
+    assert error < 3e-5
+    iterated, all_tried = run(20.0, 64, Scheme.ITERATED)
+    assert abs(float(iterated.now.T[0]) - E8["T"]) > error
+    assert pairs(all_tried) > 2.5 * pairs(tried)
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.0, 10.0, 30.0])
+def test_beyond_the_limit_it_iterates_and_is_right(factor):
+    state, tried = run(factor * E4["dt_c"]["backward_euler"] * 20, 20, method="backward_euler")
+    assert float(state.now.T[0]) == pytest.approx(E4["T"], abs=1e-3)
+    assert set(schemes(tried)) == {Scheme.ITERATED}
+    assert "too much for windows solved once" in tried[-1].reason
+    assert not any(w.notes for w in tried)
+
+
+def test_what_it_measures_is_the_contraction_and_tells_the_stable_window():
+    """E4 at rest but for .01 K, midpoint: rho = (b H/2)/(1 + a H/2)."""
+    H = 0.5
+    _, tried = run(4 * H, 4, T0=E4["T"] + 0.01)
+    memory = tried[0].after.control.choice
+    rho = (B_LAG * H / 2) / (1 + A_LAG * H / 2)
+    assert memory.rho == pytest.approx(rho, rel=1e-3)
+    assert (memory.H, memory.driven) == (pytest.approx(H), False)
+    assert stable_window(memory) == pytest.approx(H * SAFE / rho, rel=1e-3)
+    assert f"contraction {rho:.2g}, curve" in tried[-1].reason
+
+
+def test_it_measures_anew_after_a_kink_and_less_and_less_often():
+    _, tried = run(100.0, 200, kinks=[50.0])
+    measured = [w.number for w in tried if w.solved.scheme is Scheme.ITERATED and w.solved.work.thermal_solves > 1]
+    assert 0 in measured
+    assert 100 in measured
+    apart = np.diff([k for k in measured if k < 100])
+    assert all(apart[1:] >= apart[:-1])
+    assert "not known yet" in tried[100].reason
+
+
+def test_one_way_it_iterates_once_and_then_never_needs_to():
+    """x does not depend on T: the contraction is 0, and what it measures costs two pairs."""
+    moves = FakeHalf("moves", blocks_of(T_IN, X_OUT), lambda s, i, t, h: (s, {"x": np.array([[0.0, 1e-5 * (t + h)]])}),
+                     np.zeros(1))
+    _, tried = couple((lumped(840.0), moves), start(840.0, 0.0), (20.0, 40), Scheme.AUTO)
+    assert tried[5].after.control.choice.rho == 0.0
+    assert pairs(tried) <= 40 + 5
+
+
+def test_what_drives_itself_on_is_followed_by_windows_solved_once():
+    """T = 900 + 3 (x - 900), x = T: iterates end on the other side of the unstable rest, 900."""
+    halves = (table(lambda x: 900.0 + 3.0 * (x - 900.0)), echo())
+    away = couple(halves, start(901.0, 901.0), (5.0, 5), Scheme.STAGGERED)[0]
+    assert float(away.now.T[0]) == pytest.approx(900.0 + 3.0**5)
+    state, tried = couple(halves, start(901.0, 901.0), (5.0, 5), Scheme.AUTO)
+    assert float(state.now.T[0]) == pytest.approx(900.0 + 3.0**5)
+    assert set(schemes(tried)) == {Scheme.STAGGERED}
+    assert tried[0].solved.work.thermal_solves >= 3
+    assert "drives itself on" in tried[1].reason
+
+
+def solved(scheme: Scheme, T: float, course: Course | None = None, touching: float = 0.0) -> Solved:
+    """A window of 1 s that ends at T."""
+    end = replace(start(T, 0.0).now, t=3.0)
+    return Solved(Verdict.ACCEPTED, "", replace(start(T, 0.0), now=end), (), Work(), {"touching": touching}, course,
+                  scheme=scheme)
+
+
+def at_two() -> object:
+    """T = 900 at t = 2 and for two windows of 1 s before."""
+    levels = [replace(start(900.0, 0.0).now, t=t) for t in (2.0, 1.0, 0.0)]
+    return replace(start(900.0, 0.0), now=levels[0], past=tuple(levels[1:]))
+
+
+def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
+    memory, state = Memory(rho=0.1, H=1.0), at_two()
+    for sign in (1.0, -1.0, 1.0):
+        assert choose(memory, state, 1.0).scheme is Scheme.EXTRAPOLATED
+        memory = learn(memory, state, solved(Scheme.EXTRAPOLATED, 900.0 + sign), 1.0)
+    assert "measured again" in choose(memory, state, 1.0).reason
+    small = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.1, (-0.1,))), 1.0)
+    assert (small.wary, choose(small, state, 1.0).scheme) == (1.0, Scheme.ITERATED)
+    assert choose(small, state, 0.4).scheme is Scheme.EXTRAPOLATED
+    large = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.4, (-0.4,))), 1.0)
+    assert (large.wary, choose(large, state, 1.0).scheme) == (0.0, Scheme.EXTRAPOLATED)
+    quick = Memory(rho=0.1, H=1.0)
+    for miss in (1.0, -0.5, 0.25):
+        quick = learn(quick, state, solved(Scheme.EXTRAPOLATED, 900.0 + miss), 1.0)
+    assert quick.turns == 0
+
+
+def test_rho_is_asked_for_where_it_is_not_known():
+    state = at_two()
+    known = Memory(rho=0.1, H=1.0)
+    assert choose(known, state, 1.9).scheme is Scheme.EXTRAPOLATED
+    assert "in windows of 1 s only" in choose(known, state, 2.1).reason
+    assert choose(known, replace(state, past=()), 1.0).scheme is Scheme.ITERATED
+    assert choose(forgotten(known), state, 1.0).scheme is Scheme.ITERATED
+    assert choose(replace(known, rho=0.5), state, 1.0).scheme is Scheme.ITERATED
+    touched = learn(known, state, solved(Scheme.EXTRAPOLATED, 900.0, touching=1.0), 1.0)
+    assert math.isnan(touched.rho)
+    slid = learn(replace(known, touching=20.0), state, solved(Scheme.EXTRAPOLATED, 900.0, touching=19.0), 1.0)
+    assert slid.rho == 0.1
+
+
+def test_where_rho_grows_it_is_measured_before_it_is_too_large():
+    course = Course((), (), 0.2, (-0.2,))
+    memory = learn(Memory(rho=0.1, H=1.0, since=4, rest=32), at_two(), solved(Scheme.ITERATED, 900.0, course), 1.0)
+    assert memory.growth == pytest.approx(math.log(2.0) / 5)
+    assert memory.rest == int(0.5 * math.log(SAFE / 0.2) / memory.growth)
+    seen_at_end = learn(Memory(), at_two(), solved(Scheme.ITERATED, 900.0, course), 1.0, Seen.END)
+    assert seen_at_end.rho == 0.1
+
+
+def test_entropy_is_frozen_where_heat_of_squeezing_acts_back_and_halves_can():
+    state, memory = at_two(), Memory(rho=0.5, H=1.0)
+    made = replace(state, accounts={"E_M": replace(state.accounts["E_M"], made=1.0)})
+    assert choose(memory, made, 1.0, freezes=True).scheme is Scheme.ADIABATIC
+    assert choose(memory, made, 1.0).scheme is Scheme.ITERATED
+    assert choose(memory, state, 1.0, freezes=True).scheme is Scheme.ITERATED
+    assert choose(replace(memory, rho=1.0), made, 1.0, freezes=True).scheme is Scheme.ITERATED
+
+
+def test_the_memory_goes_through_a_checkpoint():
+    _, tried = run(20.0, 20)
+    memory = tried[-1].after.control.choice
+    back = decode(encode(memory), kinds_of([Memory]))
+    assert encode(back) == encode(memory)
+    assert choose(back, tried[-1].after.state, 1.0) == choose(memory, tried[-1].after.state, 1.0)
+    assert auto.loosened(AITKEN).least == 2
