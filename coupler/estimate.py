@@ -231,12 +231,17 @@ def _apart(solved: Solved, whole: Solved, names: Mapping[str, float]) -> dict[st
 
 
 def _left_over(start: Level, solved: Solved, iteration: Iteration) -> dict[str, float]:
-    """What the iteration left of T [K]: its last difference.  Of a window in two halves, that of the second."""
+    """What iterating may have left of T [K]: the tolerance, or the last difference where that is more.
+
+    Not the last difference alone: of a window in two halves it is known of the second only, and where the first guess
+    already agreed it says little of how wrong both are.
+    """
     if solved.course is None:
         return {}
     tolerance = iteration.tolerance.temperature
     change = _largest(solved.state.now.T - start.T)
-    return {"temperature": solved.course.misfits[-1]["temperature"] * (tolerance.atol + tolerance.rtol * change)}
+    return {"temperature": max(solved.course.misfits[-1]["temperature"], 1.0)
+            * (tolerance.atol + tolerance.rtol * change)}
 
 
 def _values(name: str, level: Level, levels: Sequence[Level]) -> Array:
