@@ -173,6 +173,42 @@ def test_actions_of_other_rules_go_back_with_the_window():
     assert [f.rule for w in tried for f in w.fired] == ["soft", "grow"]
 
 
+DRIVE = Drive("thermal", "load.lamp", "thermal.max_dT", 20.0, 1.0, 1e-3, 1e3, log=True, gain=1.0)
+KINDS = {
+    "retry": Rule("r", do=(Retry(0.5),), once=True, after=1.5),
+    "substeps": Rule("r", do=(Substeps("thermal", Change(times=2.0, most=64)),), once=True, after=1.5),
+    "method": Rule("r", do=(Give("thermal", "control.method", Change(to=3.0)),), once=True, after=1.5),
+    "load": Rule("r", do=(Give("thermal", "load.lamp", Change(times=2.0), 1.0),), once=True, after=1.5),
+    "scheme": Rule("r", do=(UseScheme(Scheme.PARALLEL),), once=True, after=1.5),
+    "window factor": Rule("r", do=(Window(Change(times=0.5)),), once=True, after=1.5),
+    "window cap": Rule("r", do=(Window(Change(to=0.25)),), once=True, after=1.5),
+    "stop": Rule("r", do=(Stop("enough"),), once=True, after=1.5),
+    "drive": Rule("r", drive=DRIVE, after=1.5),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_of_rule_fires_and_is_rolled_back(kind: str) -> None:
+    """Windows of 1 s; the second is put back once by another rule, or by the rule itself, then taken in two."""
+    other = Rule("other", When((Test("number", above=1.5),)), (Retry(0.5),), once=True)
+    rule = KINDS[kind]
+    tried = ruled([rule] if kind == "retry" else [rule, other], (heating(), still()), (4.0, 4))
+    first, back, *rest = tried
+    assert [first.accepted, back.accepted, rest[0].accepted] == [True, False, True]
+    before, after = first.after.control, back.after.control
+    assert (after.settings, after.rules.drives, after.rules.last, after.stop) == (
+        before.settings, before.rules.drives, before.rules.last, "")
+    assert after.rules.rules["r"].fired == (1 if kind == "retry" else 0)
+    assert [f.rule for f in back.fired] == ["r" if kind == "retry" else "other"]
+    fired = [w for w in rest if any(f.rule == "r" for f in w.fired)]
+    if kind != "retry":
+        # The first piece ends at 1.5 s, which is not yet after 1.5 s.
+        assert fired[0].t == pytest.approx(1.5)
+        now = fired[0].after.control
+        assert (now.settings, now.stop) != (before.settings, "")
+    assert bool(fired) == (kind != "retry")
+
+
 def test_a_window_put_back_by_the_cycle_detector_takes_rules_with_it():
     """E4 above its stable window: when the detector cuts, a rule that fired in that window has not."""
     rule = Rule("count", When((Test("max_T", above=0.0),)), (TWICE,))
