@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from coupler import Results, load_scenario
+from coupler import Results, load_scenario, run
 from coupler.cli import app
 from coupler.errors import HalfError
 from coupler.report import write_report
 from coupler.report.rules import rules_that_fired
+from coupler.resume import resume
 from coupler.rules_replay import replayed, words
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -109,6 +110,22 @@ def test_which_rules_would_have_fired(tmp_path: Path) -> None:
     lines = shown.output.splitlines()
     assert lines[0] == "run.h5: scenario, completed, 17 windows to t = 16 s. Of the rules of later.yaml:"
     assert lines[1:] == [f"  {words(would, told)}" for would in (soft, late, enough, cold, falls)]
+
+
+def test_a_resumed_run_goes_on_with_what_its_rules_remember(tmp_path: Path) -> None:
+    """Stopped in the middle of three windows in a row, of a rest and of a drive: the same bits as never stopped."""
+    rules = (SOFT, HOLD, "{name: three, cooldown: 2, when: {T: {below: 860, for: 3}}, do: [{substeps: {thermal: x2}}]}")
+    whole = ruled(tmp_path / "whole", *rules)
+    (tmp_path / "cut").mkdir()
+    path = tmp_path / "cut" / "scenario.yaml"
+    path.write_text(BASE + "rules:\n" + "".join(f" - {rule}\n" for rule in rules), encoding="utf-8")
+    run(load_scenario(path), out=tmp_path / "cut" / "run.h5", until=4.0)
+    cut = resume(tmp_path / "cut" / "run.h5")
+    assert {f.rule for f in whole.firings} == {"soft start", "hold", "three"}
+    assert [(f.row, f.rule, f.text, f.values) for f in cut.firings] == [
+        (f.row, f.rule, f.text, f.values) for f in whole.firings]
+    for probe in ("T", "gap"):
+        np.testing.assert_array_equal(cut.probe(probe)[1], whole.probe(probe)[1])
 
 
 def test_what_the_halves_do_not_have_is_said_before_the_run(tmp_path: Path) -> None:
