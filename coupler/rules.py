@@ -107,7 +107,7 @@ def fire(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], s
     monitors = {**with_rate(monitors, monitors["window"] / settings.substeps["mechanical"]),
                 **dict.fromkeys(OF_FAILURE, 0.0)}
     seen = {r.name: _seen(r, memory, monitors) for r in rules}
-    due = [r for r in rules if _due(r, seen[r.name], monitors["t"])]
+    due = [r for r in rules if _acts(r, monitors["window"]) and _due(r, seen[r.name], monitors["t"])]
     back = [r for r in due if _share(r, monitors["window"])]
     if back:
         log = tuple(Firing(r.name, did(r.do), _values(r, memory, monitors)) for r in back)
@@ -127,7 +127,7 @@ def fire_failed(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, fl
     and what is known of its iterations.  Settings and memory count for the next try; retry : the share of it then, 0:
     as without rules.
     """
-    asked = [r for r in rules if OF_FAILURE & r.monitors]
+    asked = [r for r in rules if OF_FAILURE & r.monitors and (_others([r]) or _share(r, monitors["window"]))]
     due = [r for r in asked if _due(r, _seen(r, memory, monitors), monitors["t"])]
     log = tuple(Firing(r.name, did(r.do), _values(r, memory, monitors)) for r in due)
     shares = [share for r in due if (share := _share(r, monitors["window"]))]
@@ -145,8 +145,7 @@ def alone(rule: Rule, memory: Memory, monitors: Mapping[str, float], failed: boo
     if not failed:
         monitors = {**monitors, **dict.fromkeys(OF_FAILURE, 0.0)}
     seen = _seen(rule, memory, monitors)
-    acts = rule.drive is not None or bool(_others([rule])) or _share(rule, monitors["window"]) > 0.0
-    due = acts and _due(rule, seen, monitors["t"])
+    due = _acts(rule, monitors["window"]) and _due(rule, seen, monitors["t"])
     fired = Firing(rule.name, did(rule.do), _values(rule, memory, monitors)) if due else None
     if failed:
         return fired, _with_fired(memory, [rule]) if due else memory
@@ -170,6 +169,11 @@ def value(test: Test, last: Mapping[str, float], monitors: Mapping[str, float]) 
 def _share(rule: Rule, window: float) -> float:
     """The share of a window that a rule wants to try instead; 0: it does not, or that would be too short."""
     return min((a.window for a in rule.do if isinstance(a, Retry) and window * a.window >= a.least), default=0.0)
+
+
+def _acts(rule: Rule, window: float) -> bool:
+    """Whether anything would follow; a retry that may not make the window shorter is nothing."""
+    return rule.drive is not None or bool(_others([rule])) or _share(rule, window) > 0.0
 
 
 def _others(rules: Sequence[Rule]) -> tuple[Action, ...]:

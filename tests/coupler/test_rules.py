@@ -132,6 +132,7 @@ def test_a_window_that_heats_too_much_is_put_back_and_halved():
 def test_a_retry_stops_at_its_least():
     tried = ruled([Rule("soft", HOT, (Retry(0.5, least=0.5),))], (heating(), still()), (2.0, 2))
     assert sizes(tried) == [0.5] * 4
+    assert [len(w.fired) for w in tried] == [1, 0, 0, 1, 0, 0], "told only where it did something"
 
 
 def test_a_rule_that_is_never_content_ends_the_run_in_its_own_words():
