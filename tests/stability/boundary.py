@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from coupled_run import couple
 
 Array = NDArray[np.float64]
+QUIET = 1e-4  # of the first increment: below it round-off may grow
 DISTURBANCE = 1e-6  # share of the range: small enough that every law is its tangent
 
 
@@ -32,6 +33,8 @@ def growth(case: Case, scheme: Scheme, size: float, n: int = 160) -> float:
     small, for there a cycle may have come to its full size."""
     steps = np.abs(np.diff(path(case, scheme, size, n), axis=0)).max(axis=1)
     q = len(steps) // 4
+    if steps[-q:].max() < QUIET * steps[0]:
+        return 0.0
     if steps[-q:].max() > 1e3 * steps[0]:
         return float("inf")
     return float(steps[-q:].max() / steps[-2 * q:-q].max())

@@ -192,7 +192,7 @@ def closing(d: float, method: str = "sdirk2") -> Made:
 
 
 CASES = {case.name: case for case in (
-    Case("E1", bar, 2.0 / (1.0 + DELTA), True, moved, 60.0, lambda d, t: np.zeros(4)),
+    Case("E1", bar, 2.0 / (1.0 + DELTA), True, moved, 90.0, lambda d, t: np.zeros(4)),
     Case("E3b", nudged, 1.0, False, temperatures, 30.0, how=DAMPED),
     Case("E3c", chatter, e3c_limit("backward_euler"), True, temperatures, 3.0, how=DAMPED),
     Case("E4", lagged_gap, 2.0 / (B_LAG - A_LAG), True, temperatures, 100.0, how=DAMPED),
