@@ -76,7 +76,8 @@ class ProgressLine:
             if self._too_large > LISTED:
                 return
         first = told[0]
-        reasons = "; ".join(dict.fromkeys(f"{p.verdict} ({p.message})" for p in told))
+        kinds = {p.verdict if p.verdict == Verdict.ERROR.value else (p.verdict, p.message): p for p in reversed(told)}
+        reasons = "; ".join(f"{p.verdict} ({p.message})" for p in reversed(kinds.values()))
         times = f", {len(told)} times" if len(told) > 1 else ""
         more = "; further ones are only counted" if self._too_large == LISTED else ""
         self._print(f"window {first.number} at t = {first.t:.6g} s, {first.H:.3g} s {first.scheme}".rstrip()
