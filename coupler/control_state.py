@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from coupler import auto, cycle, estimate, events, rules, stepsize
+from coupler.cycle_action import home
 from coupler.plan import Plan
 from coupler.settings import Settings
 from coupler.window import CoupledState
@@ -72,7 +73,10 @@ def opened(at: Committed, plan: Plan) -> Committed:
         return at
     damped = k in plan.schedule.events or k == control.event
     state = replace(state, past=(), memory=(), events=state.events + damped)
-    control = replace(control, fresh=k, cycle=cycle.Watch(), estimate=estimate.forgotten(control.estimate),
+    if k in plan.schedule.kinks:
+        # Not where contact opens and closes by turns: that may be the cycle itself.
+        control = replace(control, cycle=cycle.Watch(), settings=home(control.cycle, control.settings))
+    control = replace(control, fresh=k, estimate=estimate.forgotten(control.estimate),
                       controller=stepsize.forgotten(control.controller), choice=auto.forgotten(control.choice),
                       events=events.forgotten(control.events))
     if plan.adaptive is not None and damped and control.size > plan.adaptive.first:

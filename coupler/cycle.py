@@ -37,10 +37,18 @@ class Swing:
 
 @dataclass(frozen=True)
 class Watch:
-    """What is remembered of the exchange.  swings : by quantity.  told : quantities already noted since an event."""
+    """What is remembered of the exchange.  swings : by quantity.  told : quantities already noted since a kink.
+
+    home : the scheme in use before windows were iterated because of a cycle; "": they are not.  calm : windows on end
+    in which that scheme would have held.  cap [s] : the longest window before they were halved; halved : how often.
+    """
 
     swings: Mapping[str, Swing] = field(default_factory=dict)
     told: frozenset[str] = frozenset()
+    home: str = ""
+    calm: int = 0
+    cap: float = math.inf
+    halved: int = 0
 
     def plus(self, before: Level, now: Level) -> Watch:
         """After one more window; quantities that are not known (nan) or not there are left out."""
@@ -49,7 +57,7 @@ class Watch:
         news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
                 "gap": now.gap - before.gap if known else (now.x - before.x).ravel()}
         swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
-        return Watch(swings, self.told)
+        return replace(self, swings=swings)
 
     @property
     def cycling(self) -> tuple[str, ...]:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coupler import auto, cycle, estimate, events, rules, stepsize
+from coupler import auto, estimate, events, rules, stepsize
 from coupler.control_state import ControlState
 from coupler.cutting import Facts, at_least, cut, shorter, tried_again
+from coupler.cycle_action import Shown, acted
 from coupler.errors import CouplingError
 from coupler.estimate import Estimate
 from coupler.events import Found
 from coupler.iteration import OnMax
-from coupler.level import Scheme
 from coupler.monitors import failed_monitors, monitors
-from coupler.plan import OnCycle
 from coupler.rules import Firing
 from coupler.tolerance import ErrorTolerances
 from coupler.window import Solved, Verdict
@@ -106,20 +106,16 @@ def _ruled(facts: Facts, found: _Found) -> Judged:
         again = replace(cut(facts, fired.retry, why), settings=fired.settings,
                         rules=rules.retried(control.rules, fired), stop=fired.stop)
         return Judged(_put_back(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
+    contraction = math.nan if solved.course is None else solved.course.contraction
+    shown = Shown(control.number + 1, solved.state.now.t, facts.H, not at_least(facts), contraction)
     watch = control.cycle.plus(facts.at.state.now, solved.state.now)
-    notes: tuple[str, ...] = ()
-    settings = fired.settings
-    if watch.cycling:
-        notes = (cycle.note(watch, control.number + 1, solved.state.now.t),)
-        if plan.on_cycle is OnCycle.CUT and not at_least(facts):
-            again = replace(cut(facts, 0.5, notes[0]), cycle=cycle.Watch())
-            return Judged(_put_back(solved, Verdict.CYCLE, notes[0]), again, notes, found.error)
-        watch = watch.tell()
-        if plan.on_cycle is OnCycle.ITERATE:
-            settings = replace(settings, scheme=Scheme.ITERATED)
-    control = _taken(facts, found, replace(fired, settings=settings))
-    return Judged(solved, replace(control, cycle=watch), notes, found.error, found.event.text if found.event else "",
-                  fired.log)
+    done = acted(watch, fired.settings, plan.on_cycle, shown)
+    if done.cut:
+        again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=done.settings)
+        return Judged(_put_back(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
+    control = _taken(facts, found, replace(fired, settings=done.settings))
+    return Judged(solved, replace(control, cycle=done.watch), done.notes, found.error,
+                  found.event.text if found.event else "", fired.log)
 
 
 def _taken(facts: Facts, found: _Found, fired: rules.Fired) -> ControlState:
@@ -146,8 +142,19 @@ def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> Contr
     limits = stepsize.Limits(adaptive.least, adaptive.most)
     size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.size,
                                      2 if error is None else error.order, limits)
+    size = max(size, _as_planned(facts, error))
     reason = "no error is known yet" if error is None else error.words
     return replace(control, size=size, reason=reason, controller=memory)
+
+
+def _as_planned(facts: Facts, error: Estimate | None) -> float:
+    """The size that was planned for a window made shorter to end at a kink or an event, unless its error is large; 0.
+
+    A rest of a microsecond before a kink is no reason to begin with microseconds after it, and its error, mostly that of
+    the iteration, tells nothing of longer ones.
+    """
+    planned = facts.at.control.size
+    return planned if planned > facts.H and (error is None or error.size <= stepsize.AIM) else 0.0
 
 
 def _is_slow(facts: Facts) -> bool:
