@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from coupler.half import Block
 from coupler.monitor_names import COUPLER, INCREMENT, RATE, outputs
 from coupler.rule import Give, Rule
+from coupler.sweep import FEW
 
 Blocks = Mapping[str, Mapping[str, Block]]
 
@@ -31,8 +32,8 @@ def _has(blocks: Blocks, output: str, monitor: str) -> bool:
     """Whether a half gives out this number, or so many of them."""
     half, _, name = output.partition(".")
     block = blocks[half].get(name)
-    if block is None or block.causality != "output" or block.kind not in ("Real", "Integer"):
+    if block is None or block.causality != "output" or block.kind != "Real":
         return False
     if not monitor.endswith("]"):
         return block.shape == ()
-    return len(block.shape) == 1 and int(monitor[monitor.rindex("[") + 1:-1]) <= block.shape[0]
+    return len(block.shape) == 1 and int(monitor[monitor.rindex("[") + 1:-1]) <= block.shape[0] <= FEW

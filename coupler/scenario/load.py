@@ -70,7 +70,7 @@ def _checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
         models=written,
         coupling=coupling,
         probes=probes_of(context),
-        rules=rules_of(context, written),
+        rules=rules_of(context, written, coupling.adaptive.least if coupling.adaptive else 0.0),
         output=output_of(document, file.output, coupling.end),
     )
 

@@ -24,22 +24,25 @@ METHODS: Mapping[str, Mapping[str, int]] = {
 HALVES = tuple(h.value for h in HalfName)
 
 
-def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]]) -> tuple[Rule, ...]:
-    """The rules, in the order of the file.  models : as written for both halves.  Raises ScenarioError."""
+def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]], least: float = 0.0) -> tuple[Rule, ...]:
+    """The rules, in the order of the file.  models : as written for both halves.  Raises ScenarioError.
+
+    least : no window that finds its own size is shorter [s].
+    """
     found: list[Rule] = []
     for i, spec in enumerate(c.file.rules):
         if any(r.name == spec.name for r in found):
             raise c.document.error(("rules", i, "name"), f"there is another rule {spec.name!r}",
                                    "Firings are told by name; give each rule its own.")
-        found.append(_Reader(c, models, ("rules", i)).rule(spec))
+        found.append(_Reader(c, models, ("rules", i), least).rule(spec))
     return tuple(found)
 
 
 class _Reader:
-    """Reads one rule.  key : its place in the file."""
+    """Reads one rule.  key : its place in the file.  least : of windows [s]."""
 
-    def __init__(self, c: Context, models: Mapping[str, Mapping[str, Any]], key: Key) -> None:
-        self._c, self._models, self._key = c, models, key
+    def __init__(self, c: Context, models: Mapping[str, Mapping[str, Any]], key: Key, least: float) -> None:
+        self._c, self._models, self._key, self._least = c, models, key, least
 
     def rule(self, spec: RuleSpec) -> Rule:
         do = tuple(a for i, action in enumerate(spec.do) for a in self._actions(action, (*self._key, "do", i)))
@@ -87,7 +90,7 @@ class _Reader:
 
     def _actions(self, spec: ActionSpec, key: Key) -> Iterator[Action]:
         if spec.retry is not None:
-            yield Retry(spec.retry.window, spec.retry.least)
+            yield Retry(spec.retry.window, max(spec.retry.least, self._least))
         if spec.substeps is not None:
             for half in HALVES:
                 if (change := getattr(spec.substeps, half)) is not None:

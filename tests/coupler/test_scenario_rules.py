@@ -149,3 +149,12 @@ def test_a_name_that_both_halves_have(tmp_path: Path) -> None:
     for half in ("thermal", "mechanical"):
         (found,) = load_text(tmp_path, text + rule.replace("HALF", f"{half}.")).rules
         assert found.do == (Give(half, "load.ram", Change(2.0), 1.0),)
+
+
+def test_a_retry_goes_no_further_than_windows_that_find_their_own_size(tmp_path: Path) -> None:
+    start, end = GOOD.index("  windows:"), GOOD.index("probes:")
+    text = GOOD[:start] + "  adaptive: {first: 1, least: 0.25}\n" + GOOD[end:]
+    for given, least in (("", 0.25), ("least: 0.1", 0.25), ("least: 0.5", 0.5)):
+        rule = f"rules:\n  - {{name: a, when: {{max_dT: {{above: 1}}}}, do: [{{retry: {{{given}}}}}]}}\n"
+        (found,) = load_text(tmp_path, text + rule).rules
+        assert found.do == (Retry(0.5, least),)
