@@ -67,4 +67,5 @@ def _course(first: Course | None, second: Course | None) -> Course | None:
     if first is None or second is None:
         return second
     known = [c.contraction for c in (first, second) if not math.isnan(c.contraction)]
-    return Course((*first.misfits, *second.misfits), (*first.factors, *second.factors), max(known, default=math.nan))
+    factors = (*first.factors, math.nan, *second.factors)  # no step led from the one to the other
+    return Course((*first.misfits, *second.misfits), factors, max(known, default=math.nan))
