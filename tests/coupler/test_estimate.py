@@ -1,0 +1,217 @@
+"""The error of a window: measured in two halves and carried on, against the same window solved in 64 sub-windows."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from coupled_run import start
+from fake_halves import gap_of, lumped, shrinking
+from true_error import ONE, windows
+
+from coupler import estimate
+from coupler.account import EnergyAccount
+from coupler.attempt import Kept, Way, solve
+from coupler.clock import Clock
+from coupler.control import windows as run_windows
+from coupler.doubling import doubled, halved
+from coupler.estimate import Memory
+from coupler.iteration import Iteration, Tolerance
+from coupler.level import Level, Scheme
+from coupler.plan import Adaptive, Plan
+from coupler.schedule import WindowRange, schedule
+from coupler.settings import Settings
+from coupler.tolerance import ErrorTolerances
+from coupler.window import CoupledState, Solved, Span, Verdict, Work, wanted_outputs
+
+E8 = 831.7186022526  # K, of E4 from 840 K after 20 s
+
+
+def honesty(scheme: Scheme, H: float, n: int, method: str = "midpoint") -> tuple[float, float, float]:
+    """Shares of windows, of which every second is looked at: within a factor of 3; understated by more; measured."""
+    halves = wanted_outputs(lumped(840.0, method), shrinking(840.0))
+    plan = schedule(n * H, [WindowRange(n * H, H, H)], ())
+    found = list(windows(halves, start(840.0, gap_of(840.0)), plan, scheme, 2))
+    pairs = [(w.estimated["temperature"], w.true["temperature"], w.floor) for w in found]
+    good = [e >= t / 3 and (e <= 3 * t or t < 10 * floor) for e, t, floor in pairs]
+    return (float(np.mean(good)), float(np.mean([e < t / 3 for e, t, _ in pairs])),
+            float(np.mean([w.measured for w in found])))
+
+
+@pytest.mark.parametrize(("scheme", "H", "n", "method", "most"), [
+    (Scheme.EXTRAPOLATED, 0.5, 30, "midpoint", 0.4), (Scheme.ITERATED, 1.0, 20, "midpoint", 0.4),
+    # Stiff: here windows in halves decay so differently from whole ones that nearly all are measured.
+    (Scheme.EXTRAPOLATED, 0.3 * 7.4062, 24, "midpoint", 1.0), (Scheme.ITERATED, 3 * 10.2449, 14, "backward_euler", 1.0),
+    (Scheme.STAGGERED, 0.5, 20, "midpoint", 0.4)])
+def test_it_is_within_a_factor_of_three(scheme: Scheme, H: float, n: int, method: str, most: float) -> None:
+    good, low, measured = honesty(scheme, H, n, method)
+    assert good >= 0.8
+    assert low <= 0.1
+    assert measured <= most
+
+
+def window(scheme: Scheme = Scheme.EXTRAPOLATED, H: float = 1.0) -> tuple[CoupledState, Solved, Work]:
+    """E4's first window from 840 K in two halves: its start, its outcome, the work of two windows of half the size."""
+    halves = wanted_outputs(lumped(840.0), shrinking(840.0))
+    state, clock, way = start(840.0, gap_of(840.0)), Clock(H), Way(scheme, Settings(scheme, ONE))
+    span = Span(clock, 0, 2**40, ONE)
+    with Kept(halves, 0.0, 1) as kept:
+        whole = solve(halves, state, span, way, kept)
+        both = doubled(halves, state, span, way, (kept, whole))
+        kept.put_back("")
+        work, at = Work(), state
+        for piece in halved(span):
+            part = solve(halves, at, piece, way, kept)
+            work, at = work.plus(part.work), part.state
+    assert both.state.now.T.tobytes() == at.now.T.tobytes()
+    assert both.whole is not None
+    assert both.whole.state.now.T.tobytes() == whole.state.now.T.tobytes()
+    return state, both, work.plus(whole.work)
+
+
+def test_a_window_in_two_halves_is_told_as_one() -> None:
+    state, both, work = window()
+    assert both.state.past == (state.now,)
+    assert both.state.now.t == 1.0
+    assert len(both.terms) == 2
+    assert (both.work.thermal_solves, both.work.mechanical_solves) == (work.thermal_solves, work.mechanical_solves) == (
+        3, 3)
+
+
+def test_a_window_of_one_tick_has_no_halves() -> None:
+    with pytest.raises(ValueError, match="one tick"):
+        halved(Span(Clock(1.0), 7, 8, ONE))
+
+
+def test_what_is_kept_has_a_quarter_of_the_error_of_the_window_in_one() -> None:
+    state, both, _ = window()
+    found = estimate.estimate(Memory(), state, both, ErrorTolerances(), Iteration())
+    assert found is not None
+    assert both.whole is not None
+    apart = abs(float(both.state.now.T[0] - both.whole.state.now.T[0]))
+    assert found.errors["temperature"] == pytest.approx(1.5 / 4 * apart, rel=1e-12)
+    assert found.size == pytest.approx(4 * found.error, rel=1e-12)
+    for n, share in found.shares.items():
+        assert found.splitting[n] + found.own[n] == pytest.approx(share, rel=1e-12)
+    assert found.words.startswith("error of temperature is ")
+
+
+def level(t: float, T: float, gap: tuple[float, float] = (1.0, 1.0), covered: float = 1.0) -> Level:
+    return Level(t, np.array([T, 900.0]), np.array([[0.0, T / 1000]]), np.zeros(2), np.array(gap),
+                 np.array([1.0, covered]))
+
+
+def solved_at(now: Level, past: tuple[Level, ...], heat: float = 0.0, scheme: Scheme = Scheme.EXTRAPOLATED) -> Solved:
+    state = CoupledState(now, past, 0, {"E_M": EnergyAccount(np.zeros(1))})
+    return Solved(Verdict.ACCEPTED, "", state, ({"heat.gap.slave": heat},), Work(), {}, scheme=scheme)
+
+
+def told(memory: Memory, levels: list[Level], heat: float = 0.0, scheme: Scheme = Scheme.EXTRAPOLATED,
+         ) -> estimate.Estimate:
+    """levels : newest first."""
+    before = solved_at(levels[1], tuple(levels[2:])).state
+    found = estimate.estimate(memory, before, solved_at(levels[0], tuple(levels[1:4]), heat, scheme),
+                              ErrorTolerances(temperature=Tolerance(1.0, 0.0)), Iteration())
+    assert found is not None
+    return found
+
+
+RATIOS = {"temperature": 0.5, "gap": 0.5, "heat": 0.5, "displacement": 0.5}
+
+
+def test_between_measurements_it_goes_with_the_second_difference() -> None:
+    """T = t^2: H^2 T'' = 2 H^2, whatever the windows before; a window grown twice has twice the ratio."""
+    levels = [level(t, t * t) for t in (6.0, 4.0, 3.0, 1.0)]
+    assert told(Memory(RATIOS, 2.0), levels).errors["temperature"] == pytest.approx(0.5 * 8.0)
+    assert told(Memory(RATIOS, 1.0), levels).errors["temperature"] == pytest.approx(2 * 0.5 * 8.0)
+    # One that has shrunk keeps its ratio: a stiff part would not shrink with it.
+    assert told(Memory(RATIOS, 4.0), levels).errors["temperature"] == pytest.approx(0.5 * 8.0)
+    # A scheme of first order makes an error of H^2.
+    assert told(Memory(RATIOS, 1.0), levels, scheme=Scheme.STAGGERED).errors["temperature"] == pytest.approx(0.5 * 8.0)
+
+
+def test_heat_is_judged_by_how_its_rate_changes() -> None:
+    levels = [level(t, 900.0) for t in (4.0, 2.0, 0.0)]
+    found = told(Memory(RATIOS, 2.0, rate=10.0), levels, heat=26.0)  # 13 W after 10 W
+    assert found.errors["heat"] == pytest.approx(0.5 * 3.0 * 2.0)
+    assert found.shares["heat"] == pytest.approx(3.0 / (1e-3 + 1e-2 * 26.0))
+
+
+def test_gaps_that_begin_or_end_are_no_error() -> None:
+    gaps = ((1e-3, 1e-3), (2e-3, 0.1), (3e-3, 0.1))
+    levels = [level(t, 900.0, gap, float(gap[1] < 0.1)) for t, gap in zip((3.0, 2.0, 1.0), gaps, strict=True)]
+    assert told(Memory(RATIOS, 1.0), levels).errors["gap"] == pytest.approx(0.0, abs=1e-15)
+    faced = [replace(v, covered=np.ones(2)) for v in levels]
+    assert told(Memory(RATIOS, 1.0), faced).errors["gap"] > 0.04
+
+
+def test_without_a_measurement_nothing_is_known() -> None:
+    levels = [level(t, t) for t in (2.0, 1.0)]
+    assert estimate.estimate(Memory(), solved_at(levels[1], ()).state, solved_at(levels[0], (levels[1],)),
+                             ErrorTolerances(), Iteration()) is None
+
+
+def test_when_it_is_measured_again() -> None:
+    clock, scheme = Clock(16.0), Scheme.EXTRAPOLATED
+    state = solved_at(level(0.0, 900.0), (level(-1.0, 901.0),)).state
+
+    def asked(memory: Memory, H: int, at: CoupledState = state, by: Scheme = scheme) -> bool:
+        return estimate.wanted(memory, at, Span(clock, 0, H * 2**36, ONE), by)
+
+    known = Memory(RATIOS, 2.0, 3, 4, scheme.value)
+    assert not asked(known, 2)
+    assert not asked(known, 4)
+    assert asked(known, 6)
+    assert asked(replace(known, H=6.0), 2)
+    assert asked(replace(known, left=0), 2)
+    assert asked(known, 2, by=Scheme.ITERATED)
+    assert asked(Memory(), 2)
+    assert asked(known, 2, at=replace(state, past=()))
+
+
+def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
+    levels = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]
+    before, solved = solved_at(levels[1], (levels[2],)).state, solved_at(levels[0], tuple(levels[1:]))
+    found = told(Memory(RATIOS, 1.0), levels)
+
+    def pauses(ratio: float, memory: Memory) -> list[int]:
+        out = []
+        for _ in range(6):
+            memory = estimate.after(memory, before, solved, replace(found, ratios=dict.fromkeys(RATIOS, ratio)))
+            assert memory.left == memory.pause
+            out.append(memory.pause)
+        return out
+
+    assert pauses(0.6, Memory(RATIOS, 1.0)) == [1, 2, 4, 8, 16, 16]
+    assert pauses(0.8, Memory(RATIOS, 1.0)) == [0, 1, 2, 4, 8, 16]
+    assert pauses(0.3, Memory(RATIOS, 1.0, pause=16))[0] == 0
+    assert estimate.after(Memory(RATIOS, 1.0, 3), before, solved, found).left == 2
+    assert estimate.forgotten(Memory(RATIOS, 1.0, 3)) == Memory()
+
+
+def adaptive(scheme: Scheme, tolerance: float) -> tuple[float, list]:
+    """E8 in windows that find their own size: the error at the end [K], and every window tried."""
+    plan = Plan(schedule(20.0, [WindowRange(20.0, 20.0, 20.0)], ()), scheme, ONE, adaptive=Adaptive(
+        2.0, 1e-3, 20.0, ErrorTolerances(temperature=Tolerance(tolerance, 0.0))))
+    halves = wanted_outputs(lumped(840.0), shrinking(840.0))
+    tried = list(run_windows(halves, start(840.0, gap_of(840.0)), plan))
+    return abs(float(tried[-1].solved.state.now.T[0]) - E8), tried
+
+
+@pytest.mark.parametrize("scheme", [Scheme.EXTRAPOLATED, Scheme.ITERATED])
+def test_windows_find_their_size(scheme: Scheme) -> None:
+    coarse, few = adaptive(scheme, 0.1)
+    fine, many = adaptive(scheme, 0.01)
+    assert fine < coarse < 0.1
+    assert len(few) < len(many) < 60
+    sizes = [w.H for w in many if w.accepted]
+    assert max(sizes[:-1]) > 4 * min(sizes[:-1])
+    assert not many[0].accepted
+    assert many[0].solved.verdict is Verdict.ERROR
+    assert many[1].H < 0.7 * many[0].H
+    assert all(w.error is not None and w.error.error <= 1.0 for w in many if w.accepted)
