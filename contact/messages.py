@@ -1,7 +1,8 @@
 """Messages as records: any frozen dataclass of plain fields, by its type hints.
 
 Field types: NDArray[...], str, bool, int, float, bytes, Enum, tuple[X, ...], tuple[X, Y], frozenset[str] or [int],
-dict or Mapping[str, X] or [int, X], X | None, and dataclasses of those.  Arrays come back in C order.
+dict or Mapping[str, X] or [int, X], X | None, dataclasses of those, and D | E, one of several dataclasses.  Arrays
+come back in C order.
 """
 
 from __future__ import annotations
@@ -88,6 +89,8 @@ def _form_of(hint: Any) -> Form:
         return _dict_form(args[0], _form_of(args[1]))
     if origin in (Union, UnionType) and len(args) == 2 and NoneType in args:
         return _optional_form(_form_of(args[0] if args[1] is NoneType else args[1]))
+    if origin in (Union, UnionType) and all(is_dataclass(arg) for arg in args):
+        return _one_of_form({arg.__name__: arg for arg in args})
     if hint is bytes:
         return _bytes_form()
     if isinstance(hint, type) and is_dataclass(hint):
@@ -172,6 +175,24 @@ def _optional_form(item: Form) -> Form:
         if _expect(raw, list, path) and len(raw) != 1:
             raise WireError(f"{path}: one value was expected, not {len(raw)}")
         return item.unpack(raw[0], path, arrays)
+
+    return Form(pack, unpack)
+
+
+def _one_of_form(kinds: Kinds) -> Form:
+    # The forms are found when first used: one of them may hold the union again.
+    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
+        name = type(value).__name__
+        kind: Any = kinds.get(name)
+        if kind is not type(value):
+            raise WireError(f"{path}: one of {', '.join(sorted(kinds))} was expected, not {name}")
+        return [name, _form_of(kind).pack(value, path, arrays)]
+
+    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
+        if not (_expect(raw, list, path) and len(raw) == 2 and isinstance(raw[0], str) and raw[0] in kinds):
+            raise WireError(f"{path}: one of {', '.join(sorted(kinds))} was expected")
+        kind: Any = kinds[raw[0]]
+        return _form_of(kind).unpack(raw[1], path, arrays)
 
     return Form(pack, unpack)
 

@@ -23,6 +23,7 @@ from coupler.control_state import Committed
 from coupler.errors import ResultsError
 from coupler.journal import Mark
 from coupler.ledger import Ledger
+from coupler.rule import Rule
 
 MAGIC = b"SLIDELINE-CHECKPOINT-1\n"
 _HEAD = struct.Struct("<32sQ")
@@ -49,7 +50,8 @@ class Told:
 
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
-    resumed : the times [s] from which it was resumed.  rows : of the windows table.
+    resumed : the times [s] from which it was resumed.  rows : of the windows table.  rules : those in
+    force, which the user may have changed.
     """
 
     mark: Mark
@@ -62,6 +64,7 @@ class Told:
     setup_seconds: float = 0.0
     resumed: tuple[float, ...] = ()
     rows: int = 0
+    rules: tuple[Rule, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -176,8 +176,8 @@ class Run:
 
         >>> r.change(scheme="iterated", substeps={"mechanical": 4}, inputs={"mechanical": {"load.press": 1.2}})
 
-        A rewind takes changes back with the windows.  A resumed run has them too, but for rules: it begins with those
-        of the scenario.  Raises ScenarioError for what cannot be.
+        A rewind takes changes back with the windows.  A resumed run has them too.
+        Raises ScenarioError for what cannot be.
         """
         control = changed(self._at.control, self.halves, **changes)
         if "rules" in changes:
@@ -242,12 +242,15 @@ class Run:
         """What was recorded and told up to now."""
         seen, said = self._watched.memory
         return Told(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
-                    self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows)
+                    self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
+                    tuple(self.plan.rules))
 
     def _take_up(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Bring everything to where a checkpoint left it."""
         put_back(halves, since, str(self.out))
         told = since.told
+        self.plan = replace(self.plan, rules=told.rules)
+        self.halves = halves_of(halves["thermal"], halves["mechanical"], self.plan, self.scenario.interface)
         self._at, self.ledger, self.noticed = since.committed, told.ledger, list(told.noticed)
         self._framed, self._begun = told.framed, True
         self._watched.put_back(told.seen, told.said)

@@ -21,6 +21,8 @@ def filled(hint: Any) -> Any:
     origin, args, k = get_origin(hint), get_args(hint), next(_number)
     if origin is np.ndarray:
         return np.array([k + 0.5, -0.0, 1 / k]).astype(get_args(args[1])[0])
+    if origin is tuple and get_origin(args[0]) in (Union, UnionType) and NoneType not in get_args(args[0]):
+        return tuple(filled(kind) for kind in get_args(args[0]))
     if origin is tuple:
         return tuple(filled(a) for a in ((args[0],) * 2 if args[1:] == (Ellipsis,) else args))
     if origin in (frozenset, AbstractSet):
@@ -28,7 +30,7 @@ def filled(hint: Any) -> Any:
     if origin in (dict, Mapping):
         return {filled(args[0]): filled(args[1]), filled(args[0]): filled(args[1])}
     if origin in (Union, UnionType):
-        return filled(args[0] if args[1] is NoneType else args[1])
+        return filled(next(a for a in args if a is not NoneType))
     if is_dataclass(hint):
         made: Any = object.__new__(hint)  # its checks, if any, are not what is asked here
         for f in fields(hint):

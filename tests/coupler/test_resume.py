@@ -21,6 +21,8 @@ from coupler.errors import CouplingError, ResultsError
 from coupler.journal import Journal
 from coupler.keeper import versions
 from coupler.resume import resume, resumed
+from coupler.rule import Change, Rule, Substeps, Test, When
+from coupler.runner import Run
 from coupler.scenario import Scenario, load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -85,6 +87,45 @@ def test_cut_and_iterated_windows_resume_anywhere(tmp_path: Path) -> None:
     run(scenario, out, until=cut[0].t + cut[0].H)
     for window in cut[1:4]:
         resume(out, until=window.t + window.H)
+    resume(out)
+    assert differences(whole, out) == []
+
+
+def test_what_a_user_changed_goes_along(tmp_path: Path) -> None:
+    def changed(run: Run) -> None:
+        for progress in run.windows():
+            if progress.number == 8:
+                rule = Rule("rest", When((Test("number", above=9.0, below=14.0),)), (Substeps("thermal", Change(3.0)),))
+                run.change(scheme="staggered", substeps={"mechanical": 2}, rules=[rule])
+            if progress.number == 11 and run.out.stem == "stopped":
+                return
+
+    whole, out = tmp_path / "whole.h5", tmp_path / "stopped.h5"
+    for path in (whole, out):
+        with Run(casting(**{"coupling.end": 0.5}), path) as r:
+            changed(r)
+    done = resume(out)
+    assert set(done.windows.scheme[10:]) == {"staggered"}
+    assert set(done.windows.thermal_solves[11:13]) == {3}
+    assert differences(whole, out) == []
+
+
+ADAPTIVE = {"coupling.end": 2.0, "coupling.windows": None, "coupling.adaptive": {"first": 0.02}}
+AUTO = ADAPTIVE | {"coupling.scheme": "auto"}
+RULES = [{"name": "often", "when": {"number": {"above": 2}}, "cooldown": 3,
+          "do": [{"substeps": {"thermal": "x2", "most": 4}}, {"window": 0.2}]},
+         {"name": "less", "when": {"max_dT": {"above": 2.0}}, "do": [{"retry": {"window": 0.5, "least": 0.02}}]}]
+
+
+@pytest.mark.parametrize("more", [ADAPTIVE, AUTO, ADAPTIVE | {"rules": RULES}],
+                         ids=["adaptive", "auto", "rules"])
+def test_whatever_control_remembers_goes_along(more: dict[str, object], tmp_path: Path) -> None:
+    scenario, whole, out = casting(**more), tmp_path / "whole.h5", tmp_path / "run.h5"
+    rows = run(scenario, whole).windows
+    ends = (rows.t + rows.H)[rows.taken]
+    run(scenario, out, until=ends[3])
+    for k in (5, len(ends) // 2, len(ends) - 3):
+        assert resume(out, until=ends[k]).t[-1] == ends[k]
     resume(out)
     assert differences(whole, out) == []
 
