@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,9 @@ from coupler.resume import resume
 from coupler.rules_replay import replayed, words
 
 sys.path.insert(0, str(Path(__file__).parent))
-from small_scenes import LUMPED_GAP, solve
+from small_scenes import LUMPED_GAP, ROOT, solve
+
+B14 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["B14"]
 
 BASE = LUMPED_GAP.replace("{{h: 5000, T: 933}}}}", "{{h: 5000, T: 933}}, name: film}}").format(
     T0=840, method="sdirk2", scheme="extrapolated", size=1, end=16)
@@ -27,6 +30,34 @@ HOLD = "{name: hold, drive: {load: film, so_that: {T: 835}, lag: 5, least: 0.2, 
 LATE = """{name: late, once: true, when: {T: {below: 839}, t: {above: 8}}, do: [{method: {thermal: backward_euler}},
    {substeps: {thermal: x2}}, {set: {load.film: x.5}}, {scheme: iterated}]}"""
 ENOUGH = "{name: enough, when: {thermal.heat_stored: {of: change, between: [-2000, 0]}}, do: [{stop: at rest}]}"
+
+# A bar that is pulled and creeps, s = K rate^.5; the load begins at 1/33 of what it needs.
+CREEPS = """
+slideline: 1
+units: {temperature: K}
+geometry: plane
+materials:
+  alloy: {rho: 4400, c: 600, k: 20, E: 5.0e10, nu: 0.3, alpha: 0, T_ref: 1200, creep: {K: 1.0e9, m: 0.5, heat: 0}}
+bodies:
+  bar: {mesh: {rectangle: {origin: [0, 0], size: [0.02, 0.01], cells: [2, 1]}}, material: alloy, T0: 1200}
+thermal:
+  half: lumped
+mechanical:
+  half: elastic
+  elastic:
+    boundary:
+      - {on: bar.left, u_x: 0}
+      - {on: bar.bottom, u_y: 0}
+      - {on: bar.right, t_x: 1.0e6, name: pull}
+coupling:
+  scheme: staggered
+  end: 60
+  windows: [{until: 60, size: 1}]
+probes:
+  u: {u_x: bar.right.centre}
+rules:
+  - {name: hold the strain rate, drive: {load: pull, so_that: {max_strain_rate: 1.0e-3}}}
+"""
 
 
 def ruled(folder: Path, *rules: str, **overrides: object) -> Results:
@@ -61,6 +92,21 @@ def test_a_film_driven_so_that_a_probe_holds_its_target(tmp_path: Path) -> None:
     page = write_report(told, tmp_path / "run.html").read_text(encoding="utf-8")
     assert f"hold: fired {rule.times} times" in page
     assert rule.last[-1].did in page
+
+
+def test_a_bar_pulled_at_a_constant_strain_rate(tmp_path: Path) -> None:
+    """The elastic half tells increments of E_11 = (F2 - 1)/2 only; its rate over F2 is that of the true strain.
+
+    Without volume change t_x on the reference surface = s_11/F, s_11 = 2/sqrt3 K (2/sqrt3 rate)^.5 (plane strain).
+    """
+    told = solve(tmp_path, CREEPS)
+    rates = [f.values["mechanical.max_strain_rate"] for f in told.firings]
+    assert rates[20:] == pytest.approx([1e-3] * (len(rates) - 20), rel=B14["rate_held_within"])
+    F2 = (1.0 + told.probe("u")[1] / 0.02)**2
+    assert 0.5 * np.diff(F2)[20:] == pytest.approx(rates[20:], rel=2e-3)
+    F2 = F2[-2:].mean()
+    needed = 2.0 / np.sqrt(3.0) * 1e9 * (2.0 / np.sqrt(3.0) * 1e-3 / F2)**0.5 / F2**0.5
+    assert float(told.firings[-1].text.split()[-1]) * 1e6 == pytest.approx(needed, rel=0.01)
 
 
 def test_method_substeps_load_and_scheme_of_real_halves(tmp_path: Path) -> None:
