@@ -183,9 +183,9 @@ def _one_of_form(kinds: Kinds) -> Form:
     # The forms are found when first used: one of them may hold the union again.
     def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
         name = type(value).__name__
-        kind: Any = kinds.get(name)
-        if kind is not type(value):
+        if kinds.get(name) is not type(value):
             raise WireError(f"{path}: one of {', '.join(sorted(kinds))} was expected, not {name}")
+        kind: Any = kinds[name]
         return [name, _form_of(kind).pack(value, path, arrays)]
 
     def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
