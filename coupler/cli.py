@@ -20,6 +20,8 @@ from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.launch import build_halves
 from coupler.outset import plan_of
+from coupler.pilot import is_quick
+from coupler.pilot import pilot as pilot_run
 from coupler.plan import Plan
 from coupler.report import write_report
 from coupler.results import Results
@@ -60,7 +62,9 @@ def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | Non
 @app.command("check")
 def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOption = None,
                   rules: Annotated[Path | None, typer.Option(
-                      "--rules", metavar="RUN", help="A results file: say which rules would have fired in it.")] = None
+                      "--rules", metavar="RUN", help="A results file: say which rules would have fired in it.")] = None,
+                  pilot: Annotated[bool, typer.Option(
+                      "--pilot", help="Run some long windows first, and say how long windows may be.")] = False
                   ) -> None:
     """Read a scenario and say what it would run, without running it."""
     s = _scenario(scenario, sets, swaps)
@@ -84,6 +88,8 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"  probes: {', '.join(s.probes) or 'none'}")
     for note in s.notes:
         typer.echo(f"  note: {note}")
+    if pilot or is_quick(s):
+        typer.echo(f"  stable windows, from a pilot run: {pilot_run(s).words}")
 
 
 def _sizes(sizes: Sequence[float], plan: Plan) -> str:
