@@ -11,6 +11,7 @@ from coupler.errors import ScenarioError
 from coupler.iteration import Iteration
 from coupler.level import Scheme
 from coupler.rule import Rule
+from coupler.rules_fit import unfit
 from coupler.window import Halves
 
 METHOD, SIDES = "control.method", ("thermal", "mechanical")
@@ -37,6 +38,9 @@ def changed(control: ControlState, halves: Halves, **changes: Unpack[Changes]) -
     """Control with these settings from the next window on.  Raises ScenarioError for what cannot be."""
     if unknown := set(changes) - set(Changes.__annotations__):
         raise _refused(min(unknown), "", f"What can be changed: {', '.join(Changes.__annotations__)}")
+    blocks = {"thermal": halves.thermal.blocks, "mechanical": halves.mechanical.blocks}
+    if lacks := unfit(changes.get("rules", ()), blocks):
+        raise _refused("rules", None, "; ".join(lacks))
     settings = control.settings
     if "scheme" in changes:
         settings = replace(settings, scheme=_scheme(changes["scheme"]))

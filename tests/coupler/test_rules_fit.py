@@ -7,13 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from coupler.changes import changed
+from coupler.control_state import ControlState
+from coupler.errors import ScenarioError
 from coupler.half import Block
+from coupler.level import Scheme
 from coupler.rule import Change, Drive, Give, Rule, Stop, Test, When
 from coupler.rules_fit import unfit
+from coupler.settings import Settings
+from coupler.window import wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import blocks_of
-from ruled_run import heating, scalar
+from ruled_run import heating, scalar, still
 
 MECHANICAL = blocks_of(scalar("max_strain_increment", "output"), scalar("load.p", "input"),
                        Block("reaction.ram", (2,), "N", "output", "Real"), Block("t", (50,), "Pa", "output", "Real"),
@@ -44,3 +50,11 @@ def test_inputs() -> None:
                drive=Drive("thermal", "bc.lamp", "t", 1.0, 1.0, 0.0, 2.0, log=False, gain=1.0))
     assert unfit([good, bad], BLOCKS) == ["rule 'bad': the mechanical half has no input control.method",
                                           "rule 'bad': the thermal half has no input bc.lamp"]
+
+
+def test_a_user_cannot_give_a_run_rules_that_its_halves_do_not_fit() -> None:
+    control = ControlState(Settings(Scheme.STAGGERED, {"thermal": 1, "mechanical": 1}))
+    halves = wanted_outputs(heating(), still())
+    assert changed(control, halves, rules=[watching("thermal.max_dT")]) == control
+    with pytest.raises(ScenarioError, match="rule 'r': the thermal half gives out no max_strain_rate"):
+        changed(control, halves, rules=[watching("thermal.max_strain_rate")])
