@@ -14,7 +14,7 @@ from coupler.columns import WINDOW_FIELDS
 KILLED = {"outcome": "killed", "message": "the run was killed; this is all it had written"}
 # What was spent on windows that were rewound is not forgotten with them.
 SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "mechanical_seconds", "fmi_seconds",
-         "seconds")
+         "recording_seconds", "seconds")
 
 Record = tuple[str, dict[str, Any], dict[str, NDArray[Any]]]
 

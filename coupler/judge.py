@@ -150,8 +150,8 @@ def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> Contr
 def _as_planned(facts: Facts, error: Estimate | None) -> float:
     """The size that was planned for a window made shorter to end at a kink or an event, unless its error is large; 0.
 
-    A rest of a microsecond before a kink is no reason to begin with microseconds after it, and its error, mostly that of
-    the iteration, tells nothing of longer ones.
+    A rest of a microsecond before a kink is no reason to begin with microseconds after it, and its error, mostly that
+    of the iteration, tells nothing of longer ones.
     """
     planned = facts.at.control.size
     return planned if planned > facts.H and (error is None or error.size <= stepsize.AIM) else 0.0

@@ -154,7 +154,7 @@ class Results:
     def seconds_by_part(self) -> dict[str, float]:
         """Where the wall-clock seconds went; the coupler's are what is left when all others are taken out."""
         w = self.windows
-        parts = {name: float(w[column].sum()) for name, column in (
+        parts = {name: float(w[column].sum()) + self.rewound.get(column, 0.0) for name, column in (
             ("thermal half", "thermal_seconds"), ("mechanical half", "mechanical_seconds"),
             ("FMI and transport", "fmi_seconds"), ("recording", "recording_seconds"))}
         # A killed run left no totals: its windows are then all that is known.

@@ -11,6 +11,7 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from coupler.errors import ResultsError
+from coupler.report.control import choices, errors_picture, event_rows, short_windows
 from coupler.report.curves import probe_pictures
 from coupler.report.facts import banner, rejected_windows, scenario_facts, summary
 from coupler.report.heat import depth_of, heat_picture, heat_table
@@ -57,7 +58,9 @@ def render(results: Results) -> str:
         title=results.header["title"], banner=banner(results), summary=summary(results),
         facts=scenario_facts(results), probes=probe_pictures(results), fields=fields,
         heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
-        windows=windows_picture(results), iterates=iterates_picture(results), shares=parts,
+        choices=choices(results), short=short_windows(results), events=event_rows(results),
+        errors=errors_picture(results), windows=windows_picture(results),
+        iterates=iterates_picture(results), shares=parts,
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
         rejected_count=rejected_count, rules=rules_that_fired(results), notes=[*_notes(results), *remarks],
         versions=results.header["versions"], scenario=results.header["scenario"]["text"],
