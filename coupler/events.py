@@ -37,6 +37,9 @@ TRUST = 0.2
 LONGER = 0.25
 # Two reckonings of where a try was to end, before it and after it, agree to this share of the window.
 CLOSE = 1e-3
+# What has turned back so often in the window after it turned flutters: it is no longer looked for until it has stayed
+# as it is for so many windows.
+FLUTTERS, STAYS = 3, 10
 # Halving needs 20 tries for 1e-6.
 MAX_TRIES = 40
 
@@ -49,6 +52,7 @@ class Memory:
     was left fell before that [unit/s].  tried : at the ends tried since the last of the trail.
     turned : when each status changed last [s]; -1: never.  aim : the tick at which a try was asked to end; 0: none.
     due : which are to change at once in this window; coming : in the one after this try.
+    flutters : how often each turned back in the window after it turned; stayed : for how many windows it did not turn.
     """
 
     trail: tuple[Sight, ...] = ()
@@ -58,6 +62,12 @@ class Memory:
     aim: int = 0
     due: tuple[int, ...] = ()
     coming: tuple[int, ...] = ()
+    flutters: tuple[int, ...] = ()
+    stayed: tuple[int, ...] = ()
+
+    def looked_for(self, i: int, t0: float) -> bool:
+        """Whether a change of status i is located in a window that begins at t0 [s]."""
+        return self.turned[i] != t0 and i not in self.due and self.flutters[i] < FLUTTERS
 
 
 @dataclass(frozen=True)
@@ -84,11 +94,11 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
     if not flipped:
         return _before(before, memory, reach, plan)
     # What turns back in the first window after it turned is a flutter of the window's size: not cut, only told.
-    fresh = [i for i in flipped if memory.turned[i] != reach.t0 and i not in memory.due
-             and not _of_the_kink(memory, i, reach)]
+    fresh = [i for i in flipped if memory.looked_for(i, reach.t0) and not _of_the_kink(memory, i, reach)]
     if not fresh:
-        turned = any(memory.turned[i] == reach.t0 for i in flipped)
-        text = f"{_told(sight.status, flipped, plan)} again within one window"
+        back = any(memory.turned[i] == reach.t0 for i in flipped)
+        turned = back or any(memory.flutters[i] >= FLUTTERS for i in flipped)
+        text = f"{_told(sight.status, flipped, plan)} again{' within one window' if back else ', and flutters'}"
         return (Found(span.k1, True, text) if turned else None), memory
     text = _told(sight.status, fresh, plan)
     searches = [s for s in (Search(i, memory.trail, memory.tried, reach) for i in fresh) if not s.done]
@@ -113,9 +123,13 @@ def settled(memory: Memory, start: Level, solved: Solved) -> Memory:
     sight = next((s for s in memory.tried if s.t == solved.state.now.t), None)
     if sight is None or not memory.trail:
         return Memory()
-    flipped = changed(memory.trail[-1], sight)
-    turned = tuple(sight.t if i in flipped else t for i, t in enumerate(memory.turned))
-    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned, due=memory.coming)
+    flipped, n = changed(memory.trail[-1], sight), range(len(memory.turned))
+    back = [i for i in flipped if memory.turned[i] == start.t]
+    turned = tuple(sight.t if i in flipped else memory.turned[i] for i in n)
+    stayed = tuple(0 if i in flipped else memory.stayed[i] + 1 for i in n)
+    flutters = tuple(0 if stayed[i] >= STAYS else memory.flutters[i] + (i in back) for i in n)
+    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned, due=memory.coming, flutters=flutters,
+                  stayed=stayed)
 
 
 def forgotten(memory: Memory) -> Memory:
@@ -133,7 +147,8 @@ def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
     if memory.trail and memory.trail[-1].t == start.t:
         return memory
     first = seen(plan.locate.places, start, {})
-    return Memory((first,), (), (), (-1.0,) * len(first.status))
+    n = len(first.status)
+    return Memory((first,), turned=(-1.0,) * n, flutters=(0,) * n, stayed=(0,) * n)
 
 
 def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Reach:
@@ -149,8 +164,7 @@ def _aim(memory: Memory, reach: Reach) -> float | None:
     ends = []
     for i in range(len(memory.turned)):
         found = Search(i, memory.trail, memory.tried, reach).ahead()
-        known = memory.turned[i] == reach.t0 or i in memory.due
-        if known or found is None or found.doubt > TRUST * (found.t - reach.t0):
+        if found is None or not memory.looked_for(i, reach.t0) or found.doubt > TRUST * (found.t - reach.t0):
             continue
         # So near to a kink, or to the start, there is nothing to cut.
         if found.t - reach.t0 <= reach.least or found.t >= reach.t1 - reach.near:
@@ -173,7 +187,7 @@ def _before(before: Memory, memory: Memory, reach: Reach, plan: Plan) -> tuple[F
         if aim is None or abs(aim - reach.end) > CLOSE * (reach.end - reach.t0):
             return None, memory
     searches = [Search(i, memory.trail, memory.tried, reach) for i in range(len(memory.turned))
-                if memory.turned[i] != reach.t0 and i not in memory.due]
+                if memory.looked_for(i, reach.t0)]
     due = [s.i for s in searches if s.done]
     if due:
         text = _told([NEXT[s] for s in memory.trail[-1].status], due, plan)
