@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import TracebackType
 
+from coupler.along_heat import solve_along_heat
 from coupler.adiabatic import check_adiabatic, with_mode
 from coupler.auto import runs_away
 from coupler.errors import CouplingError
@@ -73,6 +74,8 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
                 kept.put_back("a window is to be solved once")
                 followed = ONCE[Scheme.STAGGERED](halves, state, span).solved(state, solved.course)
                 return replace(followed, work=solved.work.plus(followed.work), scheme=Scheme.STAGGERED)
+        elif way.scheme is Scheme.ALONG_HEAT:
+            solved = solve_along_heat(halves, state, span, lambda: kept.put_back("a first window is solved again"))
         elif way.curve != 0.0:
             solved = extrapolated(halves, state, span, way.curve).solved(state)
         else:

@@ -21,6 +21,7 @@ class Scheme(Enum):
     EXTRAPOLATED = "extrapolated"  # thermal first, on geometry predicted to the middle of the substep; second order
     ADIABATIC = "adiabatic"  # mechanics at frozen entropy, then thermal from the T that leaves (coupler.adiabatic)
     AUTO = "auto"  # the cheapest that is safe, window by window (coupler.auto)
+    ALONG_HEAT = "along_heat"  # thermal first, on geometry drawn on along the heat stored (coupler.along_heat)
     ITERATED = "iterated"  # mechanics, then thermal, again and again until nothing changes; second order
 
 
@@ -31,6 +32,7 @@ class Level:
     t [s].  T : (n_nodes,) [K].  x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], <= 0.
     gap : (n_s,) [m], covered : (n_s,) in [0, 1]; for records.
     f_s : (n_nodes,) solid fraction, where the thermal half has it: something melts.
+    heat : (n_bodies,) [J] stored since the start of the run, bodies in the order of their names; None before it is told.
     """
 
     t: float
@@ -40,6 +42,7 @@ class Level:
     gap: Array
     covered: Array
     f_s: Array | None = None
+    heat: Array | None = None
 
 
 Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window

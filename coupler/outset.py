@@ -25,7 +25,7 @@ from coupler.window import CoupledState, Halves, wanted_outputs
 Array = NDArray[np.float64]
 
 # Schemes that solve a window more than once.
-NEED_STATES = frozenset({Scheme.ITERATED, Scheme.AUTO})
+NEED_STATES = frozenset({Scheme.ITERATED, Scheme.AUTO, Scheme.ALONG_HEAT})
 
 
 def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from coupler.account import EnergyAccount, delivered, with_made
 from coupler.curve import drawn_on
 from coupler.level import Level, Scheme, Slope, exchanged
-from coupler.sweep import Pass, Sent, mechanical_pass, thermal_pass
+from coupler.sweep import Leading, Pass, Sent, mechanical_pass, stored, thermal_pass
 from coupler.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Swept:
         return Solved(Verdict.ACCEPTED, "", new, self.terms, self.work, self.monitors, course)
 
 
-def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | None) -> Swept:
+def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | Leading | None) -> Swept:
     """Thermal, then mechanics with the new T.  Heat made in the window is due in the next."""
     thermal = thermal_pass(halves, state, span.times("thermal"), slope, Work())
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
@@ -85,12 +85,21 @@ def _swept(state: CoupledState, span: Span, thermal: Pass, mechanical: Pass,
            end: tuple[Mapping[str, EnergyAccount], Pass]) -> Swept:
     """end : the accounts after the window, and the pass that came last."""
     accounts, last = end
-    now = _level(state.now, span, thermal.outputs, mechanical.outputs)
+    now = replace(_level(state.now, span, thermal.outputs, mechanical.outputs), heat=_heat(state.now, thermal))
     monitors = {"touching": float(mechanical.outputs.get("contact.touching", np.zeros(()))),
                 "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0)),
                 **{f"thermal.{n}": v for n, v in thermal.told.items()},
                 **{f"mechanical.{n}": v for n, v in mechanical.told.items()}}
     return Swept(now, accounts, last.sent, thermal.terms, last.work, monitors)
+
+
+def _heat(start: Level, thermal: Pass) -> Array | None:
+    """Heat stored by each body since the start of the run; None where the thermal half tells none."""
+    taken = [stored(terms) for terms in thermal.terms]
+    if not taken or taken[0].size == 0:
+        return None
+    found: Array = np.sum(taken, axis=0)
+    return found if start.heat is None else start.heat + found
 
 
 def _level(start: Level, span: Span, thermal: Mapping[str, Array], mechanical: Mapping[str, Array]) -> Level:

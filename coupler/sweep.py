@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from coupler.window import CoupledState, Halves, Verdict, Work
 
 Array = NDArray[np.float64]
 Sent = Mapping[str, Mapping[str, Array]]
+STORED = PREFIX + "stored."
 
 # Forces and motions of a body: blocks of so many values are told value by value.
 FEW = 3
@@ -62,18 +64,28 @@ class _Call:
     outputs: tuple[str, ...]
 
 
-def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | None, done: Work,
+class Leading(Protocol):
+    """What tells x and t_N of a substep from the heat stored so far (coupler.along_heat)."""
+
+    def seen(self, t0: float, t1: float, stored: Array, pace: Array | None) -> tuple[Array, Array]: ...
+
+
+def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
                  at_end: bool = False) -> Pass:
     """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once.
 
     times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
     done : the work before.  Raises DiscardError.
     """
-    H, sent, work, terms = times[-1] - times[0], state.sent, done, []
+    H, sent, work = times[-1] - times[0], state.sent, done
+    terms: list[dict[str, float]] = []
     outputs: Mapping[str, Array] = {}
     told: Mapping[str, float] = {}
     for t0, t1 in pairwise(times):
-        x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
+        if slope is None or isinstance(slope, tuple):
+            x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
+        else:
+            x, t_N = slope.seen(t0, t1, *_stored(terms, times))
         inputs = {**_given(halves, "thermal"),
                   "x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
@@ -84,6 +96,20 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX)})
         told = _told(told, outputs)
     return Pass(outputs, sent, work, tuple(terms), told=told)
+
+
+def _stored(terms: list[dict[str, float]], times: list[float]) -> tuple[Array, Array | None]:
+    """Heat stored by each body in the substeps so far [J], and the pace of the last one [W]."""
+    if not terms:
+        return np.zeros(()), None
+    each = np.array([stored(t) for t in terms])
+    k = len(terms)
+    return each.sum(axis=0), each[-1] / (times[k] - times[k - 1])
+
+
+def stored(terms: Mapping[str, float]) -> Array:
+    """(n_bodies,) [J] of the heat terms of a substep, bodies in the order of their names."""
+    return np.array([terms[n] for n in sorted(terms) if n.startswith(STORED)])
 
 
 def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end: Mapping[str, Array],

@@ -111,6 +111,7 @@ def freezing(rod: Freezing, method: str = "sdirk2", damped: int = 4) -> FakeHalf
 
     def rule(state: Array, inputs: dict[str, Array], t: float, h: float) -> tuple[Array, dict[str, Array]]:
         s, begun = state[:-1], state[-1]
+        before = float(rod.mass @ parts(s)[2])
         film = K_G / (max(float(inputs["x"][0, 1]), 0.0) + G_M)
         if begun == 0.0:
             for _ in range(damped):
@@ -118,11 +119,12 @@ def freezing(rod: Freezing, method: str = "sdirk2", damped: int = 4) -> FakeHalf
         else:
             s = rod.step(method, s, h, film)
         T, f, _ = parts(s)
-        return np.append(s, 1.0), {"T": T, "f_s": f}
+        gained = np.array(float(rod.mass @ parts(s)[2]) - before)
+        return np.append(s, 1.0), {"T": T, "f_s": f, "heat.stored.rod": gained}
 
     m = rod.n + 1
     blocks = blocks_of(Block("T", (m,), "K", "output", "Real"), Block("f_s", (m,), "1", "output", "Real"),
-                       Block("x", (1, 2), "m", "input", "Real"))
+                       Block("x", (1, 2), "m", "input", "Real"), Block("heat.stored.rod", (), "J", "output", "Real"))
     return FakeHalf("freezing rod", blocks, rule, np.append(np.full(m, T_0 + MUSH), 0.0))
 
 
