@@ -24,7 +24,8 @@ sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "tests" / "stability")]
 TITLES = {
     "E1": "E1  thermoelastic bar, T held", "E3b": "E3b  rod, three steady states", "E3c": "E3c  rod, chatter",
     "E4": "E4  lumped gap, backward Euler", "E4 midpoint": "E4  lumped gap, midpoint rule",
-    "E5": "E5  aluminium given T, steel given heat", "D9": "D9  rod, clearance closes", "D13": "D13  rod grows into contact"}
+    "E5": "E5  aluminium given T, steel given heat", "D9": "D9  rod, clearance closes",
+    "D13": "D13  rod grows into contact"}
 
 
 def cells(names: list[str], quick: bool) -> list[dict[str, object]]:
@@ -87,7 +88,8 @@ def told(numbers: dict[str, list[dict[str, object]]]) -> str:
     text += f"\n\nauto not right where a fixed scheme is: {len(behind)}\n" + "\n".join(map(str, behind))
     cycles = [c for c in numbers["cells"] if c["outcome"] == "cycles"]
     lasting = [(c["case"], c["way"], c["factor"], c["disturbance"]) for c in cycles if not ends(c, numbers["cells"])]
-    text += f"\n\n{len(cycles)} cells cycle; smaller windows end all but {len(lasting)}\n" + "\n".join(map(str, lasting))
+    text += f"\n\n{len(cycles)} cells cycle; smaller windows end all but {len(lasting)}\n"
+    text += "\n".join(map(str, lasting))
     if numbers["limits"]:
         text += "\n\n" + table([{
             "case": x["case"], "scheme": x["scheme"], "method": x["method"], "predicted": f"{x['predicted']:.6g}",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import TracebackType
 
-from coupler.along_heat import solve_along_heat
 from coupler.adiabatic import check_adiabatic, with_mode
+from coupler.along_heat import solve_along_heat
 from coupler.auto import runs_away
 from coupler.errors import CouplingError
 from coupler.iterate import solve_iterated

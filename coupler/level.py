@@ -32,7 +32,7 @@ class Level:
     t [s].  T : (n_nodes,) [K].  x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], <= 0.
     gap : (n_s,) [m], covered : (n_s,) in [0, 1]; for records.
     f_s : (n_nodes,) solid fraction, where the thermal half has it: something melts.
-    heat : (n_bodies,) [J] stored since the start of the run, bodies in the order of their names; None before it is told.
+    heat : (n_bodies,) [J] stored since the start of the run, bodies in the order of their names; None: not told yet.
     """
 
     t: float
