@@ -34,7 +34,8 @@ SAFE = 0.45
 MOVES_FIRST = 0.9
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
-DRIVEN = 0.8
+# A ratio below 0 by less than this share of the largest is none that turns round.
+DRIVEN, ALONG = 0.8, 0.1
 # rho is measured again after so many windows, twice as many each time, for it drifts with T and the gap.
 FIRST_REST, LONGEST_REST = 4, 64
 # Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
@@ -109,7 +110,7 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
         return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=True)
-    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, curve {curve:.2g}", curve)
+    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s", curve)
 
 
 def _times(state: CoupledState) -> list[float]:
@@ -128,7 +129,12 @@ def stable_window(memory: Memory) -> float:
 
 def runs_away(course: Course | None) -> bool:
     """Whether an iterated window lies past where implicit steps follow what drives itself on."""
-    return course is not None and max(course.ratios, default=0.0) > DRIVEN
+    return course is not None and _drives_on(course) and course.contraction > DRIVEN
+
+
+def _drives_on(course: Course) -> bool:
+    """Whether no iterate turned round.  Where fronts move some do and some do not: nothing is to be learnt there."""
+    return min(course.ratios, default=-1.0) > -ALONG * course.contraction
 
 
 def loosened(how: Iteration) -> Iteration:
@@ -175,9 +181,9 @@ class Measure:
         """course : of the window.  seen : as of `learn`."""
         if course is None or math.isnan(course.contraction):
             return Measure()
-        last = course.ratios[-1] if course.ratios else -course.contraction
-        return Measure(course.contraction * (0.5 if seen is Seen.END else 1.0), last > 0.0,
-                       course.contraction > ROUGH * abs(last))
+        last = abs(course.ratios[-1]) if course.ratios else course.contraction
+        return Measure(course.contraction * (0.5 if seen is Seen.END else 1.0), _drives_on(course),
+                       course.contraction > ROUGH * last)
 
 
 def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Memory:

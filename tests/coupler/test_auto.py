@@ -13,7 +13,7 @@ import pytest
 
 from contact.messages import decode, encode, kinds_of
 from coupler import auto
-from coupler.auto import SAFE, Memory, choose, forgotten, learn, stable_window
+from coupler.auto import SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
 from coupler.iteration import Acceleration, Iteration, Seen
 from coupler.level import Scheme
 from coupler.window import Course, Solved, Verdict, Work
@@ -82,7 +82,7 @@ def test_what_it_measures_is_the_contraction_and_tells_the_stable_window():
     assert memory.rho == pytest.approx(rho, rel=1e-3)
     assert (memory.H, memory.driven) == (pytest.approx(H), False)
     assert stable_window(memory) == pytest.approx(H * SAFE / rho, rel=1e-3)
-    assert f"contraction {rho:.2g}, curve" in tried[-1].reason
+    assert f"contraction {rho:.2g}, stable up to {H * SAFE / rho:.2g} s" in tried[-1].reason
 
 
 def test_it_measures_anew_after_a_kink_and_less_and_less_often():
@@ -113,6 +113,9 @@ def test_what_drives_itself_on_is_followed_by_windows_solved_once():
     assert float(state.now.T[0]) == pytest.approx(900.0 + 3.0**5)
     assert set(schemes(tried)) == {Scheme.STAGGERED}
     assert tried[0].solved.work.thermal_solves >= 3
+    assert runs_away(Course((), (), 1.5, (1.5, 1.4, -0.1)))
+    assert not runs_away(Course((), (), 1.5, (1.5, -0.4, 1.4)))
+    assert not runs_away(Course((), (), 0.7, (0.7,)))
     assert "drives itself on" in tried[1].reason
 
 
