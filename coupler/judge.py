@@ -111,7 +111,9 @@ def _ruled(facts: Facts, found: _Found) -> Judged:
     watch = control.cycle.plus(facts.at.state.now, solved.state.now)
     done = acted(watch, fired.settings, plan.on_cycle, shown)
     if done.cut:
-        again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=done.settings)
+        # With the window goes what rules changed in it.
+        settings = acted(watch, control.settings, plan.on_cycle, shown).settings
+        again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
         return Judged(_put_back(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
     control = _taken(facts, found, replace(fired, settings=done.settings))
     return Judged(solved, replace(control, cycle=done.watch), done.notes, found.error,

@@ -7,6 +7,7 @@ import math
 from coupler.control_state import ControlState
 from coupler.estimate import Estimate
 from coupler.ledger import PREFIX, Ledger
+from coupler.sweep import OF_A_SUBSTEP
 from coupler.window import Solved, Span
 
 
@@ -16,12 +17,16 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
     t : where it ends.  window : its size [s].  number : of it, from 1.  failures : tries rejected before it.
     iterations, contraction : of the exchange; contraction is missing where it is not known.  error, error.QUANTITY,
     splitting.QUANTITY, own.QUANTITY : in tolerances, where known.  imbalance : of its heat.  max_T, max_p, touching.
-    thermal.NAME, mechanical.NAME : scalars the halves told; iterations are sums over the window.
+    thermal.NAME, mechanical.NAME : scalars the halves told; iterations are sums over the window.  Where it was solved
+    in two halves too, all that depends on the length of a step is of the window in one: a rule means the same then.
     """
-    course, work = solved.course, solved.work
+    one = solved.whole or solved
+    course, work = one.course, one.work
     found = {"t": span.end, "window": span.end - span.clock.seconds(span.k0), "number": float(control.number + 1),
              "failures": float(control.failures), "iterations": float(len(course.misfits)) if course else 1.0,
-             **solved.monitors, "thermal.iterations": float(work.thermal_iterations),
+             **solved.monitors,
+             **{n: v for n, v in one.monitors.items() if n.partition(".")[2].startswith(OF_A_SUBSTEP)},
+             "thermal.iterations": float(work.thermal_iterations),
              "mechanical.iterations": float(work.mechanical_iterations)}
     if course is not None and not math.isnan(course.contraction):
         found["contraction"] = course.contraction

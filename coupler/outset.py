@@ -16,7 +16,7 @@ from coupler.measure import measure
 from coupler.monitor_names import outputs
 from coupler.plan import Locate, Plan
 from coupler.rules import wanted
-from coupler.rules_fit import unfit
+from coupler.rules_fit import schemes_of, unfit
 from coupler.scenario import Scenario
 from coupler.schedule import schedule
 from coupler.sights import looked_at, places_of
@@ -35,7 +35,8 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
     interface = scenario.interface
     expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
                 "geometry": interface.geometry}
-    if scenario.coupling.scheme is Scheme.ADIABATIC:
+    schemes = {scenario.coupling.scheme, *schemes_of(scenario.rules)}
+    if Scheme.ADIABATIC in schemes:
         check_adiabatic(thermal, mechanical, scenario.coupling.substeps)
     for half in (thermal, mechanical):
         for name, value in expected.items():
@@ -45,7 +46,7 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
                                 half=half.name)
         if half.can_save:
             continue
-        if scenario.coupling.scheme in NEED_STATES:
+        if schemes & NEED_STATES:
             raise HalfError("keeps no states, so its windows cannot be iterated; give another coupling.scheme",
                             half=half.name)
         if scenario.coupling.adaptive is not None or scenario.coupling.locate:

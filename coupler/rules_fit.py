@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from coupler.half import Block
+from coupler.level import Scheme
 from coupler.monitor_names import COUPLER, INCREMENT, RATE, outputs
-from coupler.rule import Give, Rule
+from coupler.rule import Give, Rule, UseScheme
 from coupler.sweep import FEW
 
 Blocks = Mapping[str, Mapping[str, Block]]
@@ -15,6 +16,11 @@ Blocks = Mapping[str, Mapping[str, Block]]
 def unfit(rules: Iterable[Rule], blocks: Blocks) -> list[str]:
     """A sentence on everything that a half lacks.  blocks : half ("thermal", "mechanical") -> what it has."""
     return [f"rule {rule.name!r}: {lack}" for rule in rules for lack in _lacks(rule, blocks)]
+
+
+def schemes_of(rules: Iterable[Rule]) -> frozenset[Scheme]:
+    """Those that rules may change to."""
+    return frozenset(a.scheme for rule in rules for a in rule.do if isinstance(a, UseScheme))
 
 
 def _lacks(rule: Rule, blocks: Blocks) -> Iterator[str]:

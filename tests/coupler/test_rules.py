@@ -16,7 +16,7 @@ from coupler.control import Plan, windows
 from coupler.drive import Driven
 from coupler.errors import CouplingError
 from coupler.level import Scheme
-from coupler.plan import OnCycle
+from coupler.plan import Adaptive, OnCycle
 from coupler.rule import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
 from coupler.rules import Memory, Past, fire, fire_failed
 from coupler.schedule import WindowRange, schedule
@@ -138,6 +138,18 @@ def test_a_retry_stops_at_its_least():
 def test_a_rule_that_is_never_content_ends_the_run_in_its_own_words():
     with pytest.raises(CouplingError, match=r"rule 'never': window put back, x0\.5; the window was halved 10 times"):
         ruled([Rule("never", When(), (Retry(0.5),))], (heating(), still()), (2.0, 2))
+
+
+def test_windows_that_find_their_own_size_are_put_back_too():
+    """They grow until 2 K a window is passed; the rule then cuts them, and is content at its least."""
+    adaptive = Adaptive(first=0.1, least=0.05, most=1.0)
+    soft = Rule("soft", HOT, (Retry(0.5, least=0.05),))
+    tried = ruled([soft], (heating(), still()), (4.0, 4), plan={"adaptive": adaptive})
+    assert max(sizes(tried)) <= 0.2
+    assert tried[-1].solved.state.now.T[0] == pytest.approx(340.0)
+    tried = ruled([replace(soft, do=(Retry(0.5, least=0.3),))], (heating(), still()), (4.0, 4),
+                  plan={"adaptive": adaptive})
+    assert 0.3 <= max(sizes(tried)) < 0.6
 
 
 def test_once_holds_for_a_window_that_is_put_back():
