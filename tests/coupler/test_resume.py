@@ -111,7 +111,7 @@ def test_what_a_user_changed_goes_along(tmp_path: Path) -> None:
 
 
 ADAPTIVE = {"coupling.end": 2.0, "coupling.windows": None, "coupling.adaptive": {"first": 0.02}}
-AUTO = ADAPTIVE | {"coupling.scheme": "auto"}
+AUTO = {"coupling.end": 0.3, "coupling.scheme": "auto"}
 RULES = [{"name": "often", "when": {"number": {"above": 2}}, "cooldown": 3,
           "do": [{"substeps": {"thermal": "x2", "most": 4}}, {"window": 0.2}]},
          {"name": "less", "when": {"max_dT": {"above": 2.0}}, "do": [{"retry": {"window": 0.5, "least": 0.02}}]}]
