@@ -26,8 +26,8 @@ from coupler.runner import Run
 from coupler.scenario import Scenario, load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "benchmarks")]
-from kills import Case, differences, kill_and_resume  # noqa: E402
+sys.path.insert(0, str(Path(__file__).parent))
+from killed_runs import Case, differences, kill_and_resume  # noqa: E402
 
 CASTING = {"coupling.end": 2.0, "output.fields.every": 7, "output.checkpoint": 0}
 # Windows are cut again and again: three iterations are too few for most.
@@ -140,7 +140,7 @@ def test_killed_at_random_and_resumed(tmp_path: Path) -> None:
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", ["casting_1d", "sliding_blocks"])
 def test_killed_as_often_as_the_page_says(name: str, tmp_path: Path) -> None:
-    from kills import CASES
+    from killed_runs import CASES
 
     count = kill_and_resume(CASES[name], tmp_path, seed=1)
     assert (count.kills, count.different) == (CASES[name].kills, [])

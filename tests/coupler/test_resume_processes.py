@@ -17,8 +17,8 @@ from coupler.progress import Progress
 from coupler.resume import resume, resumed
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-from kills import differences  # noqa: E402
+sys.path.insert(0, str(Path(__file__).parent))
+from killed_runs import differences  # noqa: E402
 
 SCENARIO = ROOT / "scenarios/casting_1d.yaml"
 CHANGED = {"coupling.end": 0.5, "output.checkpoint": 0}
