@@ -11,7 +11,7 @@ COLOURS = {"right": "#0072B2", "iterates": "#56B4E9", "cycles": "#F0E442", "wron
 MARKS = {"right": "", "iterates": "i", "cycles": "~", "wrong": "!", "failed": "x"}
 MEANING = {"right": "right", "iterates": "right, some window takes more than 15 iterations",
            "cycles": "goes up and down from window to window", "wrong": "at rest elsewhere, too slow, or growing",
-           "failed": "iterations do not end"}
+           "failed": "60 iterations do not end, or no number"}
 A_FIGURE = 4  # panels
 
 

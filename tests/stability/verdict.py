@@ -43,14 +43,13 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Way:
-    """A scheme, and how it iterates.  frozen : the mechanical half is told to step at frozen entropy."""
+    """A scheme, and how it iterates."""
 
     name: str
     scheme: Scheme
     acceleration: Acceleration = Acceleration.IQN_ILS
     relaxation: float = 1.0
     on_max: OnMax = OnMax.STOP
-    frozen: bool = False
 
     def how(self, case: Case) -> Iteration:
         return replace(case.how, acceleration=self.acceleration, relaxation=self.relaxation, on_max=self.on_max)
@@ -63,7 +62,7 @@ FIXED = (
     Way("iterated, constant .5", Scheme.ITERATED, Acceleration.CONSTANT, 0.5),
     Way("iterated, aitken", Scheme.ITERATED, Acceleration.AITKEN),
     Way("iterated, iqn-ils", Scheme.ITERATED, Acceleration.IQN_ILS))
-ADIABATIC = Way("adiabatic", Scheme.MECHANICAL_FIRST, frozen=True)
+ADIABATIC = Way("adiabatic", Scheme.ADIABATIC)
 AUTO = Way("auto", Scheme.AUTO, on_max=OnMax.RETRY_SMALLER)
 
 
@@ -104,8 +103,6 @@ def trial(case: Case, way: Way, factor: float, disturbance: str) -> Cell:
     n = max(LEAST_WINDOWS, ceil(case.settled / size))
     found = (case.name, way.name, factor, disturbance)
     halves, state = case.make(d)
-    if way.frozen:
-        halves[1].inputs["control.mode"] = np.array(1)
     begin = case.watch(state.now)
     try:
         with np.errstate(all="ignore"):
