@@ -209,11 +209,19 @@ def _inside(end: float, span: Span) -> int:
 
 
 def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
-    """Whether a status changed with the kink at which its window began: as fast as before, nothing was left of it."""
+    """Whether a status changed where its window began: nothing was left of it, or would have been a little later.
+
+    A little later: at a kink, as fast as it went before.  Friction tells nothing; what drives it changes at kinks.
+    """
+    left = memory.trail[-1].left[i]
+    if any(v <= 0.0 for v in left):
+        return True
     if len(memory.trail) > 1 or not memory.rates:
         return False
-    left, rates = memory.trail[-1].left[i], memory.rates[i]
-    return any(v <= rate * NEAR * (reach.t1 - reach.t0) for v, rate in zip(left, rates, strict=False) if rate > 0.0)
+    if not left:
+        return i == len(memory.turned) - 1
+    return any(v <= rate * NEAR * (reach.t1 - reach.t0) for v, rate in zip(left, memory.rates[i], strict=False)
+               if rate > 0.0)
 
 
 WORDS = {Status.OPEN: "opens", Status.CLOSED: "closes", Status.STICKS: "sticks", Status.SLIPS: "slips",

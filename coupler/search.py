@@ -12,6 +12,9 @@ from coupler.window import Span
 
 # Every so many tries the interval is halved, however well the curve through the tries looks.
 HALVE = 4
+# Where nothing tells how near an event is (friction), halving alone costs a solve a factor of two: this share of the
+# window is enough.
+BLIND = 1.0 / 16.0
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,11 @@ class Search:
         r, lo = self.reach, self.before[-1].t
         if self.behind:
             hi = self.behind[0].t
-            if r.end == hi and hi - r.t0 <= r.least:
+            if r.end == hi and hi - r.t0 <= 1.01 * r.least:
                 return True
-            if r.end == (hi if r.behind else lo) and (hi - lo <= r.tolerance or self._neighbours):
+            blind = not any(s.left[self.i] for s in (self.before[-1], self.behind[0]))
+            enough = max(r.tolerance, BLIND * (r.t1 - r.t0)) if blind else r.tolerance
+            if r.end == (hi if r.behind else lo) and (hi - lo <= enough or self._neighbours):
                 return True
             if r.end == hi and self._stands:
                 return True

@@ -37,13 +37,16 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Place:
-    """A pair: nodes : indices s of the surface nodes that tell of it alone.  gap_max [m].  floor [Pa] : pressures up
-    to it are round-off."""
+    """A pair: nodes : indices s of the surface nodes that tell of it alone.  gap_max [m].
+
+    floor [Pa], touch [m] : pressures and gaps up to them are round-off.
+    """
 
     name: str
     nodes: Indices
     gap_max: float
     floor: float = 0.0
+    touch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,8 @@ class Sight:
     """At t [s]: status of every pair, then of friction, and what is left of each until that changes.
 
     left : for each status several quantities > 0 of any unit, the first of which to reach 0 changes it; empty: unknown.
-    OPEN: least gap [m].  CLOSED: largest pressure [Pa], share of the surface that faces something.
-    STICKS: 1 - largest |t_T|/(mu p_N).
+    OPEN: least gap [m], 0 where that is round-off.  CLOSED: largest pressure [Pa], share of the surface that faces
+    something.  STICKS: 1 - largest |t_T|/(mu p_N).
     """
 
     t: float
@@ -69,7 +72,7 @@ def places_of(interface: Interface) -> tuple[Place, ...]:
         others = [nodes for name, nodes in index.items() if name != pair.name]
         own = np.setdiff1d(index[pair.name], np.concatenate(others)) if others else index[pair.name]
         found.append(Place(pair.name, own if own.size else index[pair.name], pair.gap_max,
-                           pair.eps_N * ROUND_OFF * size))
+                           pair.eps_N * ROUND_OFF * size, ROUND_OFF * size))
     return tuple(found)
 
 
@@ -98,7 +101,8 @@ def _pair(place: Place, level: Level) -> tuple[Status, tuple[float, ...]]:
         return Status.CLOSED, (float(p), float(covered.sum())) if told else (float(p),)
     gap = level.gap[place.nodes]
     facing = gap[np.isfinite(gap) & (gap < place.gap_max) & ((covered > 0.0) | (not told))]
-    return Status.OPEN, (float(facing.min()),) if facing.size else ()
+    least = float(facing.min(initial=np.inf))
+    return Status.OPEN, (least if least > place.touch else 0.0,) if facing.size else ()
 
 
 def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]:
