@@ -29,9 +29,8 @@ Array = NDArray[np.float64]
 
 # rho f is held below this: the 1/2 of backward Euler, less a tenth, because rho drifts between two measurements.
 SAFE = 0.45
-# With mechanics first, x is seen half of one level and half of the next: nothing of a zigzag.  The limit is rho < 1,
-# here less a tenth.
-MOVES_FIRST = 0.9
+# The adiabatic split is of first order: it leaves about rho of what one window does.  Beyond this iterating is better.
+SPLITS = 0.15
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
 # A ratio below 0 by less than this share of the largest is none that turns round.
@@ -99,7 +98,7 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
     if H > LONGER * memory.H:
         return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     rho = rho_at(memory, H)
-    if freezes and state.accounts["E_M"].made != 0.0 and rho < MOVES_FIRST:
+    if freezes and state.accounts["E_M"].made != 0.0 and rho < SPLITS:
         return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
     if memory.driven and rho > SAFE and memory.since < memory.rest:
         return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
