@@ -50,6 +50,11 @@ class _Progress:
     def converged(self) -> bool:
         return max(self.misfits[-1].values()) <= 1.0
 
+    @property
+    def tells_no_more(self) -> bool:
+        """Whether the next guess would be too near to tell a contraction."""
+        return float(np.linalg.norm(self.trail.residual())) <= TOO_NEAR
+
 
 def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iteration,
                    rollback: Callable[[], None]) -> Solved:
@@ -65,7 +70,7 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
             rollback()
         swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
         so_far = _judged(so_far, state.now, swept, how)
-        if so_far.converged and k >= how.least:
+        if so_far.converged and (k >= how.least or so_far.tells_no_more):
             break
     solved = swept.solved(state, so_far.course)
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))

@@ -14,7 +14,7 @@ import pytest
 from contact.messages import decode, encode, kinds_of
 from coupler import auto
 from coupler.auto import SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
-from coupler.iteration import Acceleration, Iteration, Seen
+from coupler.iteration import Acceleration, Iteration, Seen, Tolerance, Tolerances
 from coupler.level import Scheme
 from coupler.window import Course, Solved, Verdict, Work
 
@@ -93,6 +93,16 @@ def test_it_measures_anew_after_a_kink_and_less_and_less_often():
     apart = np.diff([k for k in measured if k < 100])
     assert all(apart[1:] >= apart[:-1])
     assert "not known yet" in tried[100].reason
+
+
+def test_at_rest_measuring_costs_one_solve():
+    """Nothing changes, so nothing can be measured, and no second iterate is asked for."""
+    tight = replace(AITKEN, tolerance=Tolerances(*(Tolerance(atol, 1e-8) for atol in (1e-8, 1e-10, 1.0, 1e-8))))
+    halves = (lumped(840.0), shrinking(840.0))
+    _, tried = couple(halves, start(840.0, gap_of(840.0)), (400.0, 400), Scheme.AUTO, how=tight)
+    assert Scheme.ITERATED in schemes(tried[200:])
+    assert pairs(tried[200:]) == 200
+    assert max(w.solved.work.thermal_solves for w in tried) < 10
 
 
 def test_one_way_it_iterates_once_and_then_never_needs_to():
