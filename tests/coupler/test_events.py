@@ -17,7 +17,7 @@ from coupler.half import Block
 from coupler.level import Level, Scheme
 from coupler.plan import Locate
 from coupler.schedule import WindowRange, schedule
-from coupler.sights import Place, Status, changed, places_of, seen
+from coupler.sights import SLIPPING, Place, Status, changed, places_of, seen
 from coupler.window import wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -141,6 +141,39 @@ def test_without_pairs_and_without_events_windows_are_the_schedules():
     tried = solved(halves, state, replace(off, locate=Locate()))
     assert [w.H for w in tried] == pytest.approx([2.0] * 20)
     assert tried[-1].solved.state.events == 0
+
+
+def rubbing(slips) -> tuple[tuple[FakeHalf, FakeHalf], object]:
+    """Halves in touch from the start, of four points of which `slips(t)` slip."""
+    (still, moves), state = moving(lambda t: -1e-6)
+    rule = moves.rule
+    moves.rule = lambda s, i, t, h: (s, {**rule(s, i, t, h)[1], "contact.touching": np.array(4.0),
+                                         "contact.slipping": np.array(float(slips(t + h)))})
+    moves.blocks = {**moves.blocks, **blocks_of(Block("contact.touching", (), "1", "output", "Real"),
+                                                Block("contact.slipping", (), "1", "output", "Real"))}
+    return (still, moves), state
+
+
+def test_slipping_begins_and_ends_and_nothing_tells_when():
+    halves, state = rubbing(lambda t: 4 if 8.123 < t < 20.77 else 0)
+    tried = list(windows(wanted_outputs(*halves, (SLIPPING,)), state, plan(40.0, 1.3)))
+    (slips, t_1), (sticks, t_2) = events(tried)
+    assert (slips, sticks) == ("contact slips", "contact sticks")
+    assert 0.0 < t_1 - 8.123 <= 1.3 / 16
+    assert 0.0 < t_2 - 20.77 <= 1.3 / 16
+    assert sum(not w.accepted for w in tried) <= 10
+
+
+def test_slipping_that_begins_with_a_kink_is_not_cut():
+    halves, state = rubbing(lambda t: 4 if t > 10.0 else 0)
+    tried = list(windows(wanted_outputs(*halves, (SLIPPING,)), state, plan(20.0, 1.0, kinks=(10.0,))))
+    assert all(w.accepted for w in tried)
+
+
+def test_what_touches_from_the_start_closes_there():
+    tried = solved(*moving(lambda t: -1e-4 * t), replace(plan(20.0, 1.0), locate=Locate(True, 0.0, (
+        replace(TIP, touch=1e-14),))))
+    assert all(w.accepted for w in tried)
 
 
 def level(t_N: list[float], gap: list[float], covered: list[float]) -> Level:
