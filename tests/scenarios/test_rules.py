@@ -147,6 +147,8 @@ def test_which_rules_would_have_fired(tmp_path: Path) -> None:
     rate = np.diff(told.probe("T")[1]) / np.diff(told.t) < -0.2
     assert rate[:3].all()
     assert falls.firings[0][0] == 2  # the second window taken
+    T, t = told.probe("T")[1], told.t
+    assert falls.firings[0][2] == {"rate of T": pytest.approx((T[2] - T[1]) / (t[2] - t[1]), rel=1e-9)}
     assert "has not recorded thermal.heat_stored" in words(enough, told)
     assert words(cold, told) == "cold: never"
     assert words(soft, told) == "soft start: never; it fired once in the run itself"
