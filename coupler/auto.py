@@ -39,6 +39,10 @@ DRIVEN, ALONG = 0.8, 0.1
 FIRST_REST, LONGEST_REST = 4, 64
 # Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
 ROUGH, ROUGH_REST = 1.5, 2
+# Two successive ratios that differ by less than this share agree.
+SETTLED = 0.05
+# A single ratio may be of a miss that the exchange does not multiply: it lowers rho to this share at most.
+LOWERS = 0.5
 # A window longer by more than this is measured anew: rho was found to grow with H, by at most H.
 LONGER = 2.0
 # Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
@@ -168,21 +172,25 @@ def forgotten(memory: Memory) -> Memory:
 class Measure:
     """What a window that was iterated tells.  rho : nan: nothing.  driven : as in the memory.
 
-    rough : its iterates do not agree on rho.
+    The first ratios are of whatever was missed, the later ones of what the exchange multiplies most: where two agree
+    it is that one, else the largest.  rough : its iterates do not agree on rho.  single : there was one ratio only.
     """
 
     rho: float = math.nan
     driven: bool = False
     rough: bool = False
+    single: bool = False
 
     @staticmethod
     def of(course: Course | None, seen: Seen) -> Measure:
         """course : of the window.  seen : as of `learn`."""
         if course is None or math.isnan(course.contraction):
             return Measure()
-        last = abs(course.ratios[-1]) if course.ratios else course.contraction
-        return Measure(course.contraction * (0.5 if seen is Seen.END else 1.0), _drives_on(course),
-                       course.contraction > ROUGH * last)
+        told = [abs(ratio) for ratio in course.ratios] or [course.contraction]
+        settled = len(told) > 1 and abs(told[-1] - told[-2]) <= SETTLED * told[-1]
+        rho = told[-1] if settled else course.contraction
+        return Measure(rho * (0.5 if seen is Seen.END else 1.0), _drives_on(course), rho > ROUGH * told[-1],
+                       len(told) == 1)
 
 
 def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Memory:
@@ -191,6 +199,8 @@ def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Me
     if math.isnan(rho):
         return replace(memory, since=0, turns=0, miss=np.zeros(0), touching=touching)
     known, apart = memory.rho, memory.since + 1
+    if measure.single and known > 0.0:
+        rho = max(rho, LOWERS * rho_at(memory, H))
     growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and math.isclose(H, memory.H) else 0.0
     rest = ROUGH_REST if measure.rough else FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
     if growth > 0.0 and rho < SAFE:

@@ -182,6 +182,16 @@ def test_where_rho_grows_it_is_measured_before_it_is_too_large():
     assert seen_at_end.rho == 0.1
 
 
+def test_ratios_that_agree_are_believed_and_a_single_one_only_half():
+    def told(*ratios: float) -> float:
+        course = Course((), (), max(abs(r) for r in ratios), ratios)
+        return learn(Memory(rho=0.3, H=1.0), at_two(), solved(Scheme.ITERATED, 900.0, course), 1.0).rho
+
+    assert told(-0.9, -0.645, -0.644) == 0.644
+    assert told(-0.9, -0.5, -0.4) == 0.9
+    assert (told(-0.4), told(-0.02)) == (0.4, 0.15)
+
+
 def test_entropy_is_frozen_where_heat_of_squeezing_acts_back_and_halves_can():
     state, memory = at_two(), Memory(rho=0.1, H=1.0)
     made = replace(state, accounts={"E_M": replace(state.accounts["E_M"], made=1.0)})
