@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from coupler.beside import checkpoint_of, journal_of, stopped_of
-from coupler.checkpoint import Checkpoint, Origin, read_checkpoint
+from coupler.checkpoint import Origin, read_checkpoint
 from coupler.errors import ResultsError
 from coupler.journal import being_written, check_mark, read_journal
 from coupler.keeper import versions
@@ -48,17 +48,6 @@ def resumed(out: str | Path, *, processes: bool = False) -> Run:
     origin, checkpoint = read_checkpoint(checkpoint_of(path), versions())
     check_mark(journal, checkpoint.told.mark)
     return Run(_scenario(journal, origin), path, processes=processes, since=checkpoint)
-
-
-def waiting(out: Path) -> Checkpoint | None:
-    """The checkpoint from which the run of a results file can be resumed; None where there is none that will do."""
-    try:
-        journal = _journal(out)
-        checkpoint = read_checkpoint(checkpoint_of(out), versions())[1]
-        check_mark(journal, checkpoint.told.mark)
-    except ResultsError:
-        return None
-    return checkpoint
 
 
 def _journal(path: Path) -> Path:
