@@ -1,4 +1,4 @@
-"""A coarse part of the atlas: what auto and accelerated iteration hold, and what a cycle is (whole: benchmarks/atlas.py)."""
+"""A coarse part of the atlas: what auto and accelerated iteration hold, and what a cycle is."""
 
 from __future__ import annotations
 
