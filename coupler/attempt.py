@@ -65,7 +65,8 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
     """The window by a scheme; after a discard the halves are where the discard left them."""
     if way.scheme is Scheme.ADIABATIC:
         check_adiabatic(halves.thermal, halves.mechanical, span.substeps)
-    halves = replace(halves, inputs=with_mode(way.settings.inputs, halves.mechanical, way.scheme))
+    if inputs := with_mode(way.settings.inputs, halves.mechanical, way.scheme):
+        halves = replace(halves, inputs=inputs)
     try:
         if way.scheme is Scheme.ITERATED:
             solved = solve_iterated(halves, state, span, way.settings.iteration,

@@ -10,11 +10,12 @@ import numpy as np
 from coupler import auto, estimate, events, rules, stepsize
 from coupler.control_state import ControlState
 from coupler.cutting import Facts, at_least, cut, shorter, tried_again
-from coupler.cycle_action import Shown, acted
+from coupler.cycle_action import Acted, Shown, acted
 from coupler.errors import CouplingError
 from coupler.estimate import Estimate
 from coupler.events import Found
 from coupler.iteration import OnMax
+from coupler.level import Scheme
 from coupler.monitors import failed_monitors, monitors
 from coupler.rules import Firing
 from coupler.tolerance import ErrorTolerances
@@ -55,7 +56,8 @@ def judged(facts: Facts) -> Judged:
             return Judged(_put_back(solved, Verdict.ERROR, error.words), again, error=error)
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
-    return _ruled(replace(facts, solved=solved), _Found(error, found, events_memory))
+        facts = replace(facts, solved=solved)
+    return _ruled(facts, _Found(error, found, events_memory))
 
 
 @dataclass(frozen=True)
@@ -115,25 +117,32 @@ def _ruled(facts: Facts, found: _Found) -> Judged:
         settings = acted(watch, control.settings, plan.on_cycle, shown).settings
         again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
         return Judged(_put_back(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
-    control = _taken(facts, found, replace(fired, settings=done.settings))
-    return Judged(solved, replace(control, cycle=done.watch), done.notes, found.error,
+    control = _sized(facts, _taken(facts, found, fired, done), found.error)
+    return Judged(solved, control, done.notes, found.error,
                   found.event.text if found.event else "", fired.log)
 
 
-def _taken(facts: Facts, found: _Found, fired: rules.Fired) -> ControlState:
+def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> ControlState:
     """Control after a window that stands."""
     plan, control, span, solved = facts.plan, facts.at.control, facts.span, facts.solved
     start = facts.at.state
     slow = control.slow + 1 if _is_slow(facts) else 0
     steady = f"steady: T changes by less than {plan.steady:g} K/s" if slow >= SLOW else ""
-    control = replace(
+    return replace(
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
         ends=tuple(e for e in control.ends if e > span.k1), event=span.k1 if found.event else control.event,
-        stop=fired.stop or steady, settings=fired.settings, rules=fired.memory,
-        estimate=estimate.after(control.estimate, start, solved, found.error),
-        choice=auto.learn(control.choice, start, solved, facts.H, control.settings.iteration.level),
+        stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
+        cycle=done.watch, estimate=estimate.after(control.estimate, start, solved, found.error),
+        choice=_learned(facts),
         events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
-    return _sized(facts, control, found.error)
+
+
+def _learned(facts: Facts) -> auto.Memory:
+    """What `auto` knows after a window that stands; other schemes pay nothing for it."""
+    control = facts.at.control
+    if control.settings.scheme is not Scheme.AUTO:
+        return control.choice
+    return auto.learn(control.choice, facts.at.state, facts.solved, facts.H, control.settings.iteration.level)
 
 
 def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> ControlState:
