@@ -52,3 +52,14 @@ def test_what_a_seldom_exchange_costs(tmp_path: Path, frozen: dict[str, float]) 
         "coupling.scheme": "staggered", "coupling.end": 20, "coupling.windows": [{"until": 20, "size": every}],
         "coupling.substeps.thermal": round(every / 0.1)}), out=tmp_path / "run.h5")
     assert result.probe("rod.solid")[1][-1] == pytest.approx(frozen["solid"], rel=5e-3)
+
+
+def test_along_the_heat_an_exchange_every_five_seconds_is_enough(tmp_path: Path) -> None:
+    result = run(load_scenario(SCENARIO, overrides={
+        "coupling.scheme": "along_heat", "coupling.end": 20, "coupling.windows": [{"until": 20, "size": 5}],
+        "coupling.substeps.thermal": 8}), out=tmp_path / "run.h5")
+    case, w = CASE["every_5"], result.windows
+    assert result.probe("rod.solid")[1][-1] == pytest.approx(CASE["solid"][2], rel=case["tolerance"])
+    assert w.thermal_solves.sum() <= case["passes"] * 8 * len(w)
+    assert w.mechanical_solves.sum() <= case["passes"] * len(w)
+    assert result.heat_imbalance < 1e-10
