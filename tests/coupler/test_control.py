@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -74,8 +75,8 @@ def test_kinks_and_the_end_are_met_without_crumbs() -> None:
     sizes = [w.H for w in found if w.accepted]
     stops = [0.0, *kinks, END]
     for w in found:
-        piece = next(b - a for a, b in zip(stops, stops[1:], strict=False) if a <= w.t < b)
-        assert w.H >= min(SIZES.first, piece) * (2 / 3 - 1e-9)
+        piece = next(b - a for a, b in pairwise(stops) if a <= w.t < b)
+        assert min(SIZES.first, piece) * (2 / 3 - 1e-9) <= w.H
     assert max(sizes) > 1.0
     first_after = [w for w in found if w.t in kinks]
     assert all(min(SIZES.first * 4 / 3, 1.0) + 1e-9 >= w.H for w in first_after)
@@ -84,7 +85,7 @@ def test_kinks_and_the_end_are_met_without_crumbs() -> None:
 
 @pytest.mark.parametrize("size", [0.013, 0.1, 0.333, 0.61, 0.9, 1.0, 1.4, 3.0])
 def test_a_rest_is_joined_or_shared(size: float) -> None:
-    """Pieces of equal size add up to the rest; none is shorter than two thirds or longer than four of what was wanted."""
+    """None is shorter than two thirds, or longer than four thirds, of what was wanted."""
     plan = plan_to(1.0)
     control = ControlState(plan.settings, size=size)
     sizes = []

@@ -11,8 +11,8 @@ import pytest
 
 from coupler import Results, Run, ScenarioError, load_scenario, run
 from coupler.errors import CouplingError
-from coupler.resume import resume
 from coupler.report.page import render
+from coupler.resume import resume
 from coupler.rule import Rule, Stop, Test, When
 from coupler.scenario import Scenario
 
@@ -110,7 +110,7 @@ def test_changes_hold_from_the_next_window_on_and_are_told(tmp_path: Path) -> No
         for _ in range(3):
             shown = next(steps)
         assert shown.scheme == "iterated"
-        assert shown.H == pytest.approx(0.025)
+        assert pytest.approx(0.025) == shown.H
         r.change(rules=[Rule("enough", When(all=(Test("t", above=0.5),)), (Stop("enough"),))])
         for _ in steps:
             pass
