@@ -64,6 +64,11 @@ def test_table_at_48(runs, mechanical):
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
+def test_a_healthy_run_shows_no_two_cycle(runs, case):
+    assert not any("go up and down" in note for note in runs(*case).notes)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
 def test_every_joule_is_accounted_for(runs, case):
     r = runs(*case)
     assert r.heat_imbalance <= F1["imbalance"]
