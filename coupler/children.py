@@ -69,7 +69,7 @@ def start(name: str, command: Sequence[str], directory: Path) -> Child:
         try:
             # A group of its own: Ctrl-C in a terminal reaches the coupler alone, even while a child still starts.
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=f,
-                                       env=_environment(), process_group=0)
+                                       env=environment(), process_group=0)
         except OSError as exc:
             raise ChildError(f"{command[0]} cannot be run: {exc}", name, "") from exc
     return Child(name, process, log)
@@ -131,7 +131,8 @@ def python() -> list[str]:
     return [sys.executable, "-P"]
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
+    """Of a child: this one's, one thread, and the packages of this checkout."""
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1")}
     root = Path(contact.__file__).resolve().parent.parent
     if root.name not in ("site-packages", "dist-packages"):  # run from a checkout: the child must find it too
