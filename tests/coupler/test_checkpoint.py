@@ -16,7 +16,7 @@ from coupler.checkpoint import Checkpoint, Origin, from_bytes, read_checkpoint, 
 from coupler.errors import ResultsError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from filled import differences, filled  # noqa: E402
+from filled import differences, filled
 
 ORIGIN: Origin = filled(Origin)
 FULL: Checkpoint = filled(Checkpoint)
