@@ -48,7 +48,7 @@ ProcessesOption = Annotated[bool, typer.Option(
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
 
 
-def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+def _overrides(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[str, Any]:
     overrides: dict[str, Any] = dict(parse_override(text) for text in sets or ())
     for text in swaps or ():
         half, sep, kind = text.partition("=")
@@ -56,7 +56,11 @@ def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | Non
             raise ScenarioError("an exchange of halves reads thermal=KIND or mechanical=KIND", key="--swap", value=text,
                                 remedy="For example --swap mechanical=rigid")
         overrides[f"{half}.half"] = kind
-    return load_scenario(path, overrides=overrides)
+    return overrides
+
+
+def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+    return load_scenario(path, overrides=_overrides(sets, swaps))
 
 
 @app.command("check")
@@ -144,6 +148,32 @@ def report_command(results: Annotated[Path, typer.Argument(help="A results file,
                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
     """Write a self-contained HTML page about a run."""
     typer.echo(write_report(Results(results), out or results.with_suffix(".html")))
+
+
+@app.command("study")
+def study_command(scenario: ScenarioFile,
+                  out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the study.")] = Path("study"),
+                  grid: Annotated[list[str] | None, typer.Option(
+                      "--grid", metavar="AXIS=VALUES", help="scheme=staggered,extrapolated. May be repeated.")] = None,
+                  measure: Annotated[str, typer.Option(
+                      "--measure", metavar="PROBES", help="Probes whose error counts, with commas.")] = "",
+                  processes: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Runs at a time; 0: one a core.")] = 0,
+                  cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler instead.")] = "",
+                  limit: Annotated[float | None, typer.Option("--limit", help="Seconds a run may take.")] = None,
+                  pilot: Annotated[bool, typer.Option("--pilot", help="Predict limits of windows first.")] = False,
+                  sets: SetOption = None, swaps: SwapOption = None) -> None:
+    """Run a grid of settings, and draw error against cost.  Ctrl-C leaves what is done; the same command goes on."""
+    # Here and not above: a command that makes no study starts a second sooner without matplotlib.
+    from coupler.study import How, StudyLine, conduct, grid_of, parse_axis, write_study
+
+    options: dict[str, Any] = {}
+    if grid:
+        options["grid"] = grid_of([parse_axis(text) for text in grid])
+    if measure:
+        options["measure"] = [name.strip() for name in measure.split(",")]
+    with StudyLine() as line:
+        found = conduct(scenario, out, _overrides(sets, swaps), options, How(processes, cluster, limit, pilot), line)
+    typer.echo(f"  {write_study(found, out)}")
 
 
 @app.command("build")

@@ -37,15 +37,16 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
     the file's own before it is checked, e.g. {"mechanical.half": "rigid", "coupling.windows.3.size": 2.0}.
     Raises ScenarioError, naming file, line, key, value and remedy, for the first thing found wrong.
     """
-    return _checked(read_document(Path(path)), overrides or {})
+    return checked(read_document(Path(path)), overrides or {})
 
 
 def scenario_from(text: str, path: Path, overrides: Mapping[str, Any]) -> Scenario:
     """The scenario of a text that stood in the file `path`; meshes are looked for beside it.  Raises ScenarioError."""
-    return _checked(document_from(path, text), overrides)
+    return checked(document_from(path, text), overrides)
 
 
-def _checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
+def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
+    """The scenario of a document with values put in place of its own.  Raises ScenarioError."""
     document = apply_overrides(read, overrides)
     try:
         file = ScenarioFile.model_validate(document.tree)
@@ -92,8 +93,9 @@ def _signals(document: Document, file: ScenarioFile) -> dict[str, Signal]:
 
 
 def _hash(document: Document, file: ScenarioFile) -> str:
-    """Of the values, not the text: comments and the order of keys change no result; mesh files do."""
-    digest = hashlib.sha256(json.dumps(document.tree, sort_keys=True, allow_nan=False).encode())
+    """Of the values, not the text: comments, the order of keys and a study change no result; mesh files do."""
+    values = {key: value for key, value in document.tree.items() if key != "study"}
+    digest = hashlib.sha256(json.dumps(values, sort_keys=True, allow_nan=False).encode())
     for body in file.bodies.values():
         if body.mesh.file is not None:
             digest.update(

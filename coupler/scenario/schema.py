@@ -17,6 +17,7 @@ from coupler.scenario.schema_material import Material
 from coupler.scenario.schema_mechanical import Mechanical
 from coupler.scenario.schema_rules import RuleSpec
 from coupler.scenario.schema_scene import Body
+from coupler.scenario.schema_study import Study
 from coupler.scenario.schema_thermal import Thermal
 
 FORMAT_VERSION = 1
@@ -170,6 +171,7 @@ class ScenarioFile(Part):
     rules: tuple[RuleSpec, ...] = ()
     probes: dict[DottedName, Probe] = Field(default_factory=dict)
     output: Output = Output()
+    study: Study | None = None
 
     @model_validator(mode="after")
     def _version_known(self) -> ScenarioFile:

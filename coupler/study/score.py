@@ -1,0 +1,131 @@
+"""The error of a run against the reference, and what a list of errors says: the front, and the cheapest setting."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.errors import ScenarioError
+from coupler.scenario.quantity import did_you_mean
+from coupler.study.cell import Outcome
+from coupler.study.reference import Reference
+
+Array = NDArray[np.float64]
+
+LEVELS = (1e-2, 1e-3, 1e-4)
+# A probe whose range is this share of its size is taken not to change: round-off is no range.
+STILL = 1e-9
+
+
+@dataclass(frozen=True)
+class Scale:
+    """probes : those measured -> range of the reference over the span [SI].  span [s]."""
+
+    probes: Mapping[str, float]
+    span: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run on the chart.  error : relative, nan where it failed.  floor : the reference's own, measured at the same
+    times, nan where it is unknown."""
+
+    label: str
+    series: str
+    half_solves: int
+    seconds: float
+    error: float
+    floor: float
+    message: str = ""
+    by_probe: Mapping[str, float] | None = None
+
+    @property
+    def known(self) -> float:
+        """What the error is known to be below."""
+        return self.error if math.isnan(self.floor) else max(self.error, self.floor)
+
+    @property
+    def below(self) -> bool:
+        """Whether the reference cannot tell this run from the truth."""
+        return self.error < self.floor
+
+
+def scale_of(reference: Reference, measure: Sequence[str], span: tuple[float, float]) -> Scale:
+    """What is measured: the probes named, or all that change.  Raises ScenarioError where there is none."""
+    t = reference.t[(reference.t >= span[0]) & (reference.t <= span[1])]
+    if len(t) < 2:
+        raise ScenarioError("the reference has no two times in the span", key="study.span", value=list(span),
+                            remedy=f"It is known from {reference.t[0]:g} to {reference.t[-1]:g} s.")
+    ranges = {name: _range(curve(t)) for name, curve in reference.curves.items()}
+    for name in measure:
+        if name not in ranges:
+            raise ScenarioError("no such probe in the reference", key="--measure", value=name,
+                                remedy=did_you_mean(name, ranges))
+        if ranges[name] == 0.0:
+            raise ScenarioError("this probe does not change, so no error relative to its range can be told",
+                                key="--measure", value=name, remedy="Leave it out.")
+    chosen = {n: r for n, r in ranges.items() if (n in measure if measure else r > 0.0)}
+    if not chosen:
+        raise ScenarioError("no probe changes, so there is nothing to measure", key="probes",
+                            remedy="Add a probe of what the study is about.")
+    return Scale(chosen, span)
+
+
+def _range(values: Array) -> float:
+    found = float(np.ptp(values))
+    return found if found > STILL * float(np.abs(values).max()) else 0.0
+
+
+def errors_of(run: Outcome, reference: Reference, scale: Scale) -> tuple[dict[str, float], float]:
+    """(probe -> relative error, floor): e = sqrt(int (y - y_ref)^2 dt / int dt)/range, by the trapezoidal rule over
+    the window ends of the run in the span; the floor is the same of the reference's own error, of the worst probe.
+
+    Raises ScenarioError for a run without a measured probe.
+    """
+    probes = run.probes or {}
+    missing = [n for n in scale.probes if n not in probes]
+    if missing:
+        raise ScenarioError("a run of the grid has no such probe", key="--measure", value=missing[0],
+                            remedy=did_you_mean(missing[0], probes))
+    t = np.array(run.t)
+    inside = (t >= scale.span[0]) & (t <= scale.span[1]) & (t <= reference.t[-1])
+    at = t[inside]
+    found = {n: _l2(at, np.array(probes[n])[inside] - reference.curves[n](at)) / size for n, size in scale.probes.items()}
+    own = [_l2(at, reference.other[n](at) - reference.curves[n](at)) / size
+           for n, size in scale.probes.items() if n in reference.other]
+    return found, max(own, default=reference.error)
+
+
+def _l2(t: Array, e: Array) -> float:
+    if len(t) < 2:
+        return float(np.abs(e).max()) if len(t) else math.nan
+    return math.sqrt(float(np.trapezoid(e**2, t)) / float(t[-1] - t[0]))
+
+
+def point_of(label: str, series: str, run: Outcome, reference: Reference, scale: Scale) -> Point:
+    """A run as a point; the worst probe counts."""
+    if not run.done:
+        return Point(label, series, run.half_solves, run.seconds, math.nan, math.nan, run.message)
+    found, floor = errors_of(run, reference, scale)
+    worst = max(found.values())
+    message = "" if math.isfinite(worst) else "it has no window end in the span"
+    return Point(label, series, run.half_solves, run.seconds, worst, floor, message, found)
+
+
+def front(points: Sequence[Point], cost: str = "half_solves") -> list[Point]:
+    """Those that no other point beats in both cost and error, the cheapest first."""
+    best: list[Point] = []
+    for p in sorted((p for p in points if math.isfinite(p.error)), key=lambda p: (getattr(p, cost), p.known)):
+        if not best or p.known < best[-1].known:
+            best.append(p)
+    return best
+
+
+def cheapest(points: Sequence[Point], level: float, cost: str = "half_solves") -> Point | None:
+    """The cheapest run whose error is known to be at most `level`; None where there is none."""
+    good = [p for p in points if p.known <= level]
+    return min(good, key=lambda p: (getattr(p, cost), p.known), default=None)
