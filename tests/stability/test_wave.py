@@ -1,7 +1,7 @@
 """E2, Danilovskaya's problem: a half-space whose surface is warmed at once, with inertia, uncoupled.
 
-Lengths in D/c, times in D/c^2, stresses in beta theta_0: unit data make all of them 1.  The strip is held across, so its
-strain is uniaxial, and ends where no wave returns from within the time looked at.
+Lengths in D/c, times in D/c^2, stresses in beta theta_0: unit data make all of them 1.  The strip is held across, so
+its strain is uniaxial, and ends where no wave returns from within the time looked at.
 """
 
 from __future__ import annotations
