@@ -157,7 +157,8 @@ def study_command(scenario: ScenarioFile,
                       "--grid", metavar="AXIS=VALUES", help="scheme=staggered,extrapolated. May be repeated.")] = None,
                   measure: Annotated[str, typer.Option(
                       "--measure", metavar="PROBES", help="Probes whose error counts, with commas.")] = "",
-                  processes: Annotated[int, typer.Option("--jobs", "-j", min=0, help="Runs at a time; 0: one a core.")] = 0,
+                  processes: Annotated[int, typer.Option(
+                      "--jobs", "-j", min=0, help="Runs at a time; 0: one a core.")] = 0,
                   cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler instead.")] = "",
                   limit: Annotated[float | None, typer.Option("--limit", help="Seconds a run may take.")] = None,
                   pilot: Annotated[bool, typer.Option("--pilot", help="Predict limits of windows first.")] = False,

@@ -50,7 +50,8 @@ class Study(Part):
     def _one_or_several(cls, value: Any) -> Any:
         grids = [value] if isinstance(value, dict) else value
         if not isinstance(grids, list | tuple) or not all(isinstance(g, dict) for g in grids):
-            raise problem("a grid is a mapping of axes, or a list of such", "For example {scheme: [staggered, iterated]}.")
+            raise problem("a grid is a mapping of axes, or a list of such",
+                          "For example {scheme: [staggered, iterated]}.")
         for k, grid in enumerate(grids):
             for axis, values in grid.items():
                 place = (axis,) if isinstance(value, dict) else (k, axis)

@@ -66,7 +66,7 @@ def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
     adaptive = tree.get("coupling", {}).get("adaptive")
     if not isinstance(adaptive, dict):
         raise ScenarioError("the scenario has no windows that find their own size", key=f"grid {axis}", value=factor,
-                            remedy="Put coupling.adaptive before it in the grid; fixed windows go with the axis `windows`.")
+                            remedy="Give coupling.adaptive in the grid too; fixed windows go with the axis `windows`.")
     given = ErrorTolerances.model_validate(adaptive.get("tolerance", {}))
     return {f"coupling.adaptive.tolerance.{quantity}": {name: factor * size for name, size in of.items()}
             for quantity, of in given.model_dump().items()}

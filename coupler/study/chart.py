@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from coupler.report.picture import GRID, INK, line_style, new_figure, plain, styled
 from coupler.study.limits import Limit
@@ -20,6 +22,7 @@ COSTS = (("half_solves", "half-solves"), ("seconds", "wall time [s]"))
 PALE, GREY = "#f0e2a8", "#777777"
 # Errors beyond this are no answers: their markers are hollow, at the upper border.
 MOST = 1.0
+TICKS = 2.5  # decades from which powers of ten are ticks enough
 MARGIN = 2.0  # factor between the outermost points and the border
 
 
@@ -37,6 +40,7 @@ def draw(points: Sequence[Point], limits: Sequence[Limit]) -> Figure:
         ax.set_ylim(low, high)
         ax.set_xlim(*_costs(points, cost))
         ax.grid(True, which="major", color=GRID, linewidth=0.6)
+        _ticks(ax)
         _front(ax, points, cost, high)
         _guides(ax)
         _floor(ax, points)
@@ -54,6 +58,16 @@ def svg_text(figure: Figure) -> str:
                      "font.sans-serif": ["Helvetica", "Arial", "DejaVu Sans", "sans-serif"]}):
         figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
+
+
+def _ticks(ax: Axes) -> None:
+    """Plain numbers at whole powers of ten, at 1, 2 and 5 where there are hardly any; errors in percent."""
+    for axis, (low, high), form in ((ax.xaxis, ax.get_xlim(), "{:g}"), (ax.yaxis, ax.get_ylim(), "{:g} %")):
+        subs = (1.0,) if math.log10(high / low) > TICKS else (1.0, 2.0, 5.0)
+        scale = 100.0 if axis is ax.yaxis else 1.0
+        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_formatter(FuncFormatter(lambda v, _, form=form, scale=scale: form.format(scale * v)))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _errors(points: Sequence[Point]) -> tuple[float, float]:
@@ -82,19 +96,23 @@ def _curves(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
         on = sorted((p for p in points if p.series == series), key=lambda p: getattr(p, cost))
         style, marker = line_style(k), MARKERS[k % len(MARKERS)]
         good = [p for p in on if p.error <= MOST]
-        x, y = np.array([_at(p, cost, ax, high) for p in good]).reshape(-1, 2).T
-        ax.plot(x, y, marker=marker, markersize=5, zorder=4, label=plain(series),
-                **{**style, "linewidth": style["linewidth"] * 0.6})
-        bad = np.array([_at(p, cost, ax, high) for p in on if not p.error <= MOST]).reshape(-1, 2).T
-        ax.plot(*bad, marker=marker, markersize=7, linestyle="none", markerfacecolor="white", clip_on=False, zorder=5,
-                markeredgecolor=style["color"], gid="failed")
-        below = np.array([_at(p, cost, ax, high) for p in good if p.below]).reshape(-1, 2).T
-        ax.plot(*below, marker="o", markersize=11, linestyle="none", markerfacecolor="none", markeredgecolor=GREY,
-                zorder=5, gid="below")
+        _marks(ax, [_at(p, cost, ax, high) for p in good], marker=marker, markersize=5, zorder=4,
+               label=plain(series), **{**style, "linewidth": style["linewidth"] * 0.6})
+        _marks(ax, [_at(p, cost, ax, high) for p in on if not p.error <= MOST], marker=marker, markersize=7,
+               linestyle="none", markerfacecolor="white", clip_on=False, zorder=5, markeredgecolor=style["color"],
+               gid="failed")
+        _marks(ax, [_at(p, cost, ax, high) for p in good if p.below], marker="o", markersize=11, linestyle="none",
+               markerfacecolor="none", markeredgecolor=GREY, zorder=5, gid="below")
     for name, marker, size in (("failed, or no answer", "o", 7), ("below the reference's own error", "o", 11)):
         if any((p.below if "below" in name else not p.error <= MOST) for p in points):
             ax.plot([], [], marker=marker, markersize=size, linestyle="none", markerfacecolor="none",
                     markeredgecolor=GREY, label=name)
+
+
+def _marks(ax: Axes, at: Sequence[tuple[float, float]], **style: Any) -> None:
+    """Points, where there are any; an empty line that is not clipped would take all the room."""
+    if at:
+        ax.plot(*zip(*at, strict=True), **style)[0].set_in_layout(False)
 
 
 def _front(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
@@ -115,18 +133,18 @@ def _floor(ax: Axes, points: Sequence[Point]) -> None:
 def _guides(ax: Axes) -> None:
     """Slopes of order 1 and 2, where a chart is empty: what is cheap is not exact."""
     (left, right), (low, high) = np.log10(ax.get_xlim()), np.log10(ax.get_ylim())
-    x = left + np.array([0.04, 0.24]) * (right - left)
-    top = low + 0.42 * (high - low)
+    begin, top, width = left + 0.04 * (right - left), low + 0.42 * (high - low), 0.2 * (right - left)
     for p in (1, 2):
-        down = top - p * (x[1] - x[0])
-        if down < low:
-            x_p = np.array([x[0], x[0] + (top - low) / p])
-            down = low
-        else:
-            x_p = x
-        ax.plot(10**x_p, [10**top, 10**down], color=GREY, linewidth=0.9, zorder=1)
-        ax.annotate(f"{p}", (10**x_p[1], 10**down), xytext=(3, 2), textcoords="offset points", color=GREY, fontsize=8)
-    ax.annotate("order", (10**x[0], 10**top), xytext=(0, 3), textcoords="offset points", color=GREY, fontsize=8)
+        run = min(width, (top - low) / p)
+        end = 10 ** (begin + run), 10 ** (top - p * run)
+        ax.plot([10**begin, end[0]], [10**top, end[1]], color=GREY, linewidth=0.9, zorder=1)
+        _note(ax, f"{p}", end, (3, 2), GREY)
+    _note(ax, "order", (10**begin, 10**top), (0, 3), GREY)
+
+
+def _note(ax: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
+    """Small words at a place; the layout does not make room for them."""
+    ax.annotate(text, at, xytext=offset, textcoords="offset points", in_layout=False, color=colour, fontsize=8)
 
 
 def _limits(ax: Axes, points: Sequence[Point], limits: Sequence[Limit]) -> None:
@@ -137,5 +155,5 @@ def _limits(ax: Axes, points: Sequence[Point], limits: Sequence[Limit]) -> None:
             k = names.index(limit.series)
             colour = line_style(k)["color"]
             ax.axvline(limit.half_solves, color=colour, linewidth=1.0, linestyle=":", zorder=2)
-            ax.annotate("predicted limit", (limit.half_solves, 0.02), xycoords=("data", "axes fraction"), rotation=90,
-                        xytext=(-9, 0), textcoords="offset points", color=colour, fontsize=8)
+            ax.text(limit.half_solves, 0.02, "predicted limit ", transform=ax.get_xaxis_transform(), rotation=90,
+                    ha="right", va="bottom", in_layout=False, color=colour, fontsize=8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -16,7 +16,7 @@ PATIENCE = "30s"  # until a scheduler answers
 ALONE = threading.Lock()
 
 
-def run_there(jobs: Mapping[str, Job], address: str) -> Iterator[tuple[str, Outcome]]:
+def run_there(jobs: Mapping[str, Job], address: str) -> Generator[tuple[str, Outcome], None, None]:
     """(name, outcome) of each job as it is done by the cluster whose scheduler is at `address`, tcp://host:port.
 
     Its workers need the same packages installed, and mesh files at the same paths.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -101,7 +101,7 @@ def _run(every: Mapping[str, Planned], store: Store, how: How, show: StudyLine) 
     return outcomes
 
 
-def _running(jobs: Mapping[str, Job], how: How) -> Iterator[tuple[str, Outcome]]:
+def _running(jobs: Mapping[str, Job], how: How) -> Generator[tuple[str, Outcome], None, None]:
     if jobs:
         yield from (run_there(jobs, how.cluster) if how.cluster
                     else run_here(jobs, how.processes or os.cpu_count() or 1, how.limit))

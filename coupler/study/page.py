@@ -106,8 +106,8 @@ def _remarks(study: Study) -> list[str]:
     if not r.other and math.isnan(r.error):
         notes.append("The reference's own error is not known: errors near it look larger or smaller than they are.")
     if r.other and not any(abs(r.order - p) <= 0.3 for p in (1, 2)):
-        notes.append(f"When its windows were halved the reference converged with order {r.order:.2f}, near neither 1 nor "
-                     "2: nothing was extrapolated, and the last change is taken for its own error.")
+        notes.append(f"When its windows were halved the reference converged with order {r.order:.2f}, near "
+                     "neither 1 nor 2: nothing was extrapolated, and the last change is taken for its own error.")
     return notes
 
 
@@ -135,6 +135,6 @@ def _facts_as_data(study: Study) -> dict[str, Any]:
 
 def _picture(text: str, study: Study) -> Picture:
     src = f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode()}"
-    caption = ("Hollow markers at the upper border: runs that failed, or whose error is above 100 %. The pale band joins runs that "
-               "no other beats in cost and error.")
+    caption = ("Hollow markers at the upper border: runs that failed, or whose error is above 100 %. The pale "
+               "band joins runs that no other beats in cost and error.")
     return Picture(src, f"Error against half-solves and wall time: {_summary(study)}", caption)

@@ -53,14 +53,14 @@ def plan_of(document: Document, overrides: Mapping[str, Any], options: Mapping[s
     options : of the command line, in place of the keys of the scenario's `study`.  packages : hash of the sources.
     Raises ScenarioError that names the setting of the grid which is wrong.
     """
-    written = document.tree.get("study") or {}
+    changed = apply_overrides(document, overrides)
+    written = changed.tree.get("study") or {}
     sets = {**overrides, "study": {**written, **options}} if isinstance(written, dict) else overrides
     base = checked(document, sets)
     spec = Study.model_validate(base.resolved["study"])
     if spec.span is not None and spec.span[0] >= base.coupling.end:
         raise ScenarioError(f"the span begins after the run ends, at {base.coupling.end:g} s", key="study.span",
                             value=list(spec.span))
-    changed = apply_overrides(document, overrides)
     planner = _Planner(document, overrides, packages)
     runs = tuple(planner.planned(cell, f"run {cell.label!r}") for cell in cells_of(changed, spec.grid))
     references = tuple(planner.planned(cell, "the reference") for cell in _reference_cells(changed, spec))

@@ -7,20 +7,24 @@ import queue
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
-from typing import IO
+from pathlib import Path
 
 from coupler.children import environment, python
 from coupler.study.cell import FAILED, Job, Outcome, outcome_from
 
 WORKER = [*python(), "-m", "coupler.study.worker"]
 PATIENCE = 5.0  # s a process has to end once it is not needed
-LOG_BYTES = 4096
 GLANCE = 1.0  # s between two looks at whether anybody still works
 
 
-def run_here(jobs: Mapping[str, Job], processes: int, limit: float | None = None) -> Iterator[tuple[str, Outcome]]:
+Done = tuple[str, Outcome]
+
+
+def run_here(jobs: Mapping[str, Job], processes: int, limit: float | None = None) -> Generator[Done, None, None]:
     """(name, outcome) of each job as it is done; begun in the order of `jobs`.
 
     limit [s]: a run that takes longer is given up.  However the iteration is left, no process stays behind.
@@ -28,19 +32,18 @@ def run_here(jobs: Mapping[str, Job], processes: int, limit: float | None = None
     waiting: queue.SimpleQueue[tuple[str, Job]] = queue.SimpleQueue()
     for item in jobs.items():
         waiting.put(item)
-    done: queue.SimpleQueue[tuple[str, Outcome]] = queue.SimpleQueue()
-    lanes = [_Lane(waiting, done, limit) for _ in range(min(processes, len(jobs)))]
-    try:
+    done: queue.SimpleQueue[Done] = queue.SimpleQueue()
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slideline-study-")))
+        lanes = [_Lane(waiting, done, limit, folder / f"{k}.log") for k in range(min(processes, len(jobs)))]
         for lane in lanes:
+            stack.callback(lane.end)
             lane.start()
         for _ in jobs:
             yield _next(done, lanes)
-    finally:
-        for lane in lanes:
-            lane.end()
 
 
-def _next(done: queue.SimpleQueue[tuple[str, Outcome]], lanes: Sequence[_Lane]) -> tuple[str, Outcome]:
+def _next(done: queue.SimpleQueue[Done], lanes: Sequence[_Lane]) -> Done:
     """What is done next; waits for it."""
     while True:
         alive = any(lane.alive for lane in lanes)
@@ -53,12 +56,11 @@ def _next(done: queue.SimpleQueue[tuple[str, Outcome]], lanes: Sequence[_Lane]) 
 class _Lane:
     """A thread with one process after another: a new one where the last one died."""
 
-    def __init__(self, waiting: queue.SimpleQueue[tuple[str, Job]], done: queue.SimpleQueue[tuple[str, Outcome]],
-                 limit: float | None) -> None:
+    def __init__(self, waiting: queue.SimpleQueue[tuple[str, Job]], done: queue.SimpleQueue[Done],
+                 limit: float | None, log: Path) -> None:
         self._thread = threading.Thread(target=self._run, daemon=True)
-        self._waiting, self._done, self._limit = waiting, done, limit
+        self._waiting, self._done, self._limit, self._log = waiting, done, limit, log
         self._process: subprocess.Popen[str] | None = None
-        self._log: IO[bytes] | None = None
         self._lock = threading.Lock()
         self._ended = False
 
@@ -83,8 +85,8 @@ class _Lane:
         process = self._standing()
         if process is None:
             return Outcome(FAILED, "not begun", kept=False)
-        late = threading.Event()
-        timer = threading.Timer(self._limit, lambda: (late.set(), process.kill())) if self._limit else None
+        began = time.monotonic()
+        timer = threading.Timer(self._limit, process.kill) if self._limit else None
         if timer:
             timer.start()
         assert process.stdin is not None
@@ -101,7 +103,9 @@ class _Lane:
         if answer.endswith("\n"):
             return outcome_from(json.loads(answer))
         code = process.wait()
-        why = f"took longer than {self._limit:g} s" if late.is_set() else f"its process died ({code}): {self._tail()}"
+        why = f"its process died ({code}): {self._tail()}"
+        if self._limit and time.monotonic() - began >= self._limit:
+            why = f"took longer than {self._limit:g} s"
         return Outcome(FAILED, why, kept=False)
 
     def _standing(self) -> subprocess.Popen[str] | None:
@@ -110,17 +114,15 @@ class _Lane:
                 return None
             if self._process is None or self._process.poll() is not None:
                 self._close()
-                self._log = tempfile.TemporaryFile(prefix="slideline-study-")
-                # A session of its own: Ctrl-C at the terminal goes to the study, which ends this process.
-                self._process = subprocess.Popen(WORKER, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                                 stderr=self._log, text=True, encoding="utf-8", env=environment(),
-                                                 start_new_session=True)
+                with self._log.open("wb") as log:
+                    # A session of its own: Ctrl-C at the terminal goes to the study, which ends this process.
+                    self._process = subprocess.Popen(WORKER, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log,
+                                                     text=True, encoding="utf-8", env=environment(),
+                                                     start_new_session=True)
             return self._process
 
     def _tail(self) -> str:
-        assert self._log is not None
-        self._log.seek(max(self._log.seek(0, 2) - LOG_BYTES, 0))
-        lines = self._log.read().decode("utf-8", "replace").strip().splitlines()
+        lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return lines[-1] if lines else "it left no word"
 
     def end(self) -> None:
@@ -140,6 +142,4 @@ class _Lane:
                 assert pipe is not None
                 pipe.close()
             self._process.wait(PATIENCE)
-        if self._log is not None:
-            self._log.close()
-        self._process = self._log = None
+        self._process = None

@@ -79,7 +79,8 @@ def from_file(path: Path, error: float | None) -> Reference:
     """
     t, values = _table(path) if path.suffix == ".csv" else _results(path)
     stated = math.nan if error is None else error
-    return Reference({n: _curve(t, v) for n, v in values.items()}, {}, stated, math.nan, t, f"the answer in {path.name}")
+    curves = {n: _curve(t, v) for n, v in values.items()}
+    return Reference(curves, {}, stated, math.nan, t, f"the answer in {path.name}")
 
 
 def _results(path: Path) -> tuple[Array, dict[str, Array]]:

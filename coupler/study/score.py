@@ -94,7 +94,8 @@ def errors_of(run: Outcome, reference: Reference, scale: Scale) -> tuple[dict[st
     t = np.array(run.t)
     inside = (t >= scale.span[0]) & (t <= scale.span[1]) & (t <= reference.t[-1])
     at = t[inside]
-    found = {n: _l2(at, np.array(probes[n])[inside] - reference.curves[n](at)) / size for n, size in scale.probes.items()}
+    found = {n: _l2(at, np.array(probes[n])[inside] - reference.curves[n](at)) / size
+             for n, size in scale.probes.items()}
     own = [_l2(at, reference.other[n](at) - reference.curves[n](at)) / size
            for n, size in scale.probes.items() if n in reference.other]
     return found, max(own, default=reference.error)
