@@ -71,8 +71,8 @@ def _ticks(ax: Axes) -> None:
 
 
 def _errors(points: Sequence[Point]) -> tuple[float, float]:
-    """Bounds of the error axis, on whole steps of 1, 2, 5 as little as need be."""
-    shown = [e for p in points for e in (p.error, p.floor) if 0.0 < e <= MOST]
+    """Bounds of the error axis: room above for what has no answer."""
+    shown = [e for e in (*(p.error for p in points), _own(points)) if 0.0 < e <= MOST]
     if not shown:
         return 0.1 * MOST, MARGIN * MOST
     return min(shown) / MARGIN, max(shown) * MARGIN**2
@@ -103,7 +103,7 @@ def _curves(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
                gid="failed")
         _marks(ax, [_at(p, cost, ax, high) for p in good if p.below], marker="o", markersize=11, linestyle="none",
                markerfacecolor="none", markeredgecolor=GREY, zorder=5, gid="below")
-    for name, marker, size in (("failed, or no answer", "o", 7), ("below the reference's own error", "o", 11)):
+    for name, marker, size in (("failed, or above 100 %", "o", 7), ("below the reference's own error", "o", 11)):
         if any((p.below if "below" in name else not p.error <= MOST) for p in points):
             ax.plot([], [], marker=marker, markersize=size, linestyle="none", markerfacecolor="none",
                     markeredgecolor=GREY, label=name)
@@ -124,10 +124,14 @@ def _front(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
 
 
 def _floor(ax: Axes, points: Sequence[Point]) -> None:
-    floors = [p.floor for p in points if math.isfinite(p.floor) and p.floor > 0.0]
-    if floors:
-        ax.axhline(max(floors), color=INK, linewidth=1.0, linestyle=(0, (6, 3)), zorder=2,
+    if _own(points) > 0.0:
+        ax.axhline(_own(points), color=INK, linewidth=1.0, linestyle=(0, (6, 3)), zorder=2,
                    label="the reference's own error")
+
+
+def _own(points: Sequence[Point]) -> float:
+    """The reference's own error, the largest at the times of any run; 0 where it is unknown."""
+    return max((p.floor for p in points if math.isfinite(p.floor)), default=0.0)
 
 
 def _guides(ax: Axes) -> None:

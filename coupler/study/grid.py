@@ -12,7 +12,7 @@ from coupler.errors import ScenarioError
 from coupler.scenario.document import Document
 from coupler.scenario.override import apply_overrides
 from coupler.scenario.reading import yaml_value
-from coupler.study.axes import ALONG, PLAIN, Sets, sets_of
+from coupler.study.axes import ALONG, FACTORS, PLAIN, Sets, sets_of
 
 Grid = Mapping[str, Sequence[Any]]
 
@@ -81,7 +81,7 @@ def _size(grid: Grid) -> int:
 def cell_at(document: Document, at: Mapping[str, Any]) -> Cell:
     """The cell of these values.  Factors come last: they are on what the other axes left.  Raises ScenarioError."""
     sets: Sets = {}
-    for axis, value in sorted(at.items(), key=lambda item: item[0] in ALONG):
+    for axis, value in sorted(at.items(), key=lambda item: item[0] in FACTORS):
         found = sets_of(axis, value, document.tree)
         document = apply_overrides(document, found)
         sets |= found

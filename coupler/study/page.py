@@ -89,9 +89,25 @@ def _best(study: Study, out: Path) -> list[Best]:
 
 def _rows(study: Study) -> list[dict[str, Any]]:
     return [{"label": p.label, "half_solves": p.half_solves, "windows": o.windows, "rejected": o.rejected,
-             "seconds": duration(p.seconds), "message": p.message, "error": relative(p.error), "below": p.below,
-             "errors": [relative(e) for e in (p.by_probe or {}).values()]}
-            for p, o in zip(study.points, study.outcomes, strict=True)]
+             "seconds": duration(p.seconds), "order": order, "message": p.message, "error": relative(p.error),
+             "below": p.below, "errors": [relative(e) for e in (p.by_probe or {}).values()]}
+            for p, o, order in zip(study.points, study.outcomes, _orders(study), strict=True)]
+
+
+def _orders(study: Study) -> list[str]:
+    """log(e/e')/log(F/F') of each run and the next shorter windows on its curve; empty for the shortest."""
+    sizes = [float(run.cell.at.get("windows", math.nan)) for run in study.plan.runs]
+    on = list(zip(sizes, study.points, strict=True))
+    found = []
+    for F, p in on:
+        shorter = [(G, q) for G, q in on if q.series == p.series and F > G]
+        text = ""
+        if shorter:
+            G, q = max(shorter, key=lambda pair: pair[0])
+            if min(p.error, q.error) > 0.0 and not (p.below or q.below):
+                text = f"{math.log(p.error / q.error) / math.log(F / G):.2f}"
+        found.append(text)
+    return found
 
 
 def _summary(study: Study) -> str:
