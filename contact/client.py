@@ -5,13 +5,14 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Iterator
-from threading import Lock
+from threading import Event, Lock
 from typing import Any
 
-from contact.codec import WireError
+from contact.codec import Part, WireError
 from contact.desk import Envelope
+from contact.lane import Lane, LaneClosedError, name_of, open_lane
 from contact.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
-from contact.messages import REPLIES, Kinds, decode, encode
+from contact.messages import REPLIES, Kinds, decode, encode_parts
 from contact.server import keys_of
 from contact.wire import Refused, Register, Registered, Reply, Request
 from contact.zenoh_link import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
@@ -31,16 +32,20 @@ class Client:
 
     instance : which life of the server; found by its token when not given (exactly one must be alive).
     watch : called every quarter of a second while waiting; it may raise what ends the wait.
+    lane : whether calls may go past zenoh (contact.lane), and so be carried out twice should a lane break.
     """
 
     def __init__(self, session: Session, run: str, role: str, replies: Kinds, *, instance: str = "",
-                 deadline: float = CALL_DEADLINE, watch: Callable[[], None] = _nothing) -> None:
+                 deadline: float = CALL_DEADLINE, watch: Callable[[], None] = _nothing, lane: bool = False) -> None:
         self._session = session
         self._run, self._role, self._replies = run, role, replies
         self._deadline, self._watch = deadline, watch
         self._name = secrets.token_hex(6)
         self._number = 0
         self._lock = Lock()
+        self._lanes = lane
+        self._lane: Lane | None = None
+        self._token: Any = None
         self._pin(instance or self.find(CONNECT_TIMEOUT))
 
     def call(self, request: Any, deadline: float | None = None) -> Any:
@@ -49,12 +54,20 @@ class Client:
         deadline : seconds, the client's own if not given.  Raises LinkError, or WireError for a request that
         cannot be sent.
         """
-        payload = encode(request)
+        parts = encode_parts(request)
         what = f"{type(request).__name__} to {self._role}"
         with self._lock:
+            until = time.monotonic() + (self._deadline if deadline is None else deadline)
+            if self._lanes and (self._lane is None or self._lane.closed):
+                self._lane = open_lane(name_of(self._role, self._instance))
+            if self._lane is not None:
+                try:
+                    return self._by_lane(self._lane, parts, until, what)
+                except LaneClosedError:
+                    self._lane = None  # whether the server is gone too, zenoh will tell
             self._number += 1
             envelope = Envelope(self._instance, self._name, self._number)
-            until = time.monotonic() + (self._deadline if deadline is None else deadline)
+            payload = b"".join(parts)
             for pause in _pauses():
                 timeout = max(until - time.monotonic(), 0.001)
                 ask = self._session.ask
@@ -67,6 +80,14 @@ class Client:
                     raise LinkTimeoutError(f"{what}: no answer before the deadline; it is {self.status()}")
                 time.sleep(pause)
         raise AssertionError("the pauses never end")
+
+    def close(self) -> None:
+        """Let go of the server; the session is its owner's."""
+        if self._lane is not None:
+            self._lane.close()
+        if self._token is not None:
+            self._token.undeclare()
+        self._lane = self._token = None
 
     def find(self, patience: float) -> str:
         """The one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
@@ -93,8 +114,28 @@ class Client:
         return next((a.payload.decode() for a in answers if a.ok), "silent")
 
     def _pin(self, instance: str) -> None:
+        self.close()
         self._instance = instance
         self._keys = keys_of(self._run, self._role, instance)
+        if self._lanes:
+            self._gone = Event()
+            self._token = self._session.when_gone(self._keys.token, self._gone.set)
+
+    def _by_lane(self, lane: Lane, parts: list[Part], until: float, what: str) -> Any:
+        """The reply to a call through the lane.  Raises LaneClosedError where there was none."""
+        def look() -> None:
+            self._watch()
+            if self._gone.is_set():  # a stopped process keeps its end of the lane
+                raise LaneClosedError(f"{self._role} is gone")
+
+        self._session.check_process()
+        try:
+            ok, payload = lane.ask(parts, until, look)
+        except TimeoutError as exc:
+            raise LinkTimeoutError(f"{what}: {exc}; it is {self.status()}") from exc
+        if not ok:
+            raise LinkProtocolError(f"{what}: {bytes(payload).decode(errors='replace')}")
+        return self._decoded(payload, what)
 
     def _alive(self) -> set[str]:
         found = self._session.tokens(keys_of(self._run, self._role, "*").token, self._watch)
@@ -103,8 +144,8 @@ class Client:
     def _opened(self, answers: list[Answer], envelope: Envelope, what: str) -> Any:
         # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own
         # words count, and the same words twice are one answer.
-        said = list(dict.fromkeys((a.ok, a.label, a.payload) for a in answers if a.ok or a.spoken))
-        if len(said) > 1:
+        said = [a for a in answers if a.ok or a.spoken]
+        if any(a != said[0] for a in said):
             raise LinkProtocolError(f"{what}: {len(said)} answers to one call")
         answer = next((a for a in answers if a.ok or a.spoken), answers[0])
         if not answer.ok:
@@ -114,8 +155,11 @@ class Client:
             raise LinkTimeoutError(f"{what}: {text} after its deadline; it is {self.status()}")
         if answer.label != str(envelope):
             raise LinkProtocolError(f"{what}: the answer is to {answer.label!r}, not to {envelope}")
+        return self._decoded(answer.payload, what)
+
+    def _decoded(self, payload: bytes | memoryview, what: str) -> Any:
         try:
-            return decode(answer.payload, self._replies)
+            return decode(payload, self._replies)
         except WireError as exc:
             raise LinkProtocolError(f"{what}: {exc}") from exc
 
@@ -141,8 +185,9 @@ class ZenohLink:
         self._session: Session | None = open_session(connect=(endpoint,))
         self._grace = grace
         self._registered: dict[str, Register] = {}
+        self._client: Client | None = None
         try:
-            self._client = Client(self._session, run, "contact", REPLIES, deadline=deadline, watch=watch)
+            self._client = Client(self._session, run, "contact", REPLIES, deadline=deadline, watch=watch, lane=True)
         except LinkError:
             self.close()
             raise
@@ -157,6 +202,9 @@ class ZenohLink:
         return reply
 
     def close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
         if self._session is not None:
             close_session(self._session)
             self._session = None
@@ -171,12 +219,13 @@ class ZenohLink:
         return reply
 
     def _call(self, request: Request) -> Reply:
-        if self._session is None:
+        client = self._client
+        if client is None:
             raise LinkError("the link is closed")
         try:
-            reply: Reply = self._client.call(request)
+            reply: Reply = client.call(request)
         except ServiceDownError:
             # A request to contact changes nothing there, so the next life of the service may be asked it again.
-            self._client.move(self._grace)
-            reply = self._client.call(request)
+            client.move(self._grace)
+            reply = client.call(request)
         return reply

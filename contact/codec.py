@@ -32,6 +32,7 @@ _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
 
 Arrays = dict[str, NDArray[Any]]
+Part = bytes | NDArray[Any]
 _NATIVE = {dtype: dtype.newbyteorder("=") for dtype in _DTYPES.values()}
 
 
@@ -40,21 +41,29 @@ class WireError(ValueError):
 
 
 def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """The bytes of a record.
+    """The bytes of a record.  Arguments and errors as of record_parts."""
+    return b"".join(record_parts(name, meta, arrays))
+
+
+def record_parts(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Part]:
+    """The bytes of a record in pieces, to be sent one after the other; arrays are pieces in their own memory.
 
     meta : msgpack's values (None, bool, int, float, str, bytes, list, dict with str keys).
     arrays : any shape up to 8 dimensions, of float, int, unsigned or bool type.
     Raises WireError for anything else.
     """
     table: list[list[Any]] = []
-    parts: list[Any] = []  # bytes and arrays: whatever has a buffer
+    parts: list[Part] = []
     offset = 0
     for key, array in arrays.items():
         data = _plain(key, array)
         size = data.nbytes
         table.append([key, data.dtype.str, list(data.shape), offset, size])
         gap = -size % ALIGNMENT
-        parts += [data, bytes(gap)]  # joined from their own memory: copied once
+        if size:
+            parts.append(data)
+        if gap:
+            parts.append(bytes(gap))
         offset += size + gap
     try:
         header = msgpack.packb({"version": WIRE_VERSION, "name": name, "meta": dict(meta), "arrays": table})
@@ -63,14 +72,15 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
     if len(header) > MAX_HEADER:
         raise WireError(f"record {name!r}: header of {len(header)} bytes, at most {MAX_HEADER} are allowed")
     prefix = _PREFIX.pack(MAGIC, len(header), zlib.crc32(header))
-    return b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT), *parts])
+    return [b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT)]), *parts]
 
 
-def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
-    """Name, meta and arrays of a record; the arrays are fresh, aligned and writable.
+def decode_record(data: bytes | memoryview) -> tuple[str, dict[str, Any], Arrays]:
+    """Name, meta and arrays of a record; the arrays are writable.
 
-    They are copied out of `data` although a view would do: a compiled kernel is specialised anew for
-    read-only arrays, and the copy costs less than a tenth of the transport.
+    They are copied out of bytes: a compiled kernel is specialised anew for read-only arrays.  A writable memoryview
+    is given away by the caller: an array that is most of it stays where it is, smaller ones are copied, so that
+    none of them keeps more than twice its own size from being freed.
     Raises WireError for bytes that are not exactly what encode_record writes.
     """
     header, body = _header(data)
@@ -103,7 +113,7 @@ def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
 
 
-def _header(data: bytes) -> tuple[dict[str, Any], memoryview]:
+def _header(data: bytes | memoryview) -> tuple[dict[str, Any], memoryview]:
     """The checked header, and the bytes after it."""
     if len(data) < _PREFIX.size:
         raise WireError(f"{len(data)} bytes are too few for a record")
@@ -151,6 +161,7 @@ def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, .
     if dtype.kind == "b" and (flat.view(np.uint8) > 1).any():
         raise WireError(f"array {key!r}: a bool that is neither 0 nor 1")
     try:
-        return flat.reshape(shape).astype(_NATIVE[dtype], copy=True)
+        in_place = not body.readonly and 2 * flat.nbytes >= len(body)
+        return flat.reshape(shape).astype(_NATIVE[dtype], copy=not in_place)
     except ValueError as exc:  # (0, 2**62) has no bytes, yet numpy cannot make it
         raise WireError(f"array {key!r}: shape {shape} is not possible ({exc})") from exc

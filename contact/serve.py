@@ -48,7 +48,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
 
 def _serve(handle: Handler, session: Session, run: str, say: Callable[[str], object], *,
            stoppable: bool) -> None:
-    with Server(session, run, "contact", REQUESTS) as server:
+    with Server(session, run, "contact", REQUESTS) as server, server.lane(handle):
 
         def stop(number: int, frame: FrameType | None) -> None:
             server.stop()

@@ -13,14 +13,17 @@ import secrets
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any, Self
 
-from contact.codec import WireError
-from contact.desk import Answered, Call, Desk, failure
+from contact.codec import Part, WireError
+from contact.desk import Answered, Desk, failure
+from contact.lane import Door, name_of, supported
 from contact.link import LinkError
-from contact.messages import Kinds, decode, encode
+from contact.messages import Kinds, decode, encode_parts
 from contact.zenoh_link import Question, Session
 
 
@@ -40,11 +43,12 @@ def keys_of(run: str, role: str, instance: str) -> Keys:
 
 
 class Server:
-    """Answers calls on a session.  `work` does so on the thread that calls it, one call after the other."""
+    """Answers calls on a session.  `work` does so on the thread that calls it; one call is carried out at a time."""
 
     def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
         self.instance = secrets.token_hex(6)
-        self._requests = requests
+        self._role, self._requests = role, requests
+        self._one = Lock()
         self._desk: Desk[Question] = Desk(self.instance)
         self._busy: tuple[str, float] | None = None
         self._served = 0
@@ -58,9 +62,25 @@ class Server:
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
         while (call := self._desk.queue.get()) is not None:
-            answered = self._carry_out(call, handle)
+            ok, parts = self._carry_out(call.payload, handle)
+            answered = Answered(ok, b"".join(parts))
             for question in self._desk.finish(call, answered):
                 self._answer(question, answered)
+
+    @contextmanager
+    def lane(self, handle: Callable[[Any], Any]) -> Iterator[None]:
+        """Answer callers on this machine past zenoh too (contact.lane), each on a thread of its own.
+
+        Only for what may be carried out twice: a call whose lane breaks is repeated over zenoh.
+        """
+        if not supported():
+            yield
+            return
+        door = Door(name_of(self._role, self.instance), lambda payload: self._carry_out(payload, handle))
+        try:
+            yield
+        finally:
+            door.close()
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""
@@ -73,20 +93,21 @@ class Server:
         for declared in reversed(self._declared):
             declared.undeclare()
 
-    def _carry_out(self, call: Call, handle: Callable[[Any], Any]) -> Answered:
-        try:
-            request = decode(call.payload, self._requests)
-        except WireError as exc:
-            return failure("bad_request", str(exc))
-        self._busy = (type(request).__name__, time.monotonic())
-        try:
-            return Answered(True, encode(handle(request)))
-        except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
-            traceback.print_exc(file=sys.stderr)
-            return failure("bug", f"{type(exc).__name__}: {exc}")
-        finally:
-            self._busy = None
-            self._served += 1
+    def _carry_out(self, payload: bytes | memoryview, handle: Callable[[Any], Any]) -> tuple[bool, Sequence[Part]]:
+        with self._one:
+            try:
+                request = decode(payload, self._requests)
+            except WireError as exc:
+                return False, [failure("bad_request", str(exc)).payload]
+            self._busy = (type(request).__name__, time.monotonic())
+            try:
+                return True, encode_parts(handle(request))
+            except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
+                traceback.print_exc(file=sys.stderr)
+                return False, [failure("bug", f"{type(exc).__name__}: {exc}").payload]
+            finally:
+                self._busy = None
+                self._served += 1
 
     def _arrive(self, question: Question) -> None:
         answered = self._desk.arrive(question.label, question.payload, question)
