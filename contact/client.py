@@ -6,14 +6,15 @@ import secrets
 import time
 from collections.abc import Callable, Iterator
 from threading import Event, Lock
-from typing import Any
+from typing import Any, cast
 
 from contact.codec import Part, WireError
 from contact.desk import Envelope
 from contact.lane import Lane, LaneClosedError, name_of, open_lane
 from contact.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
-from contact.messages import REPLIES, Kinds, decode, encode_parts
+from contact.messages import REPLIES, Kinds, decode, encode_parts, kinds_of
 from contact.server import keys_of
+from contact.tally import Told
 from contact.wire import Refused, Register, Registered, Reply, Request
 from contact.zenoh_link import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
 
@@ -21,6 +22,8 @@ CALL_DEADLINE = 300.0  # s; a first request may compile kernels on a busy machin
 STATUS_TIMEOUT = 2.0  # s
 RESTART_GRACE = 1.5  # s a client waits for a new instance after its service died
 PAUSES = (0.01, 0.02, 0.05, 0.1)  # s between repeats of a call; the last one stays
+
+TALLY = kinds_of([Told])
 
 
 def _nothing() -> None:
@@ -113,6 +116,14 @@ class Client:
         answers = self._session.ask(self._keys.status, b"", "", STATUS_TIMEOUT, self._watch)
         return next((a.payload.decode() for a in answers if a.ok), "silent")
 
+    def tally(self) -> Told:
+        """What the server was asked so far, by all its clients.  Raises LinkError."""
+        answers = self._session.ask(self._keys.tally, b"", "", STATUS_TIMEOUT, self._watch)
+        told = next((a.payload for a in answers if a.ok), None)
+        if told is None:
+            raise ServiceDownError(f"{self._role} does not say what it was asked")
+        return cast(Told, self._decoded(told, "tally", TALLY))
+
     def _pin(self, instance: str) -> None:
         self.close()
         self._instance = instance
@@ -135,7 +146,7 @@ class Client:
             raise LinkTimeoutError(f"{what}: {exc}; it is {self.status()}") from exc
         if not ok:
             raise LinkProtocolError(f"{what}: {bytes(payload).decode(errors='replace')}")
-        return self._decoded(payload, what)
+        return self._decoded(payload, what, self._replies)
 
     def _alive(self) -> set[str]:
         found = self._session.tokens(keys_of(self._run, self._role, "*").token, self._watch)
@@ -155,11 +166,11 @@ class Client:
             raise LinkTimeoutError(f"{what}: {text} after its deadline; it is {self.status()}")
         if answer.label != str(envelope):
             raise LinkProtocolError(f"{what}: the answer is to {answer.label!r}, not to {envelope}")
-        return self._decoded(answer.payload, what)
+        return self._decoded(answer.payload, what, self._replies)
 
-    def _decoded(self, payload: bytes | memoryview, what: str) -> Any:
+    def _decoded(self, payload: bytes | memoryview, what: str, kinds: Kinds) -> Any:
         try:
-            return decode(payload, self._replies)
+            return decode(payload, kinds)
         except WireError as exc:
             raise LinkProtocolError(f"{what}: {exc}") from exc
 

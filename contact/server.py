@@ -4,6 +4,7 @@ Keys, with a random instance for every life of a server, so that an answer of a 
 one of this, and two servers of one role are seen instead of silently both being heard:
     slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.desk)
     slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, in words
+    slideline/RUN/ROLE/INSTANCE/v1/tally    what it was asked so far (contact.tally), a message
     slideline/RUN/alive/ROLE/INSTANCE       the token
 """
 
@@ -23,8 +24,11 @@ from contact.codec import Part, WireError
 from contact.desk import Answered, Desk, failure
 from contact.lane import Door, name_of, supported
 from contact.link import LinkError
-from contact.messages import Kinds, decode, encode_parts
+from contact.messages import Kinds, decode, encode, encode_parts
+from contact.tally import Tally
 from contact.zenoh_link import Question, Session
+
+UNREADABLE = "unreadable"  # the verb of bytes that are no request
 
 
 @dataclass(frozen=True)
@@ -33,13 +37,14 @@ class Keys:
 
     ask: str
     status: str
+    tally: str
     token: str
 
 
 def keys_of(run: str, role: str, instance: str) -> Keys:
     """instance : `*` makes patterns for all."""
     base = f"slideline/{run}/{role}/{instance}/v1"
-    return Keys(f"{base}/ask", f"{base}/status", f"slideline/{run}/alive/{role}/{instance}")
+    return Keys(f"{base}/ask", f"{base}/status", f"{base}/tally", f"slideline/{run}/alive/{role}/{instance}")
 
 
 class Server:
@@ -51,11 +56,13 @@ class Server:
         self._one = Lock()
         self._desk: Desk[Question] = Desk(self.instance)
         self._busy: tuple[str, float] | None = None
+        self.tally = Tally()
         self._served = 0
         self._keys = keys_of(run, role, self.instance)
         self._declared = [
             session.answer(self._keys.ask, self._arrive),
             session.answer(self._keys.status, self._tell_status),
+            session.answer(self._keys.tally, self._tell_tally),
             session.show_token(self._keys.token),
         ]
 
@@ -95,19 +102,29 @@ class Server:
 
     def _carry_out(self, payload: bytes | memoryview, handle: Callable[[Any], Any]) -> tuple[bool, Sequence[Part]]:
         with self._one:
-            try:
-                request = decode(payload, self._requests)
-            except WireError as exc:
-                return False, [failure("bad_request", str(exc)).payload]
-            self._busy = (type(request).__name__, time.monotonic())
-            try:
-                return True, encode_parts(handle(request))
-            except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
-                traceback.print_exc(file=sys.stderr)
-                return False, [failure("bug", f"{type(exc).__name__}: {exc}").payload]
-            finally:
-                self._busy = None
-                self._served += 1
+            started = time.monotonic()
+            verb, ok, parts = self._done(payload, handle, started)
+            size = sum(len(part) if isinstance(part, bytes) else part.nbytes for part in parts)
+            self.tally.add(verb, time.monotonic() - started, len(payload), size)
+            self._served += 1
+            return ok, parts
+
+    def _done(self, payload: bytes | memoryview, handle: Callable[[Any], Any],
+              started: float) -> tuple[str, bool, Sequence[Part]]:
+        """The verb, whether it was carried out, and the answer."""
+        try:
+            request = decode(payload, self._requests)
+        except WireError as exc:
+            return UNREADABLE, False, [failure("bad_request", str(exc)).payload]
+        verb = type(request).__name__
+        self._busy = verb, started
+        try:
+            return verb, True, encode_parts(handle(request))
+        except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
+            traceback.print_exc(file=sys.stderr)
+            return verb, False, [failure("bug", f"{type(exc).__name__}: {exc}").payload]
+        finally:
+            self._busy = None
 
     def _arrive(self, question: Question) -> None:
         answered = self._desk.arrive(question.label, question.payload, question)
@@ -125,3 +142,6 @@ class Server:
         doing = f"busy with {busy[0]} for {time.monotonic() - busy[1]:.1f} s" if busy else "idle"
         text = f"{doing}, {self._desk.queue.qsize()} waiting, {self._served} served"
         question.answer(self._keys.status, True, text.encode())
+
+    def _tell_tally(self, question: Question) -> None:
+        question.answer(self._keys.tally, True, encode(self.tally.told()))

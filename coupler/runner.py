@@ -102,6 +102,7 @@ class Run:
             stack.enter_context(_interrupts(self))
             launched = stack.enter_context(launch(self.scenario, processes=self.processes))
             self.halves = wanted_outputs(launched.thermal, launched.mechanical)
+            self._asked = launched.asked
             self._check(launched.thermal, launched.mechanical)
             self.plan = plan_of(self.scenario)
             self._watched = Watched(self.scenario.interface, self.halves.mechanical_outputs)
@@ -223,7 +224,7 @@ class Run:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": time.perf_counter() - self._started, "setup_seconds": self.setup_seconds,
-                "notes": [*self._watched.at_end(self.state.now), *self.noticed], **heats}
+                "notes": [*self._watched.at_end(self.state.now), *self.noticed], "contact": self._asked(), **heats}
 
     def _progress(self, tried: Tried) -> Progress:
         elapsed, total = time.perf_counter() - self._started, len(self.plan.schedule.bounds) - 1

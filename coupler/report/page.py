@@ -16,7 +16,7 @@ from coupler.report.facts import banner, rejected_windows, scenario_facts, summa
 from coupler.report.heat import depth_of, heat_picture, heat_table
 from coupler.report.snapshots import field_pictures
 from coupler.report.units import duration
-from coupler.report.work import iterates_picture, shares, shares_picture, windows_picture
+from coupler.report.work import asked, iterates_picture, shares, shares_picture, windows_picture
 from coupler.results import Results
 
 TEMPLATE = "page.html.j2"
@@ -56,7 +56,7 @@ def render(results: Results) -> str:
         title=results.header["title"], banner=banner(results), summary=summary(results),
         facts=scenario_facts(results), probes=probe_pictures(results), fields=fields,
         heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
-        windows=windows_picture(results), iterates=iterates_picture(results), shares=parts,
+        windows=windows_picture(results), iterates=iterates_picture(results), shares=parts, asked=asked(results),
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
         rejected_count=rejected_count, notes=[*_notes(results), *remarks],
         versions=results.header["versions"], scenario=results.header["scenario"]["text"],
