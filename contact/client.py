@@ -5,14 +5,13 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Iterator
-from threading import Event, Lock
+from threading import Lock
 from typing import Any, cast
 
-from contact.codec import Part, WireError
+from contact.codec import WireError
 from contact.desk import Envelope
-from contact.lane import Lane, LaneClosedError, name_of, open_lane
 from contact.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
-from contact.messages import REPLIES, Kinds, decode, encode_parts, kinds_of
+from contact.messages import REPLIES, Kinds, decode, encode, kinds_of
 from contact.server import keys_of
 from contact.tally import Told
 from contact.wire import Refused, Register, Registered, Reply, Request
@@ -35,20 +34,16 @@ class Client:
 
     instance : which life of the server; found by its token when not given (exactly one must be alive).
     watch : called every quarter of a second while waiting; it may raise what ends the wait.
-    lane : whether calls may go past zenoh (contact.lane), and so be carried out twice should a lane break.
     """
 
     def __init__(self, session: Session, run: str, role: str, replies: Kinds, *, instance: str = "",
-                 deadline: float = CALL_DEADLINE, watch: Callable[[], None] = _nothing, lane: bool = False) -> None:
+                 deadline: float = CALL_DEADLINE, watch: Callable[[], None] = _nothing) -> None:
         self._session = session
         self._run, self._role, self._replies = run, role, replies
         self._deadline, self._watch = deadline, watch
         self._name = secrets.token_hex(6)
         self._number = 0
         self._lock = Lock()
-        self._lanes = lane
-        self._lane: Lane | None = None
-        self._token: Any = None
         self._pin(instance or self.find(CONNECT_TIMEOUT))
 
     def call(self, request: Any, deadline: float | None = None) -> Any:
@@ -57,20 +52,12 @@ class Client:
         deadline : seconds, the client's own if not given.  Raises LinkError, or WireError for a request that
         cannot be sent.
         """
-        parts = encode_parts(request)
+        payload = encode(request)
         what = f"{type(request).__name__} to {self._role}"
         with self._lock:
             until = time.monotonic() + (self._deadline if deadline is None else deadline)
-            if self._lanes and (self._lane is None or self._lane.closed):
-                self._lane = open_lane(name_of(self._role, self._instance))
-            if self._lane is not None:
-                try:
-                    return self._by_lane(self._lane, parts, until, what)
-                except LaneClosedError:
-                    self._lane = None  # whether the server is gone too, zenoh will tell
             self._number += 1
             envelope = Envelope(self._instance, self._name, self._number)
-            payload = b"".join(parts)
             for pause in _pauses():
                 timeout = max(until - time.monotonic(), 0.001)
                 ask = self._session.ask
@@ -83,14 +70,6 @@ class Client:
                     raise LinkTimeoutError(f"{what}: no answer before the deadline; it is {self.status()}")
                 time.sleep(pause)
         raise AssertionError("the pauses never end")
-
-    def close(self) -> None:
-        """Let go of the server; the session is its owner's."""
-        if self._lane is not None:
-            self._lane.close()
-        if self._token is not None:
-            self._token.undeclare()
-        self._lane = self._token = None
 
     def find(self, patience: float) -> str:
         """The one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
@@ -125,28 +104,8 @@ class Client:
         return cast(Told, self._decoded(told, "tally", TALLY))
 
     def _pin(self, instance: str) -> None:
-        self.close()
         self._instance = instance
         self._keys = keys_of(self._run, self._role, instance)
-        if self._lanes:
-            self._gone = Event()
-            self._token = self._session.when_gone(self._keys.token, self._gone.set)
-
-    def _by_lane(self, lane: Lane, parts: list[Part], until: float, what: str) -> Any:
-        """The reply to a call through the lane.  Raises LaneClosedError where there was none."""
-        def look() -> None:
-            self._watch()
-            if self._gone.is_set():  # a stopped process keeps its end of the lane
-                raise LaneClosedError(f"{self._role} is gone")
-
-        self._session.check_process()
-        try:
-            ok, payload = lane.ask(parts, until, look)
-        except TimeoutError as exc:
-            raise LinkTimeoutError(f"{what}: {exc}; it is {self.status()}") from exc
-        if not ok:
-            raise LinkProtocolError(f"{what}: {bytes(payload).decode(errors='replace')}")
-        return self._decoded(payload, what, self._replies)
 
     def _alive(self) -> set[str]:
         found = self._session.tokens(keys_of(self._run, self._role, "*").token, self._watch)
@@ -168,7 +127,7 @@ class Client:
             raise LinkProtocolError(f"{what}: the answer is to {answer.label!r}, not to {envelope}")
         return self._decoded(answer.payload, what, self._replies)
 
-    def _decoded(self, payload: bytes | memoryview, what: str, kinds: Kinds) -> Any:
+    def _decoded(self, payload: bytes, what: str, kinds: Kinds) -> Any:
         try:
             return decode(payload, kinds)
         except WireError as exc:
@@ -198,7 +157,7 @@ class ZenohLink:
         self._registered: dict[str, Register] = {}
         self._client: Client | None = None
         try:
-            self._client = Client(self._session, run, "contact", REPLIES, deadline=deadline, watch=watch, lane=True)
+            self._client = Client(self._session, run, "contact", REPLIES, deadline=deadline, watch=watch)
         except LinkError:
             self.close()
             raise
@@ -213,9 +172,7 @@ class ZenohLink:
         return reply
 
     def close(self) -> None:
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        self._client = None
         if self._session is not None:
             close_session(self._session)
             self._session = None

@@ -35,7 +35,6 @@ _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
 
 Arrays = dict[str, NDArray[Any]]
-Part = Any  # bytes or an array: whatever has a buffer
 Row = tuple[str, np.dtype[Any], tuple[int, ...], int]
 _NATIVE = {dtype: dtype.newbyteorder("=") for dtype in _DTYPES.values()}
 
@@ -45,12 +44,7 @@ class WireError(ValueError):
 
 
 def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """The bytes of a record.  Arguments and errors as of record_parts."""
-    return b"".join(record_parts(name, meta, arrays))
-
-
-def record_parts(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[Part]:
-    """The bytes of a record in pieces, to be sent one after the other; arrays are pieces in their own memory.
+    """The bytes of a record.
 
     meta : msgpack's values (None, bool, int, float, str, bytes, list, dict with str keys).
     arrays : any shape up to 8 dimensions, of float, int, unsigned or bool type.
@@ -63,14 +57,14 @@ def record_parts(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArra
         raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
     shapes = tuple([(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
     make = _head if len(packed) <= REMEMBERED else _head.__wrapped__
-    parts: list[Part] = [make(name, packed, shapes)]
+    parts: list[Any] = [make(name, packed, shapes)]  # bytes and arrays: joined from their own memory, copied once
     for array in data:
         size = array.nbytes
         if size:
             parts.append(array)
         if size % ALIGNMENT:
             parts.append(_GAPS[-size % ALIGNMENT])
-    return parts
+    return b"".join(parts)
 
 
 @lru_cache(64)
@@ -91,12 +85,11 @@ def _head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[
     return b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT)])
 
 
-def decode_record(data: bytes | memoryview) -> tuple[str, dict[str, Any], Arrays]:
-    """Name, meta and arrays of a record; the arrays are writable.
+def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
+    """Name, meta and arrays of a record; the arrays are fresh, aligned and writable.
 
-    They are copied out of bytes: a compiled kernel is specialised anew for read-only arrays.  A writable memoryview
-    is given away by the caller: an array that is most of it stays where it is, smaller ones are copied, so that
-    none of them keeps more than twice its own size from being freed.
+    They are copied out of `data` although a view would do: a compiled kernel is specialised anew for
+    read-only arrays, and the copy costs less than a tenth of the transport.
     Raises WireError for bytes that are not exactly what encode_record writes.
     """
     raw, checksum, body = _split(data)
@@ -139,7 +132,7 @@ def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
 
 
-def _split(data: bytes | memoryview) -> tuple[bytes, int, memoryview]:
+def _split(data: bytes) -> tuple[bytes, int, memoryview]:
     """The header, its checksum, and the bytes after it."""
     if len(data) < _PREFIX.size:
         raise WireError(f"{len(data)} bytes are too few for a record")
@@ -191,6 +184,4 @@ def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, .
         raise WireError(f"array {key!r}: shape {shape} is not possible ({exc})") from exc
     if dtype.kind == "b" and (there.view(np.uint8) > 1).any():
         raise WireError(f"array {key!r}: a bool that is neither 0 nor 1")
-    if body.readonly or 2 * there.nbytes < len(body):
-        return there.astype(_NATIVE[dtype])
-    return there.astype(_NATIVE[dtype], copy=False)
+    return there.astype(_NATIVE[dtype])

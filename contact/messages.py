@@ -16,7 +16,7 @@ from typing import Any, Protocol, get_args, get_origin, get_type_hints
 import numpy as np
 
 from contact import wire
-from contact.codec import Arrays, Part, WireError, decode_record, record_parts
+from contact.codec import Arrays, WireError, decode_record, encode_record
 
 Kinds = Mapping[str, type[Any]]
 
@@ -52,18 +52,13 @@ REPLIES = kinds_of(get_args(wire.Reply))
 
 def encode(message: Any) -> bytes:
     """The bytes of a message.  Raises WireError where a field is not what its hint says."""
-    return b"".join(encode_parts(message))
-
-
-def encode_parts(message: Any) -> list[Part]:
-    """The bytes of a message in pieces (contact.codec.record_parts).  Raises WireError as encode does."""
     arrays: Arrays = {}
     kind: Any = type(message)
     meta = _form_of(kind).pack(message, kind.__name__, arrays)
-    return record_parts(kind.__name__, meta, arrays)
+    return encode_record(kind.__name__, meta, arrays)
 
 
-def decode(data: bytes | memoryview, kinds: Kinds) -> Any:
+def decode(data: bytes, kinds: Kinds) -> Any:
     """The message in `data`, one of `kinds`.  Raises WireError for anything else."""
     name, meta, arrays = decode_record(data)
     kind: Any = kinds.get(name)

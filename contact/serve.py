@@ -64,7 +64,7 @@ def log_tally(served: list[Server]) -> None:
 
 def _serve(handle: Handler, session: Session, run: str, say: Callable[[str], object], *,
            stoppable: bool, served: list[Server]) -> None:
-    with Server(session, run, "contact", REQUESTS) as server, server.lane(handle):
+    with Server(session, run, "contact", REQUESTS) as server:
         served.append(server)
 
         def stop(number: int, frame: FrameType | None) -> None:

@@ -14,17 +14,14 @@ import secrets
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
 from typing import Any, Self
 
-from contact.codec import Part, WireError
+from contact.codec import WireError
 from contact.desk import Answered, Desk, failure
-from contact.lane import Door, name_of, supported
 from contact.link import LinkError
-from contact.messages import Kinds, decode, encode, encode_parts
+from contact.messages import Kinds, decode, encode
 from contact.tally import Tally
 from contact.zenoh_link import Question, Session
 
@@ -48,12 +45,11 @@ def keys_of(run: str, role: str, instance: str) -> Keys:
 
 
 class Server:
-    """Answers calls on a session.  `work` does so on the thread that calls it; one call is carried out at a time."""
+    """Answers calls on a session.  `work` does so on the thread that calls it, one call after the other."""
 
     def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
         self.instance = secrets.token_hex(6)
-        self._role, self._requests = role, requests
-        self._one = Lock()
+        self._requests = requests
         self._desk: Desk[Question] = Desk(self.instance)
         self._busy: tuple[str, float] | None = None
         self.tally = Tally()
@@ -69,25 +65,9 @@ class Server:
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
         while (call := self._desk.queue.get()) is not None:
-            ok, parts = self._carry_out(call.payload, handle)
-            answered = Answered(ok, b"".join(parts))
+            answered = self._carry_out(call.payload, handle)
             for question in self._desk.finish(call, answered):
                 self._answer(question, answered)
-
-    @contextmanager
-    def lane(self, handle: Callable[[Any], Any]) -> Iterator[None]:
-        """Answer callers on this machine past zenoh too (contact.lane), each on a thread of its own.
-
-        Only for what may be carried out twice: a call whose lane breaks is repeated over zenoh.
-        """
-        if not supported():
-            yield
-            return
-        door = Door(name_of(self._role, self.instance), lambda payload: self._carry_out(payload, handle))
-        try:
-            yield
-        finally:
-            door.close()
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""
@@ -100,29 +80,26 @@ class Server:
         for declared in reversed(self._declared):
             declared.undeclare()
 
-    def _carry_out(self, payload: bytes | memoryview, handle: Callable[[Any], Any]) -> tuple[bool, Sequence[Part]]:
-        with self._one:
-            started = time.monotonic()
-            verb, ok, parts = self._done(payload, handle, started)
-            size = sum(len(part) if isinstance(part, bytes) else part.nbytes for part in parts)
-            self.tally.add(verb, time.monotonic() - started, len(payload), size)
-            self._served += 1
-            return ok, parts
+    def _carry_out(self, payload: bytes, handle: Callable[[Any], Any]) -> Answered:
+        started = time.monotonic()
+        verb, answered = self._done(payload, handle, started)
+        self.tally.add(verb, time.monotonic() - started, len(payload), len(answered.payload))
+        self._served += 1
+        return answered
 
-    def _done(self, payload: bytes | memoryview, handle: Callable[[Any], Any],
-              started: float) -> tuple[str, bool, Sequence[Part]]:
-        """The verb, whether it was carried out, and the answer."""
+    def _done(self, payload: bytes, handle: Callable[[Any], Any], started: float) -> tuple[str, Answered]:
+        """The verb, and the answer."""
         try:
             request = decode(payload, self._requests)
         except WireError as exc:
-            return UNREADABLE, False, [failure("bad_request", str(exc)).payload]
+            return UNREADABLE, failure("bad_request", str(exc))
         verb = type(request).__name__
         self._busy = verb, started
         try:
-            return verb, True, encode_parts(handle(request))
+            return verb, Answered(True, encode(handle(request)))
         except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
             traceback.print_exc(file=sys.stderr)
-            return verb, False, [failure("bug", f"{type(exc).__name__}: {exc}").payload]
+            return verb, failure("bug", f"{type(exc).__name__}: {exc}")
         finally:
             self._busy = None
 

@@ -21,10 +21,10 @@ from typing import Any
 
 import zenoh
 
-from contact.lane import PERIOD
 from contact.link import LinkError, LinkSpecError, ServiceDownError
 
 CONNECT_TIMEOUT = 5.0  # s
+WATCH_PERIOD = 0.25  # s between looks at whether the other processes live, while waiting for an answer
 LEASE_MS = 3000  # a stopped process or cut line counts as gone after this long
 _ENCODING = "application/x-slideline"
 _LOOPBACK = re.compile(r"tcp/(?:127\.0\.0\.1|\[::1\]|localhost):([0-9]{1,5})")
@@ -86,15 +86,6 @@ class Session:
         """A token that vanishes with this process or its connection; undeclare() the result to end it."""
         return self._zenoh.liveliness().declare_token(key)
 
-    def when_gone(self, key: str, gone: Callable[[], None]) -> Any:
-        """Have `gone` called when a token vanishes; undeclare() what is returned to end it."""
-        def told(sample: Any) -> None:
-            if sample.kind == zenoh.SampleKind.DELETE:
-                gone()
-
-        handler: Any = zenoh.handlers.Callback(told, indirect=False)
-        return self._zenoh.liveliness().declare_subscriber(key, handler)
-
     def tokens(self, key: str, watch: Callable[[], None]) -> set[str]:
         """The keys of all tokens that match."""
         def get(handler: Any) -> None:
@@ -115,14 +106,10 @@ class Session:
 
         return [_answer(reply) for reply in self._collect(get, timeout, watch)]
 
-    def check_process(self) -> None:
-        """Raises LinkError in a process that was forked from the session's own."""
-        if os.getpid() != self.pid:
-            raise LinkError("a zenoh session does not survive a fork; start processes anew instead")
-
     def _collect(self, get: Callable[[Any], None], timeout: float, watch: Callable[[], None]) -> list[Any]:
         """All replies.  zenoh ends a query at its timeout; should it not, a second more ends it here."""
-        self.check_process()
+        if os.getpid() != self.pid:
+            raise LinkError("a zenoh session does not survive a fork; start processes anew instead")
         box: SimpleQueue[Any] = SimpleQueue()
         until = time.monotonic() + timeout + 1.0
         try:
@@ -132,7 +119,7 @@ class Session:
         replies: list[Any] = []
         while time.monotonic() < until:
             try:
-                reply = box.get(timeout=PERIOD)
+                reply = box.get(timeout=WATCH_PERIOD)
             except Empty:
                 watch()
                 continue

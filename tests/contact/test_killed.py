@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact import client
 from contact.client import ZenohLink
-from contact.link import DirectLink, Link, LinkTimeoutError, ServiceDownError
+from contact.link import DirectLink, Link, ServiceDownError
 from contact.service import ContactService
 from contact.wire import Registered, Traction, Tractions
 
@@ -66,14 +65,7 @@ def when_there(flag: Path, then: Callable[[], object]) -> threading.Thread:
     return thread
 
 
-@pytest.fixture(params=["lane", "zenoh alone"])
-def way(request, monkeypatch) -> str:
-    if request.param == "zenoh alone":
-        monkeypatch.setattr(client, "open_lane", lambda name: None)
-    return request.param
-
-
-def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(way, tmp_path):
+def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(tmp_path):
     first, endpoint = service(tmp_path / "flag")
     others = []
 
@@ -95,7 +87,7 @@ def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(way
             process.communicate()
 
 
-def test_a_service_killed_in_a_traction_is_down_within_its_grace(way, tmp_path):
+def test_a_service_killed_in_a_traction_is_down_within_its_grace(tmp_path):
     process, endpoint = service(tmp_path / "flag")
     link = ZenohLink(endpoint, "r", deadline=30.0, grace=0.3)
     killed = []
@@ -105,17 +97,4 @@ def test_a_service_killed_in_a_traction_is_down_within_its_grace(way, tmp_path):
     assert time.monotonic() - killed[0] < 3.0
     thread.join()
     link.close()
-    process.communicate()
-
-
-def test_an_answer_that_is_late_on_a_lane_is_not_the_next_calls(tmp_path):
-    process, endpoint = service(tmp_path / "flag", 1)
-    link = ZenohLink(endpoint, "r", deadline=1.0, grace=0.3)
-    with pytest.raises(LinkTimeoutError, match="busy with Traction"):
-        course(link)
-    lane = link._client._lane
-    assert lane is not None
-    assert lane.closed
-    link.close()
-    process.kill()
     process.communicate()
