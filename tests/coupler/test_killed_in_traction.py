@@ -6,6 +6,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -59,7 +61,7 @@ def of(pids: list[int], within: float) -> list[int]:
     return left
 
 
-SERVICE_KILLED = """
+COUPLER = """
 import sys, threading
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
@@ -86,15 +88,21 @@ except ServiceDownError as exc:
 """
 
 
-def program(tmp_path: Path, number: int, victim: str) -> subprocess.Popen[str]:
-    """A coupler in a process of its own; its first line: the pids of its children."""
-    return subprocess.Popen([sys.executable, "-c", SERVICE_KILLED, str(HERE), str(tmp_path / "flag"),
-                             str(tmp_path / "run.h5"), str(number), victim], stdout=subprocess.PIPE, text=True)
+@contextmanager
+def program(tmp_path: Path, number: int, victim: str) -> Iterator[subprocess.Popen[str]]:
+    """A coupler in a process of its own, dead in the end; its first line: the pids of its children."""
+    coupler = subprocess.Popen([sys.executable, "-c", COUPLER, str(HERE), str(tmp_path / "flag"),
+                                str(tmp_path / "run.h5"), str(number), victim], stdout=subprocess.PIPE, text=True)
+    with coupler:
+        try:
+            yield coupler
+        finally:
+            coupler.kill()
 
 
 def test_a_service_killed_in_a_traction_ends_the_run_by_name(tmp_path):
-    coupler = program(tmp_path, 40, "service")
-    said, _ = coupler.communicate(timeout=100)
+    with program(tmp_path, 40, "service") as coupler:
+        said, _ = coupler.communicate(timeout=200)
     assert "named: contact service: its process was ended by signal 9" in said
     assert "left: []" in said
     results = Results(tmp_path / "run.h5")
@@ -104,18 +112,19 @@ def test_a_service_killed_in_a_traction_ends_the_run_by_name(tmp_path):
 
 
 def test_a_coupler_killed_in_a_traction_leaves_nobody(tmp_path):
-    coupler = program(tmp_path, 40, "coupler")
-    assert coupler.stdout is not None
-    pids = [int(word) for word in coupler.stdout.readline().split()]
-    assert len(pids) == 3
-    wait_for(tmp_path / "flag")
-    coupler.send_signal(signal.SIGKILL)
-    coupler.communicate()
+    with program(tmp_path, 40, "coupler") as coupler:
+        assert coupler.stdout is not None
+        pids = [int(word) for word in coupler.stdout.readline().split()]
+        assert len(pids) == 3
+        wait_for(tmp_path / "flag")
+        coupler.send_signal(signal.SIGKILL)
+        coupler.communicate()
     assert of(pids, 3.0) == []
 
 
 def test_a_run_says_what_its_service_was_asked(tmp_path):
-    said, _ = program(tmp_path, 0, "nobody").communicate(timeout=100)
+    with program(tmp_path, 0, "nobody") as coupler:
+        said, _ = coupler.communicate(timeout=200)
     assert "named" not in said
     results = Results(tmp_path / "run.h5")
     asked, page = results.totals["contact"], render(results)
