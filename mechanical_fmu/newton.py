@@ -78,7 +78,7 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
         if len(history) > settings.most:
             break
         d, before = search.direction(balance, gap), balance
-        balance, error = _search(system, loading, (balance, error), d, floor, settings.tolerance)
+        balance, error = line_search(system, loading, (balance, error), d, floor, settings.tolerance)
         history.append(float(error.max()))
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
@@ -86,7 +86,7 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
                              f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
 
 
-def _search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
+def line_search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
             tolerance: float) -> tuple[Balance, Floats]:
     """Balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
