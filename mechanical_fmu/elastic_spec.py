@@ -18,7 +18,7 @@ from mechanical_fmu.material_spec import parse_material
 from mechanical_fmu.method_spec import DEFAULT_CUTS, METHODS, Dynamics, Skip, parse_dynamics, parse_skip
 
 DEFAULT_TOLERANCE = 1e-8
-# How the pressures of augmented pairs are found; the first is the default.
+# How the pressures of augmented pairs are found; the first is that of a plain number.
 AUGMENTED = ("uzawa", "semi_smooth")
 # The first of each is the default.  "plane_strain" is also what an axisymmetric scene has.
 ELEMENTS = ("mean_dilatation", "enhanced")

@@ -81,25 +81,25 @@ def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anch
             break
         old = anchor if poor < MOST_POOR else None
         fresh = fresh or old is None
-        d, multipliers, pull = direction(system, loading, balance, gap, old)
+        d, multipliers, pull = direction(system, loading, balance, gap, old, augmented)
         loading = replace(loading, ask=ask.pressed(multipliers))
         from_here = replace(balance, r=balance.r - pull)
-        before = float(error.max())
+        before, touched = float(error.max()), _touched(balance)
         balance, error = line_search(system, loading, (from_here, error), d, floor, settings.tolerance)
-        poor += float(error.max()) > POOR * before
+        # While points open and close, that is what spoils an iteration, not the age of the factor.
+        poor += float(error.max()) > POOR * before and _touched(balance) == touched
     raise NoEquilibriumError(_text(system, settings, error, change, largest))
 
 
-def direction(system: System, loading: Loading, balance: Balance, gap: Floats,
-              anchor: Anchor | None) -> tuple[Floats, Floats, Floats]:
+def direction(system: System, loading: Loading, balance: Balance, gap: Floats, anchor: Anchor | None,
+              augmented: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
     """d : (2 n,) [m], the new multipliers : (n_s,) [Pa], and B times their change : (n, 2) [N].
 
     anchor : whose factor to use, None for a fresh tangent.  Raises SingularMatrixError, ContactRefusedError.
     """
     ask = _asking(loading)
-    a = answer_of(system, ask, balance)
-    solved = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
-    d, dl = solved
+    a = answer_of(system, ask, balance, augmented)
+    d, dl = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
     multipliers = np.zeros(ask.history.multipliers.size)
     multipliers[a.at] = np.minimum(ask.history.multipliers[a.at] + a.eps * dl, 0.0)
     # Of what was cut off at 0 the forces know nothing.
@@ -107,10 +107,10 @@ def direction(system: System, loading: Loading, balance: Balance, gap: Floats,
     return d, multipliers, (a.B @ felt).reshape(-1, 2)
 
 
-def answer_of(system: System, ask: Asking, balance: Balance) -> Answer:
-    """What the multipliers of augmented slaves do at balance.u.  Raises ContactRefusedError."""
+def answer_of(system: System, ask: Asking, balance: Balance, augmented: NDArray[np.bool_]) -> Answer:
+    """What the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
     c = ask.couplings(system.interface.nodes + balance.u)
-    wanted = system.contact.on_slaves(system.spec.augmented) & (c.weight > 0.0)
+    wanted = augmented & (c.weight > 0.0)
     ends = c.nodes[:, ENDS]
     at = np.intersect1d(np.flatnonzero(wanted), ends)
     place = np.full(wanted.size, -1)
@@ -129,7 +129,7 @@ def answer_of(system: System, ask: Asking, balance: Balance) -> Answer:
     np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
     if system.rigid is not None:
         B = csr_matrix(system.rigid.follow(balance.u).T @ B)
-    B = csr_matrix(B.multiply(system.constraints.free[:, None]))
+    B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
     return Answer(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
 
 
@@ -142,7 +142,7 @@ def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: A
     solve = factorise(held(system, K), symmetric(system, balance, loading))
     d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
     X = np.zeros((d.size, a.at.size))
-    felt = np.flatnonzero(np.diff(a.B.tocsc().indptr))
+    felt = np.unique(a.B.indices)
     for first in range(0, felt.size, CHUNK):
         some = felt[first : first + CHUNK]
         columns = solve(a.B[:, some].toarray())
@@ -181,6 +181,12 @@ def _solved(A: Floats, b: Floats) -> Floats:
 def _asking(loading: Loading) -> Asking:
     assert isinstance(loading.ask, Asking)
     return loading.ask
+
+
+def _touched(balance: Balance) -> tuple[int, int]:
+    """How many points touch, and how many of them slip."""
+    assert balance.tractions is not None
+    return balance.tractions.n_touching, balance.tractions.n_slipping
 
 
 def _change(balance: Balance, ask: Asking, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
