@@ -22,7 +22,7 @@ from contact.coupling import ENDS
 from contact.half.sparse import SingularMatrixError, factorise
 from mechanical_fmu.asking import Asking, unsettled
 from mechanical_fmu.methods import MOST_POOR, POOR, with_tangent
-from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings, line_search
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings, jumps_text, line_search
 from mechanical_fmu.system import Balance, Loading, System
 from mechanical_fmu.tangent import (
     CHUNK,
@@ -206,4 +206,5 @@ def _text(system: System, settings: Settings, error: Floats, change: Floats, lar
         forces = ""
     how_much, where = unsettled(system, change, largest)
     return (f"no equilibrium after {settings.most} iterations: {forces}the contact pressures {how_much}, most on "
-            f"{where}; method: uzawa settles them in rounds")
+            f"{where}; method: uzawa settles them in rounds"
+            f"{jumps_text(system)}")

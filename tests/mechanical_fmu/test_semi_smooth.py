@@ -35,10 +35,11 @@ def bar(eps_L_over_E, share, stroke=(0.0, -DELTA), gap=0.0, method="semi_smooth"
                    **({"tolerance": 1e-11} | more))
 
 
-def squeezed(how, share, mu=0.0, two_pass=False, geometry="plane", **more):
+def squeezed(how, share, mu=0.0, two_pass=False, geometry="plane", by_node=False, **more):
     """Two blocks that do not match, squeezed by a tenth and pushed aside: bulging faces, wandering cuts, slip."""
     interface = blocks(4, 5, geometry=geometry)
-    interface = replace(interface, pairs=tuple(replace(p, mu=mu, two_pass=two_pass) for p in interface.pairs))
+    interface = replace(interface, pairs=tuple(replace(p, mu=mu, two_pass=two_pass, by_node=by_node)
+                                               for p in interface.pairs))
     boundary = [hold("lower.bottom", 0), hold("lower.bottom", 1),
                 hold("upper.top", 0, {"t": [0, 1, 2], "value": [0, 0, 0.01 * (geometry == "plane")]}),
                 hold("upper.top", 1, {"t": [0, 1, 2], "value": [0, -0.1, -0.2]})]
@@ -154,6 +155,22 @@ def test_pressures_that_do_not_settle_are_named():
     assert 0.0 < float(found[2]) < float(found[3])
     assert (half.system.interface.nodes[int(found[4]) - 1] == [float(found[5]), float(found[6])]).all()
     assert float(found[6]) == 1.0, "a node of the upper block's bottom"
+
+
+@pytest.mark.parametrize("by_node", [True, False])
+@pytest.mark.parametrize("method", ["newton", "semi_smooth"])
+def test_a_failure_of_one_point_a_node_says_so(method, by_node):
+    """Where nodes slide off an end, force jumps: the user is told which pair, and what has no jump."""
+    half = squeezed("semi_smooth", 1e-6, cuts=0, by_node=by_node) if method == "semi_smooth" else elastic(
+        replace(blocks(4, 5), pairs=tuple(replace(p, by_node=by_node) for p in blocks(4, 5).pairs)),
+        [hold("lower.bottom", 0), hold("lower.bottom", 1), hold("upper.top", 0),
+         hold("upper.top", 1, {"t": [0, 1], "value": [0, -0.1]})], cuts=0)
+    half.settings = replace(half.settings, max_iterations=1, adopt=-1.0)
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half), 0.0, link)
+        answer = half.step(state, inputs_of(half), 0.0, 1.0, link)
+    assert isinstance(answer, Discard)
+    assert ("in pair interface, of form: nodes, force jumps" in answer.message) == by_node, answer.message
 
 
 def test_the_state_carries_the_pressures_and_survives_its_bytes():

@@ -117,6 +117,19 @@ def test_what_each_scene_must_give() -> None:
     assert tip.force[:7].sum(axis=0) == pytest.approx([0.0, 1.6e6], rel=0.2)
 
 
+@pytest.mark.parametrize("slope", [0.05, 0.25, 1.0])
+@pytest.mark.parametrize("aside", [0.0, 0.3, 0.9])
+def test_how_deep_a_tip_may_go_unfelt(slope: float, aside: float) -> None:
+    """Edges are cut at the tip; the Gauss points beside it are (1 - 1/sqrt 3)/2 of a piece away, at most of an edge."""
+    edge, share = 1.0 / 6.0, 0.5 - 0.5 / np.sqrt(3.0)
+    tip = aside * edge
+    master = line((0.9, -(0.9 - tip) * slope), (tip, 0.0), (-0.9, -(0.9 + tip) * slope))
+    piece = edge * max(aside, 1.0 - aside)
+    least = min(edge - piece, piece) or edge  # the tip stands at `aside` of an edge: the shorter piece feels it first
+    for depth, felt in ((0.99 * share * least * slope, False), (1.01 * share * least * slope, True)):
+        assert (push(*scene(block(6, y=-depth), master)).n_touching > 0) == felt
+
+
 @pytest.mark.parametrize("soft", ["upper", "lower"])
 def test_one_side_a_million_times_as_stiff(soft: str) -> None:
     """The soft block takes the whole stroke, as slave and as master: springs in a row, plane strain, free sides."""
