@@ -72,6 +72,19 @@ def test_the_pressure_is_exact_after_one_solve(eps_L_over_E, adopt):
     assert outputs["iterations"] <= 3
 
 
+def test_forces_in_balance_are_not_enough():
+    """From the equilibrium of a penalty alone: nothing is out of balance, yet the pressures are not those of no gap."""
+    plain = elastic(blocks(4, 4, eps_N=4.0 * MODULUS / LENGTH), tolerance=1e-11, boundary=[
+        hold("lower.bottom", 1), hold("lower.left", 0), hold("upper.left", 0),
+        hold("upper.top", 1, {"t": [0, 1, 2], "value": [0, -DELTA, -DELTA]})])
+    state, outputs = went(plain, 1)[0]
+    assert -outputs["contact.t_N"] / P == pytest.approx(0.8, rel=TOLERANCE)
+    half = bar(4.0, 1e-8, (0.0, -DELTA, -DELTA))
+    with closing(open_link("direct")) as link:
+        _, outputs = done(half.step(state, inputs_of(half), 1.0, 1.0, link))
+    assert -outputs["contact.t_N"] / P == pytest.approx(1.0, rel=TOLERANCE)
+
+
 def test_let_go_it_opens_without_pull_and_touches_again():
     _, apart, again = went(bar(4.0, 1e-8, stroke=(0.0, -DELTA, DELTA, -DELTA)), 3)
     assert not apart[1]["contact.t_N"].any()
@@ -88,24 +101,35 @@ def test_what_just_touches_settles():
     assert -found[3][1]["contact.t_N"] / P == pytest.approx(1.0, rel=1e-3)
 
 
-def under_a_rigid_block(method):
-    """An elastic block under a rigid one that sinks in and turns a little."""
-    boundary = [hold("lower.bottom", 0), hold("lower.bottom", 1), hold("upper", 0),
-                hold("upper", 1, {"t": [0, 1, 2], "value": [0, -0.05, -0.1]}),
-                hold("upper", 2, {"t": [0, 1, 2], "value": [0, 0.0, 0.02]})]
+def test_pressures_of_round_off_need_not_settle():
+    """Brought to 1e-16 m of overlap, pressures of 1e-2 Pa are the round-off of coordinates, and no force feels them."""
+    found = went(bar(1e3, 1e-6, stroke=(0.0, 1e-6, -1e-16, -1e-16), tolerance=1e-8, cuts=0), 3)
+    assert max(outputs["iterations"] for _, outputs in found) <= 3
+    assert np.abs(found[-1][1]["contact.t_N"]).max() < 1.0
+
+
+def under_a_rigid_block(method, *motion):
+    """An elastic block under a rigid one that goes by the given conditions along y and in its angle."""
+    boundary = [hold("lower.bottom", 0), hold("lower.bottom", 1), hold("upper", 0), *motion]
     return elastic(blocks(4, 5), boundary, material={"alpha": 0.0}, tolerance=1e-10,
                    bodies={"lower": {"material": "m"}, "upper": {"material": "m", "rigid": True}},
                    pairs={"interface": {"augmented": {"share": 1e-6, "method": method}}})
 
 
 CASES = {"plain": lambda m: squeezed(m, 1e-6), "two passes": lambda m: squeezed(m, 1e-6, two_pass=True),
-         "friction": lambda m: squeezed(m, 1e-6, mu=0.2), "rigid": under_a_rigid_block,
+         "friction": lambda m: squeezed(m, 1e-6, mu=0.2),
+         "rigid, lifted on one side": lambda m: under_a_rigid_block(
+             m, hold("upper", 1, {"t": [0, 1, 2], "value": [0, -0.05, -0.02]}),
+             hold("upper", 2, {"t": [0, 1, 2], "value": [0, 0.0, 0.08]})),
+         "rigid, pressed by a force": lambda m: under_a_rigid_block(
+             m, hold("upper", 2), {"kind": "force", "on": "upper", "component": 1,
+                                   "value": {"t": [0, 1, 2], "value": [-1e9, -5e9, -1e10]}}),
          "axisymmetric": lambda m: squeezed(m, 1e-6, geometry="axisymmetric"),
          "with inertia": lambda m: squeezed(m, 1e-6, dynamics={"rho_inf": 0.8},
                                             materials={"m": {**STEEL, "rho": 7800}})}
 
 
-@pytest.mark.parametrize("make", CASES.values(), ids=CASES)
+@pytest.mark.parametrize("make", CASES.values(), ids=list(CASES))
 def test_it_is_the_answer_of_the_rounds_for_less(make):
     for (_, one), (_, other) in zip(went(make("uzawa"), 2), went(make("semi_smooth"), 2), strict=True):
         scale = np.abs(one["contact.t_N"]).max()
