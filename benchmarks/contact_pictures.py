@@ -92,7 +92,7 @@ def penalty() -> Figure:
     left.legend(frameon=False, fontsize=8.5, labelcolor=INK)
     for k, ratio in enumerate((1.0, 10.0, 100.0)):
         # A tolerance that asks for nothing: one round a step, and two in the first.
-        face = {"penalty": float(ratio * MODULUS / LENGTH), "augmented": {"tolerance": 0.999}}
+        face = {"penalty": float(ratio * MODULUS / LENGTH), "augmented": {"tolerance": 0.999, "method": "uzawa"}}
         longer = {"end": 6.0, "windows": [{"until": 6.0, "size": 1.0}]}
         ran = drive(scenario("base", contact={"face": face}, coupling=longer), 6)
         gap = -ran.of("contact.gap").mean(axis=1) / DELTA

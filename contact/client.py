@@ -6,13 +6,14 @@ import secrets
 import time
 from collections.abc import Callable, Iterator
 from threading import Lock
-from typing import Any
+from typing import Any, cast
 
 from contact.codec import WireError
 from contact.desk import Envelope
 from contact.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
-from contact.messages import REPLIES, Kinds, decode, encode
+from contact.messages import REPLIES, Kinds, decode, encode, kinds_of
 from contact.server import keys_of
+from contact.tally import Told
 from contact.wire import Refused, Register, Registered, Reply, Request
 from contact.zenoh_link import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
 
@@ -20,6 +21,8 @@ CALL_DEADLINE = 300.0  # s; a first request may compile kernels on a busy machin
 STATUS_TIMEOUT = 2.0  # s
 RESTART_GRACE = 1.5  # s a client waits for a new instance after its service died
 PAUSES = (0.01, 0.02, 0.05, 0.1)  # s between repeats of a call; the last one stays
+
+TALLY = kinds_of([Told])
 
 
 def _nothing() -> None:
@@ -52,9 +55,9 @@ class Client:
         payload = encode(request)
         what = f"{type(request).__name__} to {self._role}"
         with self._lock:
+            until = time.monotonic() + (self._deadline if deadline is None else deadline)
             self._number += 1
             envelope = Envelope(self._instance, self._name, self._number)
-            until = time.monotonic() + (self._deadline if deadline is None else deadline)
             for pause in _pauses():
                 timeout = max(until - time.monotonic(), 0.001)
                 ask = self._session.ask
@@ -92,6 +95,14 @@ class Client:
         answers = self._session.ask(self._keys.status, b"", "", STATUS_TIMEOUT, self._watch)
         return next((a.payload.decode() for a in answers if a.ok), "silent")
 
+    def tally(self) -> Told:
+        """What the server was asked so far, by all its clients.  Raises LinkError."""
+        answers = self._session.ask(self._keys.tally, b"", "", STATUS_TIMEOUT, self._watch)
+        told = next((a.payload for a in answers if a.ok), None)
+        if told is None:
+            raise ServiceDownError(f"{self._role} does not say what it was asked")
+        return cast(Told, self._decoded(told, "tally", TALLY))
+
     def _pin(self, instance: str) -> None:
         self._instance = instance
         self._keys = keys_of(self._run, self._role, instance)
@@ -103,8 +114,8 @@ class Client:
     def _opened(self, answers: list[Answer], envelope: Envelope, what: str) -> Any:
         # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own
         # words count, and the same words twice are one answer.
-        said = list(dict.fromkeys((a.ok, a.label, a.payload) for a in answers if a.ok or a.spoken))
-        if len(said) > 1:
+        said = [a for a in answers if a.ok or a.spoken]
+        if any(a != said[0] for a in said):
             raise LinkProtocolError(f"{what}: {len(said)} answers to one call")
         answer = next((a for a in answers if a.ok or a.spoken), answers[0])
         if not answer.ok:
@@ -114,8 +125,11 @@ class Client:
             raise LinkTimeoutError(f"{what}: {text} after its deadline; it is {self.status()}")
         if answer.label != str(envelope):
             raise LinkProtocolError(f"{what}: the answer is to {answer.label!r}, not to {envelope}")
+        return self._decoded(answer.payload, what, self._replies)
+
+    def _decoded(self, payload: bytes, what: str, kinds: Kinds) -> Any:
         try:
-            return decode(answer.payload, self._replies)
+            return decode(payload, kinds)
         except WireError as exc:
             raise LinkProtocolError(f"{what}: {exc}") from exc
 
@@ -141,6 +155,7 @@ class ZenohLink:
         self._session: Session | None = open_session(connect=(endpoint,))
         self._grace = grace
         self._registered: dict[str, Register] = {}
+        self._client: Client | None = None
         try:
             self._client = Client(self._session, run, "contact", REPLIES, deadline=deadline, watch=watch)
         except LinkError:
@@ -157,6 +172,7 @@ class ZenohLink:
         return reply
 
     def close(self) -> None:
+        self._client = None
         if self._session is not None:
             close_session(self._session)
             self._session = None
@@ -171,12 +187,13 @@ class ZenohLink:
         return reply
 
     def _call(self, request: Request) -> Reply:
-        if self._session is None:
+        client = self._client
+        if client is None:
             raise LinkError("the link is closed")
         try:
-            reply: Reply = self._client.call(request)
+            reply: Reply = client.call(request)
         except ServiceDownError:
             # A request to contact changes nothing there, so the next life of the service may be asked it again.
-            self._client.move(self._grace)
-            reply = self._client.call(request)
+            client.move(self._grace)
+            reply = client.call(request)
         return reply

@@ -16,6 +16,7 @@ import math
 import struct
 import zlib
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import msgpack
@@ -28,10 +29,13 @@ MAGIC = b"SLDW"
 ALIGNMENT = 64  # a cache line, and the widest vector load
 MAX_HEADER = 16 << 20  # bytes; a header holds names and texts, never fields
 MAX_DIMENSIONS = 8
+REMEMBERED = 4096  # bytes; call after call has the same header, so short ones are made and checked once
+_GAPS = tuple(bytes(n) for n in range(ALIGNMENT))
 _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
 
 Arrays = dict[str, NDArray[Any]]
+Row = tuple[str, np.dtype[Any], tuple[int, ...], int]
 _NATIVE = {dtype: dtype.newbyteorder("=") for dtype in _DTYPES.values()}
 
 
@@ -46,24 +50,39 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
     arrays : any shape up to 8 dimensions, of float, int, unsigned or bool type.
     Raises WireError for anything else.
     """
-    table: list[list[Any]] = []
-    parts: list[Any] = []  # bytes and arrays: whatever has a buffer
-    offset = 0
-    for key, array in arrays.items():
-        data = _plain(key, array)
-        size = data.nbytes
-        table.append([key, data.dtype.str, list(data.shape), offset, size])
-        gap = -size % ALIGNMENT
-        parts += [data, bytes(gap)]  # joined from their own memory: copied once
-        offset += size + gap
+    data = [_plain(key, array) for key, array in arrays.items()]
     try:
-        header = msgpack.packb({"version": WIRE_VERSION, "name": name, "meta": dict(meta), "arrays": table})
+        packed = msgpack.packb(dict(meta))
+    except (TypeError, ValueError, OverflowError) as exc:
+        raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
+    shapes = tuple([(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
+    make = _head if len(packed) <= REMEMBERED else _head.__wrapped__
+    parts: list[Any] = [make(name, packed, shapes)]  # bytes and arrays: joined from their own memory, copied once
+    for array in data:
+        size = array.nbytes
+        if size:
+            parts.append(array)
+        if size % ALIGNMENT:
+            parts.append(_GAPS[-size % ALIGNMENT])
+    return b"".join(parts)
+
+
+@lru_cache(64)
+def _head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]) -> bytes:
+    """All that stands before the first array.  meta : packed."""
+    table, offset = [], 0
+    for key, dtype, shape in shapes:
+        size = math.prod(shape) * dtype.itemsize
+        table.append([key, dtype.str, list(shape), offset, size])
+        offset += size + -size % ALIGNMENT
+    try:
+        header = msgpack.packb({"version": WIRE_VERSION, "name": name, "meta": msgpack.unpackb(meta), "arrays": table})
     except (TypeError, ValueError, OverflowError) as exc:
         raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
     if len(header) > MAX_HEADER:
         raise WireError(f"record {name!r}: header of {len(header)} bytes, at most {MAX_HEADER} are allowed")
     prefix = _PREFIX.pack(MAGIC, len(header), zlib.crc32(header))
-    return b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT), *parts])
+    return b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT)])
 
 
 def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
@@ -73,24 +92,34 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
     read-only arrays, and the copy costs less than a tenth of the transport.
     Raises WireError for bytes that are not exactly what encode_record writes.
     """
-    header, body = _header(data)
+    raw, checksum, body = _split(data)
+    read = _layout if len(raw) <= REMEMBERED else _layout.__wrapped__
+    name, packed, table, total = read(raw, checksum)
+    if total != len(body):
+        raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {total}")
+    arrays = {key: _array(key, body, dtype, shape, offset) for key, dtype, shape, offset in table}
+    return name, msgpack.unpackb(packed), arrays
+
+
+@lru_cache(64)
+def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[Row, ...], int]:
+    """Name, packed meta, key, type, shape and offset of each array, and their bytes in all.  Raises WireError."""
+    header = _header(raw, checksum)
     version = header.get("version")
     if version != WIRE_VERSION:
         raise WireError(f"record of wire version {version!r}, this side speaks {WIRE_VERSION}")
     name, meta, table = header.get("name"), header.get("meta"), header.get("arrays")
     if not isinstance(name, str) or not isinstance(meta, dict) or not isinstance(table, list):
         raise WireError("record header lacks its name, meta or arrays")
-    arrays: Arrays = {}
+    rows: dict[str, Row] = {}
     offset = 0
     for row in table:
-        key, dtype, shape, size = _row(row, offset, len(body))
-        if key in arrays:
+        key, dtype, shape, size = _row(row, offset)
+        if key in rows:
             raise WireError(f"array {key!r} occurs twice")
-        arrays[key] = _array(key, body, dtype, shape, offset)
+        rows[key] = key, dtype, shape, offset
         offset += size + -size % ALIGNMENT
-    if offset != len(body):
-        raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {offset}")
-    return name, meta, arrays
+    return name, msgpack.packb(meta), tuple(rows.values()), offset
 
 
 def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
@@ -103,8 +132,8 @@ def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
 
 
-def _header(data: bytes) -> tuple[dict[str, Any], memoryview]:
-    """The checked header, and the bytes after it."""
+def _split(data: bytes) -> tuple[bytes, int, memoryview]:
+    """The header, its checksum, and the bytes after it."""
     if len(data) < _PREFIX.size:
         raise WireError(f"{len(data)} bytes are too few for a record")
     magic, length, checksum = _PREFIX.unpack_from(data)
@@ -114,7 +143,10 @@ def _header(data: bytes) -> tuple[dict[str, Any], memoryview]:
     start = end + -end % ALIGNMENT
     if length > MAX_HEADER or start > len(data):
         raise WireError(f"record cut short: header of {length} bytes in {len(data)}")
-    raw = data[_PREFIX.size : end]
+    return bytes(data[_PREFIX.size : end]), checksum, memoryview(data)[start:]
+
+
+def _header(raw: bytes, checksum: int) -> dict[str, Any]:
     if zlib.crc32(raw) != checksum:
         raise WireError("record header damaged: its checksum does not fit")
     try:
@@ -123,10 +155,10 @@ def _header(data: bytes) -> tuple[dict[str, Any], memoryview]:
         raise WireError(f"record header is not msgpack ({exc})") from exc
     if not isinstance(header, dict):
         raise WireError("record header is not a map")
-    return header, memoryview(data)[start:]
+    return header
 
 
-def _row(row: object, offset: int, available: int) -> tuple[str, np.dtype[Any], tuple[int, ...], int]:
+def _row(row: object, offset: int) -> tuple[str, np.dtype[Any], tuple[int, ...], int]:
     """One checked row of the array table: key, dtype, shape, bytes.  Nothing is allocated before it holds."""
     if not isinstance(row, list) or len(row) != 5:
         raise WireError("array table: a row is not [name, dtype, shape, offset, bytes]")
@@ -139,18 +171,17 @@ def _row(row: object, offset: int, available: int) -> tuple[str, np.dtype[Any], 
         raise WireError(f"array {key!r}: {shape!r} is not a shape")
     if size != math.prod(shape) * _DTYPES[dtype].itemsize or type(size) is not int:
         raise WireError(f"array {key!r}: {size!r} bytes do not hold shape {shape} of {dtype}")
-    if start != offset or offset + size > available:
-        raise WireError(f"array {key!r}: {size} bytes at {start!r} of {available} (next free {offset})")
+    if start != offset:
+        raise WireError(f"array {key!r}: {size} bytes at {start!r} (next free {offset})")
     return key, _DTYPES[dtype], tuple(shape), size
 
 
 def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, ...],
            offset: int) -> NDArray[Any]:
-    count = math.prod(shape)
-    flat = np.frombuffer(body, dtype, count, offset) if count else np.empty(0, dtype)
-    if dtype.kind == "b" and (flat.view(np.uint8) > 1).any():
-        raise WireError(f"array {key!r}: a bool that is neither 0 nor 1")
     try:
-        return flat.reshape(shape).astype(_NATIVE[dtype], copy=True)
-    except ValueError as exc:  # (0, 2**62) has no bytes, yet numpy cannot make it
+        there = np.ndarray(shape, dtype, body, offset)
+    except (TypeError, ValueError) as exc:  # (0, 2**62) has no bytes, yet numpy cannot make it
         raise WireError(f"array {key!r}: shape {shape} is not possible ({exc})") from exc
+    if dtype.kind == "b" and (there.view(np.uint8) > 1).any():
+        raise WireError(f"array {key!r}: a bool that is neither 0 nor 1")
+    return there.astype(_NATIVE[dtype])

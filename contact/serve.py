@@ -17,6 +17,7 @@ from contact.child import become_child, keep_freed_memory
 from contact.link import Handler
 from contact.messages import REQUESTS
 from contact.server import Server
+from contact.tally import lines
 from contact.zenoh_link import Session, close_all_sessions, close_session, open_session
 
 
@@ -29,15 +30,23 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
     add("--child", action="store_true", help="end when standard input is closed; ignore Ctrl-C")
     options = parser.parse_args(arguments)
     say: Callable[[str], object]
+    served: list[Server] = []
+
+    def end() -> None:
+        """What is done when the parent is gone, on another thread than the one that may be deep in its work."""
+        log_tally(served)
+        close_all_sessions()
+
     if options.child:
-        say = become_child(close_all_sessions).say
+        say = become_child(end).say
     else:
         keep_freed_memory()
         say = _print
     session = open_session(listen=(options.listen,))
     try:
-        _serve(handle, session, options.run, say, stoppable=not options.child)
+        _serve(handle, session, options.run, say, stoppable=not options.child, served=served)
     finally:
+        log_tally(served)
         close_session(session)
     if options.child:
         # Nothing is left to do, and an interpreter with native threads does not always end quietly.
@@ -46,9 +55,17 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
     return 0
 
 
+def log_tally(served: list[Server]) -> None:
+    """Say once, in the log, what the server was asked; it is forgotten then."""
+    while served:
+        for line in lines(served.pop().tally.told()):
+            print(line, file=sys.stderr, flush=True)
+
+
 def _serve(handle: Handler, session: Session, run: str, say: Callable[[str], object], *,
-           stoppable: bool) -> None:
+           stoppable: bool, served: list[Server]) -> None:
     with Server(session, run, "contact", REQUESTS) as server:
+        served.append(server)
 
         def stop(number: int, frame: FrameType | None) -> None:
             server.stop()

@@ -4,6 +4,7 @@ Keys, with a random instance for every life of a server, so that an answer of a 
 one of this, and two servers of one role are seen instead of silently both being heard:
     slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.desk)
     slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, in words
+    slideline/RUN/ROLE/INSTANCE/v1/tally    what it was asked so far (contact.tally), a message
     slideline/RUN/alive/ROLE/INSTANCE       the token
 """
 
@@ -18,10 +19,13 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from contact.codec import WireError
-from contact.desk import Answered, Call, Desk, failure
+from contact.desk import Answered, Desk, failure
 from contact.link import LinkError
 from contact.messages import Kinds, decode, encode
+from contact.tally import Tally
 from contact.zenoh_link import Question, Session
+
+UNREADABLE = "unreadable"  # the verb of bytes that are no request
 
 
 @dataclass(frozen=True)
@@ -30,13 +34,14 @@ class Keys:
 
     ask: str
     status: str
+    tally: str
     token: str
 
 
 def keys_of(run: str, role: str, instance: str) -> Keys:
     """instance : `*` makes patterns for all."""
     base = f"slideline/{run}/{role}/{instance}/v1"
-    return Keys(f"{base}/ask", f"{base}/status", f"slideline/{run}/alive/{role}/{instance}")
+    return Keys(f"{base}/ask", f"{base}/status", f"{base}/tally", f"slideline/{run}/alive/{role}/{instance}")
 
 
 class Server:
@@ -47,18 +52,20 @@ class Server:
         self._requests = requests
         self._desk: Desk[Question] = Desk(self.instance)
         self._busy: tuple[str, float] | None = None
+        self.tally = Tally()
         self._served = 0
         self._keys = keys_of(run, role, self.instance)
         self._declared = [
             session.answer(self._keys.ask, self._arrive),
             session.answer(self._keys.status, self._tell_status),
+            session.answer(self._keys.tally, self._tell_tally),
             session.show_token(self._keys.token),
         ]
 
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
         while (call := self._desk.queue.get()) is not None:
-            answered = self._carry_out(call, handle)
+            answered = self._carry_out(call.payload, handle)
             for question in self._desk.finish(call, answered):
                 self._answer(question, answered)
 
@@ -73,20 +80,28 @@ class Server:
         for declared in reversed(self._declared):
             declared.undeclare()
 
-    def _carry_out(self, call: Call, handle: Callable[[Any], Any]) -> Answered:
+    def _carry_out(self, payload: bytes, handle: Callable[[Any], Any]) -> Answered:
+        started = time.monotonic()
+        verb, answered = self._done(payload, handle, started)
+        self.tally.add(verb, time.monotonic() - started, len(payload), len(answered.payload))
+        self._served += 1
+        return answered
+
+    def _done(self, payload: bytes, handle: Callable[[Any], Any], started: float) -> tuple[str, Answered]:
+        """The verb, and the answer."""
         try:
-            request = decode(call.payload, self._requests)
+            request = decode(payload, self._requests)
         except WireError as exc:
-            return failure("bad_request", str(exc))
-        self._busy = (type(request).__name__, time.monotonic())
+            return UNREADABLE, failure("bad_request", str(exc))
+        verb = type(request).__name__
+        self._busy = verb, started
         try:
-            return Answered(True, encode(handle(request)))
+            return verb, Answered(True, encode(handle(request)))
         except Exception as exc:  # noqa: BLE001  the process border: a bug must reach the caller as text
             traceback.print_exc(file=sys.stderr)
-            return failure("bug", f"{type(exc).__name__}: {exc}")
+            return verb, failure("bug", f"{type(exc).__name__}: {exc}")
         finally:
             self._busy = None
-            self._served += 1
 
     def _arrive(self, question: Question) -> None:
         answered = self._desk.arrive(question.label, question.payload, question)
@@ -104,3 +119,6 @@ class Server:
         doing = f"busy with {busy[0]} for {time.monotonic() - busy[1]:.1f} s" if busy else "idle"
         text = f"{doing}, {self._desk.queue.qsize()} waiting, {self._served} served"
         question.answer(self._keys.status, True, text.encode())
+
+    def _tell_tally(self, question: Question) -> None:
+        question.answer(self._keys.tally, True, encode(self.tally.told()))

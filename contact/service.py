@@ -9,16 +9,17 @@ from __future__ import annotations
 import traceback
 from collections import OrderedDict
 
+from contact.coupling import coupling
 from contact.facing import project
 from contact.surfaces import Surfaces, surfaces_of
 from contact.traction import traction
-from contact.wire import Project, Refused, Register, Registered, Reply, Request, Traction
+from contact.wire import Coupling, Project, Refused, Register, Registered, Reply, Request, Traction
 
 KEPT = 64  # scenes kept registered; the one unused longest goes first, and its caller registers it again
 
 
 class ContactService:
-    """Answers Register, Project and Traction; wrong requests get a Refused, never an exception."""
+    """Answers Register, Project, Traction and Coupling; wrong requests get a Refused, never an exception."""
 
     def __init__(self) -> None:
         self._scenes: OrderedDict[str, Surfaces] = OrderedDict()
@@ -39,7 +40,7 @@ class ContactService:
             while len(self._scenes) > KEPT:
                 self._scenes.popitem(last=False)
             return Registered(scene.key)
-        if not isinstance(request, (Project, Traction)):
+        if not isinstance(request, (Project, Traction, Coupling)):
             return Refused("bad_request", f"{type(request).__name__} is not a request of the contact service")
         known = self._scenes.get(request.surfaces)
         if known is None:
@@ -47,4 +48,6 @@ class ContactService:
         self._scenes.move_to_end(request.surfaces)
         if isinstance(request, Project):
             return project(known, request.x)
+        if isinstance(request, Coupling):
+            return coupling(known, request)
         return traction(known, request)

@@ -36,7 +36,7 @@ from contact.pieces import (
 )
 from contact.rows import added_up, rows_of
 from contact.surfaces import Surfaces, checked_reals
-from contact.wire import Floats, Ints, Traction, Tractions
+from contact.wire import Coupling, Floats, Ints, Traction, Tractions
 
 SAME_CUT = 1e-9  # a cut this near to a node's foot was made by that node
 
@@ -59,14 +59,9 @@ class Points:
 def traction(surfaces: Surfaces, request: Traction) -> Tractions:
     """Contact forces at request.x.  Raises ValueError."""
     r = surfaces.register
-    multipliers = checked_reals("multipliers", request.multipliers, (r.n_nodes,))
-    if multipliers.size and multipliers.max() > 0.0:
-        raise ValueError(f"multipliers must be <= 0, got {multipliers.max()!r} at node {multipliers.argmax()}")
-    before = checked_reals("x_before", request.x_before, (r.n_nodes, 2))
-    shear = checked_reals("shear", request.shear, (r.n_nodes,))
-    x = checked_reals("x", request.x, (r.n_nodes, 2))
+    x, multipliers, before, shear = given(surfaces, request)
     cut = cut_surfaces(surfaces, x)
-    points = _points(surfaces, cut, x, before, multipliers, shear)
+    points = points_at(surfaces, cut, x, before, multipliers, shear)
     nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
                                    cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
                                    points.doing)
@@ -79,7 +74,19 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
                      int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
 
 
-def _points(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats, shear: Floats) -> Points:
+def given(surfaces: Surfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats, Floats]:
+    """x, multipliers, x_before and shear of a request.  Raises ValueError."""
+    n = surfaces.register.n_nodes
+    multipliers = checked_reals("multipliers", request.multipliers, (n,))
+    if multipliers.size and multipliers.max() > 0.0:
+        raise ValueError(f"multipliers must be <= 0, got {multipliers.max()!r} at node {multipliers.argmax()}")
+    before = checked_reals("x_before", request.x_before, (n, 2))
+    shear = checked_reals("shear", request.shear, (n,))
+    return checked_reals("x", request.x, (n, 2)), multipliers, before, shear
+
+
+def points_at(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats, shear: Floats) -> Points:
+    """What the facing points of a cut do, given what was before."""
     p, edges = surfaces.passes, surfaces.register.edges
     ends = edges[cut.met[:, 0]]
     c = np.zeros((len(cut.met), N_CONSTANTS))

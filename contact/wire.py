@@ -137,6 +137,34 @@ class Tractions:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """How contact answers to its multipliers; the fields are those of Traction."""
+
+    surfaces: str
+    x: Floats
+    multipliers: Floats
+    x_before: Floats
+    shear: Floats
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """What a half needs to solve for displacements and multipliers lambda at once.
+
+    residual : (n_s,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N it makes.
+    weight : (n_s,) [m2], W_j = sum A N_j.
+    nodes : (n_b, 6) of the pieces that touch or have multipliers: the slave edge's two (0, 1), their two neighbours,
+    the master edge's two (4, 5).  values : (n_b, 6, 4, 5), to be added up: for node i and node j of (0, 1, 4, 5)
+    df_i/dlambda_j [m2] along x and y, dR_j/dx_i [N/m] along x and y, dR_i/dlambda_j [m2] less W_i where i = j.
+    """
+
+    residual: Floats
+    weight: Floats
+    nodes: Ints
+    values: Floats
+
+
+@dataclass(frozen=True)
 class Refused:
     """The service could not answer.  code : unknown_surfaces | bad_request | bug."""
 
@@ -144,5 +172,5 @@ class Refused:
     message: str
 
 
-Request = Register | Project | Traction
-Reply = Registered | Facing | Tractions | Refused
+Request = Register | Project | Traction | Coupling
+Reply = Registered | Facing | Tractions | Couplings | Refused

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from coupler.errors import ScenarioError
 from coupler.fmi import load_half
@@ -18,11 +19,16 @@ from coupler.scenario import Scenario
 
 @dataclass(frozen=True)
 class Launched:
-    """The two halves, loaded but not initialised.  link : how they reach contact (parameter contact.link)."""
+    """The two halves, loaded but not initialised.
+
+    link : how they reach contact (parameter contact.link).  asked : what a contact service in a process of its own was
+    asked so far, by verb.
+    """
 
     thermal: Half
     mechanical: Half
     link: str
+    asked: Callable[[], dict[str, Any]] = dict
 
 
 @contextmanager
@@ -39,7 +45,8 @@ def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
             from coupler.processes import processes as in_processes  # embedded runs do not load zenoh
 
             hosted = stack.enter_context(in_processes(fmus))
-            yield Launched(hosted.halves["thermal"], hosted.halves["mechanical"], hosted.contact_link)
+            yield Launched(hosted.halves["thermal"], hosted.halves["mechanical"], hosted.contact_link,
+                           hosted.asked)
             return
         halves = {}
         for role, fmu in fmus.items():

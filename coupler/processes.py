@@ -7,13 +7,14 @@ import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from contact.client import Client
-from contact.link import ServiceDownError
+from contact.link import LinkError, ServiceDownError
 from contact.zenoh_link import Session, close_session, open_session
 from coupler.children import Child, ChildError, python, ready_line, reap, start
 from coupler.errors import HalfError, indented
@@ -32,12 +33,14 @@ class Processes:
     """The processes of a run.
 
     halves : by name.  contact_link : what to give the halves as parameter `contact.link`, or to open_link.
-    pids : of the halves by name, and of "contact".
+    pids : of the halves by name, and of "contact".  asked : what contact was asked so far, contact.tally.Verb by verb;
+    nothing where it cannot say.
     """
 
     halves: dict[str, RemoteHalf]
     contact_link: str
     pids: dict[str, int]
+    asked: Callable[[], dict[str, Any]]
 
 
 @contextmanager
@@ -73,7 +76,8 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
         halves = {name: _remote(name, sessions[0], run, instance, children, call_deadline)
                   for name, instance in instances.items() if name != CONTACT}
         pids = {name: child.process.pid for name, child in children.items()}
-        yield Processes(halves, f"zenoh:{endpoints[CONTACT]}/{run}", pids)
+        contact = Client(sessions[0], run, CONTACT, {}, instance=instances[CONTACT])
+        yield Processes(halves, f"zenoh:{endpoints[CONTACT]}/{run}", pids, lambda: _asked(contact))
         for half in halves.values():  # only after a good end: after an error nobody waits for a busy half
             _close(half)
 
@@ -114,6 +118,13 @@ def _remote(name: str, session: Session, run: str, instance: str, children: Mapp
     client = Client(session, run, role_of(name), ANSWERS, instance=instance, deadline=deadline,
                     watch=lambda: blame(0.0))
     return RemoteHalf(name, client, blame)
+
+
+def _asked(contact: Client) -> dict[str, Any]:
+    try:
+        return {verb: asdict(cost) for verb, cost in contact.tally().verbs.items()}
+    except LinkError:  # it died, which the run has been told, or is stuck: no reason to lose the rest of the totals
+        return {}
 
 
 def _give_back(sessions: list[Session]) -> None:

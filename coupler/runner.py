@@ -87,6 +87,7 @@ class Run:
             self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
             check_halves(launched.thermal, launched.mechanical, self.scenario)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
+            self._asked = launched.asked
             self._moments = Moments(self.halves)
             self._watched = Watched(interface, self.halves.mechanical_outputs)
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end), self.plan)
@@ -304,7 +305,8 @@ class Run:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
-                "notes": [*self._watched.at_end(self.state.now), *self.noticed], **heats}
+                "notes": [*self._watched.at_end(self.state.now), *self.noticed],
+                "contact": self._asked(), **heats}
 
 
 

@@ -13,7 +13,8 @@ from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values
 from contact.half.surfaces import History
 from mechanical_fmu.advance import Found, PartWayError, Task, in_pieces, loading_of, predicted
-from mechanical_fmu.augment import asking, remembered, settle
+from mechanical_fmu.asking import asking
+from mechanical_fmu.augment import remembered, settle
 from mechanical_fmu.drive import Drive, drive_of
 from mechanical_fmu.dynamics import Motion, first_motion
 from mechanical_fmu.elastic_face import Moved, elastic_variables, outputs_of

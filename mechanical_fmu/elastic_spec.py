@@ -18,6 +18,8 @@ from mechanical_fmu.material_spec import parse_material
 from mechanical_fmu.method_spec import DEFAULT_CUTS, METHODS, Dynamics, Skip, parse_dynamics, parse_skip
 
 DEFAULT_TOLERANCE = 1e-8
+# How the pressures of augmented pairs are found; the first is that of a plain number.
+AUGMENTED = ("uzawa", "semi_smooth")
 # The first of each is the default.  "plane_strain" is also what an axisymmetric scene has.
 ELEMENTS = ("mean_dilatation", "enhanced")
 STATES = ("plane_strain", "plane_stress")
@@ -47,6 +49,7 @@ class ElasticSpec:
     rho : (n_materials,) [kg/m3], nan where not said.  c : heat capacities [J/kgK] where said.
     thermoelastic_heat : whether E_M has it.  adiabatic : whether steps at frozen entropy can be asked for.
     augmented : pairs whose pressures are driven to no penetration -> to which share of the largest they must settle.
+    at_once : whether Newton's method solves for them too (semi_smooth), not Uzawa's rounds around it.
     """
 
     tolerance: float
@@ -67,6 +70,7 @@ class ElasticSpec:
     thermoelastic_heat: bool
     adiabatic: bool
     augmented: Mapping[str, float]
+    at_once: bool
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -96,7 +100,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     bodies = keys(spec["bodies"], "bodies", set(interface.bodies))
     names = [known(keys(bodies[b], f"bodies.{b}", {"material"}, {"element", "rigid", "reference", "v0"})["material"],
                    f"bodies.{b}.material", materials) for b in interface.bodies]
-    augmented = _augmented(interface, spec)
+    augmented, at_once = _augmented(interface, spec)
     of_bodies = tuple(_body(bodies[b], f"bodies.{b}") for b in interface.bodies)
     rigid = [b for b, body in zip(interface.bodies, of_bodies, strict=True) if body.rigid]
     boundary = [parse_boundary(interface, b, f"boundary[{i}]", {name: k for k, name in enumerate(rigid)})
@@ -119,7 +123,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
         rho=np.array([_rho(name, m) for name, m in materials.items()]),
         c=tuple(_heat_capacity(name, m) for name, m in materials.items()),
         thermoelastic_heat=_flag(spec, "thermoelastic_heat", ""), adiabatic=_flag(spec, "adiabatic", ""),
-        augmented=augmented))
+        augmented=augmented, at_once=at_once))
 
 
 def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
@@ -142,17 +146,27 @@ def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
     return spec
 
 
-def _augmented(interface: Interface, spec: Mapping[str, Any]) -> dict[str, float]:
+def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str, float], bool]:
+    """The share of each augmented pair, and whether their pressures are solved for at once."""
     augmented: dict[str, float] = {}
+    methods: dict[str, str] = {}
     for name, pair in keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs]).items():
         keys(pair, f"pairs.{name}", set(), {"augmented"})
-        if pair.get("augmented") is not None:
-            augmented[name] = number(pair["augmented"], f"pairs.{name}.augmented", 0.0, 1.0)
+        value, at = pair.get("augmented"), f"pairs.{name}.augmented"
+        if isinstance(value, Mapping):
+            keys(value, at, {"share"}, {"method"})
+            methods[name] = known(value.get("method", AUGMENTED[0]), f"{at}.method", AUGMENTED)
+            augmented[name] = number(value["share"], f"{at}.share", 0.0, 1.0)
+        elif value is not None:
+            methods[name], augmented[name] = AUGMENTED[0], number(value, at, 0.0, 1.0)
+    if len(set(methods.values())) > 1:
+        raise ValueError("model.json: pairs: all augmented pairs are solved together and need one method, not "
+                         + ", ".join(f"{method} ({name})" for name, method in methods.items()))
     for contact in interface.pairs:
         if not contact.eps_N > 0.0:
             raise ValueError(f"interface: pair {contact.name} needs a penalty eps_N > 0 [Pa/m], "
                              f"not {contact.eps_N!r}")
-    return augmented
+    return augmented, "semi_smooth" in methods.values()
 
 
 def _body(spec: Mapping[str, Any], where: str) -> BodySpec:

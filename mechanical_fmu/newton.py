@@ -78,15 +78,23 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
         if len(history) > settings.most:
             break
         d, before = search.direction(balance, gap), balance
-        balance, error = _search(system, loading, (balance, error), d, floor, settings.tolerance)
+        balance, error = line_search(system, loading, (balance, error), d, floor, settings.tolerance)
         history.append(float(error.max()))
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
     raise NoEquilibriumError(f"no equilibrium after {settings.most} iterations: the forces on body {body} "
-                             f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
+                             f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})"
+                             f"{jumps_text(system)}")
 
 
-def _search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
+def jumps_text(system: System) -> str:
+    """What may be why, where pairs have one point a node: there may be no equilibrium where a node's force ends."""
+    pairs = [pair.name for pair in system.interface.pairs if pair.by_node]
+    return (f"; in pair {' and '.join(pairs)}, of form: nodes, force jumps where a node slides off an end, and no "
+            "equilibrium may lie between: form: edges has no jump") if pairs else ""
+
+
+def line_search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
             tolerance: float) -> tuple[Balance, Floats]:
     """Balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from contact.half.sparse import SingularMatrixError
 from mechanical_fmu.advance import predicted
-from mechanical_fmu.augment import Asking
+from mechanical_fmu.asking import Asking
 from mechanical_fmu.system import Balance, Loading, System
 from mechanical_fmu.tangent import refuse_loose
 

@@ -129,7 +129,7 @@ class Anchor:
         refuse_loose(self.system, balance)
         b = right_side(self.system, balance, self.matrix, gap, balance.tractions)
         d = self.solve(b)
-        E = self._surface_change(balance.tractions)
+        E = self.surface_change(balance.tractions)
         active = np.flatnonzero(E.any(axis=1))
         if active.size:
             E = E[np.ix_(active, active)]
@@ -139,7 +139,8 @@ class Anchor:
             d = self.solve(b)
         return finish(self.system, balance, d, gap)
 
-    def _surface_change(self, tractions: Tractions | None) -> Floats:
+    def surface_change(self, tractions: Tractions | None) -> Floats:
+        """E : (2 n_s, 2 n_s) [N/m], what contact and springs change in the anchor's stiffness."""
         free = self.system.constraints.free[self.system.contact.dofs]
         E = np.diag(-self.springs)
         if tractions is not None and len(tractions.blocks):

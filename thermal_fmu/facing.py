@@ -15,6 +15,10 @@ from thermal_fmu.edges import shape_functions
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+# A pressure below this share of its pair's largest is round-off: a node that ends without load has some 1e-11, and
+# being linear along the edges it would close all of the next one.
+FELT = 1e-9
+
 
 @dataclass(frozen=True)
 class Points:
@@ -56,13 +60,20 @@ def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
-    p = np.maximum(-(N_s * t_N[slave]).sum(axis=1), 0.0)
+    p = _felt(np.maximum(-(N_s * t_N[slave]).sum(axis=1), 0.0), facing.pair)
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
     points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
                     facing.master_edge)
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _as_the_pairs_say(points, exchanged)
+
+
+def _felt(p: Floats, pair: Ints) -> Floats:
+    """p : (n_p,) [Pa], >= 0, with 0 where it is round-off of the pair's largest."""
+    largest = np.zeros(int(pair.max(initial=-1)) + 1)
+    np.maximum.at(largest, pair, p)
+    return np.where(p > FELT * largest[pair], p, 0.0)
 
 
 def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_] | None:

@@ -12,6 +12,8 @@ from contact.half.interface import Interface
 from contact.half.model import Link
 from contact.half.register import register_message, surface_names
 from contact.wire import (
+    Coupling,
+    Couplings,
     Facing,
     Floats,
     Ints,
@@ -83,6 +85,14 @@ class ContactSurfaces:
         at = self._at_surfaces(x)
         reply = self._ask(link, lambda name: Traction(name, at, history.multipliers, history.x, history.shear))
         if not isinstance(reply, Tractions):
+            raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
+        return reply
+
+    def couplings(self, link: Link, x: Floats, history: History) -> Couplings:
+        """How contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError, LinkError."""
+        at = self._at_surfaces(x)
+        reply = self._ask(link, lambda name: Coupling(name, at, history.multipliers, history.x, history.shear))
+        if not isinstance(reply, Couplings):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
 

@@ -18,7 +18,7 @@ from coupler.report.heat import depth_of, heat_picture, heat_table
 from coupler.report.rules import rules_that_fired
 from coupler.report.snapshots import field_pictures
 from coupler.report.units import duration
-from coupler.report.work import iterates_picture, shares, shares_picture, windows_picture
+from coupler.report.work import asked, iterates_picture, shares, shares_picture, windows_picture
 from coupler.results import Results
 
 TEMPLATE = "page.html.j2"
@@ -60,7 +60,7 @@ def render(results: Results) -> str:
         heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
         choices=choices(results), short=short_windows(results), events=event_rows(results),
         errors=errors_picture(results), windows=windows_picture(results),
-        iterates=iterates_picture(results), shares=parts,
+        iterates=iterates_picture(results), shares=parts, asked=asked(results),
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
         rejected_count=rejected_count, rules=rules_that_fired(results), notes=[*_notes(results), *remarks],
         versions=results.header["versions"], scenario=results.header["scenario"]["text"],

@@ -90,6 +90,13 @@ def shares(results: Results) -> list[Share]:
     return [Share(n, s, number(100 * s / whole if whole > 0 else 0.0, 3)) for n, s in parts.items()]
 
 
+def asked(results: Results) -> list[tuple[str, ...]]:
+    """What the contact service was asked, where it had a process of its own: rows of a table."""
+    return [(verb, str(v["count"]), *(number(1e3 * v[key], 3) for key in ("typical", "most")), number(v["total"], 3),
+             *(number(v[key] / 1e6, 3) for key in ("bytes_in", "bytes_out")))
+            for verb, v in results.totals.get("contact", {}).items()]
+
+
 def shares_picture(parts: list[Share]) -> Picture | None:
     """One bar of where the seconds went."""
     if not sum(p.seconds for p in parts) > 0:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.document import Key
 from coupler.scenario.mechanical_material import mechanical_materials
-from coupler.scenario.schema_contact import ContactPair
+from coupler.scenario.schema_contact import ContactPair, Settling
 from coupler.scenario.schema_mechanical import (
     FORCES,
     MOTIONS,
@@ -33,6 +33,7 @@ def elastic_model(c: Context) -> Model:
         if not next(p for p in c.interface.pairs if p.name == name).eps_N:
             raise c.document.error(("contact", name), "no penalty can be found, because a body has no E",
                                    "State E of both bodies' materials, or the penalty [Pa/m].")
+    _one_way_to_settle(c)
     place: Key = ("mechanical", "elastic", "boundary")
     c.names_once(elastic.boundary, place)
     c.known_only(elastic.bodies, c.file.bodies, ("mechanical", "elastic", "bodies"), "body")
@@ -122,7 +123,23 @@ def _place(c: Context, elastic: Elastic, boundary: ElasticBoundary, key: Key) ->
 
 def augmented(pair: ContactPair) -> Model:
     """What a half that solves for contact is told beyond interface.h5."""
-    return {} if pair.augmented is None else {"augmented": pair.augmented.tolerance}
+    if pair.augmented is None:
+        return {}
+    if pair.augmented.method is Settling.UZAWA:
+        return {"augmented": pair.augmented.tolerance}
+    return {"augmented": {"share": pair.augmented.tolerance, "method": pair.augmented.method.value}}
+
+
+def _one_way_to_settle(c: Context) -> None:
+    """Raises ScenarioError where augmented pairs, whose pressures hang together, are to settle in different ways."""
+    ways = {name: pair.augmented.method for name, pair in c.file.contact.items() if pair.augmented is not None}
+    for name, way in ways.items():
+        first = next(iter(ways))
+        if way is not ways[first]:
+            raise c.document.error(("contact", name, "augmented", "method"),
+                                   f"{way.value} here, {ways[first].value} in contact.{first}: all augmented pairs are "
+                                   "solved together",
+                                   "Write one method in all of them.")
 
 
 def rigid_model(c: Context) -> Model:

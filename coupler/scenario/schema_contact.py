@@ -112,10 +112,18 @@ class Friction(Part):
         return self
 
 
+class Settling(StrEnum):
+    """How multipliers settle: in rounds of equilibria, or within Newton's iterations."""
+
+    UZAWA = "uzawa"
+    SEMI_SMOOTH = "semi_smooth"
+
+
 class Augmented(Part):
     """Multipliers drive the penetration out; tolerance: the share of the largest pressure to which they settle."""
 
     tolerance: Positive = 1e-3
+    method: Settling = Settling.SEMI_SMOOTH
 
     @model_validator(mode="after")
     def _settles(self) -> Augmented:

@@ -13,7 +13,19 @@ import pytest
 
 from contact.codec import ALIGNMENT, WireError, decode_record, encode_record
 from contact.messages import REPLIES, REQUESTS, decode, encode, kinds_of
-from contact.wire import WIRE_VERSION, Facing, Passes, Project, Refused, Register, Registered, Traction, Tractions
+from contact.wire import (
+    WIRE_VERSION,
+    Coupling,
+    Couplings,
+    Facing,
+    Passes,
+    Project,
+    Refused,
+    Register,
+    Registered,
+    Traction,
+    Tractions,
+)
 
 rng = np.random.default_rng(1)
 I4 = np.arange(6, dtype=np.int32)
@@ -25,6 +37,8 @@ MESSAGES = [
     Facing(I4, I4, I4, *rng.random((7, 6))),
     Tractions(F8, I4, I4[:0], np.zeros((0, 2, 2)), F8, F8, F8, np.array([np.nan, np.inf, -0.0]), F8, F8, 3, 2),
     Refused("busy", "grüß"),
+    Coupling("h", rng.random((7, 2)), -rng.random(7), rng.random((7, 2)), rng.random(7)),
+    Couplings(F8, F8, I4.reshape(1, -1), rng.random((1, 6, 4, 5))),
 ]
 
 

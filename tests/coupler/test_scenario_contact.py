@@ -67,11 +67,15 @@ def test_model_json_says_what_the_interface_does_not(tmp_path: Path) -> None:
     assert plain["mechanical"]["pairs"] == {"face": {}}
     assert "friction_share" not in plain["thermal"]["pairs"]["face"]
     full = scene_of(tmp_path, friction={"mu": 0.2, "share": 0.25}, augmented={"tolerance": 1e-5})
-    assert full.models["mechanical"]["pairs"] == {"face": {"augmented": 1e-5}}
+    both = {"share": 1e-5, "method": "semi_smooth"}
+    assert full.models["mechanical"]["pairs"] == {"face": {"augmented": both}}
     assert full.models["thermal"]["pairs"]["face"]["friction_share"] == 0.25
-    assert scene_of(tmp_path, augmented={}).models["mechanical"]["pairs"] == {"face": {"augmented": 1e-3}}
+    rounds = scene_of(tmp_path, augmented={"method": "uzawa"})
+    assert rounds.models["mechanical"]["pairs"] == {"face": {"augmented": 1e-3}}
+    assert not parse_elastic(rounds.interface, rounds.models["mechanical"]).at_once
     # What a scenario writes, the halves take.
     assert parse_elastic(full.interface, full.models["mechanical"]).augmented == {"face": 1e-5}
+    assert parse_elastic(full.interface, full.models["mechanical"]).at_once
     assert ThermalHalf(full.interface, full.models["thermal"]).variables
     # Numbers that do not change in time make no kinks.
     assert full.coupling.kinks == scene_of(tmp_path).coupling.kinks
@@ -108,6 +112,7 @@ WRONG = {
     "a tolerance of nothing": ({"augmented": {"tolerance": 0}}, "augmented.tolerance", "greater than zero"),
     "a tolerance of round-off": ({"augmented": {"tolerance": 1e-12}}, "augmented.tolerance", "1e-09"),
     "a tolerance of everything": ({"augmented": {"tolerance": 1.0}}, "augmented.tolerance", "below 1"),
+    "an unknown way to settle": ({"augmented": {"method": "semi-smooth"}}, "augmented.method", "semi_smooth"),
     "augmented as a word": ({"augmented": True}, "augmented", "mapping"),
     "a penalty of no stiffness": ({"penalty": 0}, "penalty", "greater than zero"),
     "a penalty as a word": ({"penalty": "atuo"}, "penalty", "number"),
@@ -125,6 +130,13 @@ def test_wrong_contact_is_named(case: str, tmp_path: Path) -> None:
         scene_of(tmp_path, **keys)
     assert caught.value.key == f"{FACE}.{where}"
     assert words in f"{caught.value.message} {caught.value.remedy}"
+
+
+def test_pairs_that_settle_in_different_ways_are_named(tmp_path: Path) -> None:
+    other = {"slave": "upper.right", "master": "lower.right", "gap_max": 0.1, "augmented": {"method": "uzawa"}}
+    with pytest.raises(ScenarioError, match="semi_smooth in contact") as caught:
+        load_text(tmp_path, GOOD, {f"{FACE}.augmented": {}, "contact.other": other})
+    assert caught.value.key == "contact.other.augmented.method"
 
 
 @pytest.mark.parametrize(("piece", "where"), [("    friction: {mu: 0.3}\n", "friction.mu"),

@@ -17,7 +17,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "contact"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mechanical_fmu"))
-from contact_scenes import mirrored, push, renumbered, scene
+from contact_scenes import EXPECTED, mirrored, passes, push, renumbered, scene
 from mechanical_scenes import STEEL, blocks, done, hold, inputs_of
 
 from contact.link import open_link
@@ -115,6 +115,42 @@ def test_what_each_scene_must_give() -> None:
     # A tip sunk in by less than a fifth of an edge times that slope is between them, and not felt.
     tip = push(*SCENES["convex vertex"]())
     assert tip.force[:7].sum(axis=0) == pytest.approx([0.0, 1.6e6], rel=0.2)
+
+
+@pytest.mark.parametrize("slope", [0.05, 0.25, 1.0])
+@pytest.mark.parametrize("aside", [0.0, 0.3, 0.9])
+def test_how_deep_a_tip_may_go_unfelt(slope: float, aside: float) -> None:
+    """Edges are cut at the tip; the Gauss points beside it are (1 - 1/sqrt 3)/2 of a piece away, at most of an edge."""
+    edge, share = 1.0 / 6.0, 0.5 - 0.5 / np.sqrt(3.0)
+    tip = aside * edge
+    master = line((0.9, -(0.9 - tip) * slope), (tip, 0.0), (-0.9, -(0.9 + tip) * slope))
+    piece = edge * max(aside, 1.0 - aside)
+    least = min(edge - piece, piece) or edge  # the tip stands at `aside` of an edge: the shorter piece feels it first
+    for depth, felt in ((0.99 * share * least * slope, False), (1.01 * share * least * slope, True)):
+        assert (push(*scene(block(6, y=-depth), master)).n_touching > 0) == felt
+
+
+def test_sliding_over_many_segments_has_no_ripple_and_no_chatter() -> None:
+    """C7, the surfaces alone: 1 mm deep over 12 segments that no edge of the block matches, mu = .3."""
+    segments, mu, step = 12, 0.3, 0.013
+    assert segments > EXPECTED["C7"]["segments"]
+    ends = 0.9 - 0.1 * np.arange(segments + 7)
+    register, x = scene(block(7, -0.9, -0.3), np.column_stack([ends, np.zeros(ends.size)]))
+    register = replace(register, passes=passes((0, 1), mu=mu))
+    shear, before, replies = np.zeros(len(x)), x, []
+    while x[7, 0] < 0.9 - step:
+        x = before + np.where(np.arange(len(x))[:, None] < 8, [step, 0.0], 0.0)
+        replies.append(push(register, x, x_before=before, shear=shear))
+        before, shear = x, replies[-1].shear
+    assert x[0, 0] + 0.9 > 0.1 * EXPECTED["C7"]["segments"]
+    assert len(replies) > 80
+    N, steady = 1e6 * 0.6, replies[1:]  # eps_N = 1e9 Pa/m
+    force = np.array([r.force[:8].sum(axis=0) for r in steady])
+    assert np.abs(force[:, 1] / N - 1.0).max() <= 1e-11
+    assert np.abs(force[:, 0] / (-mu * N) - 1.0).max() <= 1e-11
+    assert np.abs([r.E_friction.sum() / (mu * N * step) - 1.0 for r in steady]).max() <= 1e-9
+    assert np.abs(np.array([r.t_N[:8] for r in steady]) / -1e6 - 1.0).max() <= 1e-11
+    assert all(r.n_slipping == r.n_touching for r in replies[1:])
 
 
 @pytest.mark.parametrize("soft", ["upper", "lower"])

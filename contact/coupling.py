@@ -1,0 +1,172 @@
+"""How contact answers to its multipliers: the reply to a Coupling request.
+
+The multipliers lambda of the augmented Lagrangian are those of no penetration where, for every node j of a slave,
+    R_j = sum A N_j (lambda_j + p_N) = W_j (lambda_j - t_N_j) = 0,   W_j = sum A N_j
+over what the node faces: where lambda is the t_N it makes.  A half that solves for u and lambda at once needs the
+derivatives of the forces f by lambda and of R by x and lambda; they are exact, from the same pieces as the stiffness.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contact.compiled import kernel
+from contact.facing import cut_surfaces
+from contact.geometry import frame_of
+from contact.pieces import (
+    EPS_N,
+    FIXED,
+    GAUSS,
+    LAMBDA_1,
+    LAMBDA_2,
+    MU,
+    NODES,
+    OPEN,
+    SLIPS_BACK,
+    SLIPS_FORWARD,
+    Flags,
+    add_stretch,
+    cut_change,
+    field_normal,
+    turns,
+)
+from contact.surfaces import Surfaces
+from contact.traction import given, parallel, piece_cuts, piece_nodes, points_at
+from contact.wire import Coupling, Couplings, Floats, Ints
+
+# The nodes of a piece that have a multiplier or an equation R: those of its two edges.
+ENDS = (0, 1, 4, 5)
+
+
+def coupling(surfaces: Surfaces, request: Coupling) -> Couplings:
+    """Residual and derivatives at request.x.  Raises ValueError."""
+    r = surfaces.register
+    x, multipliers, before, shear = given(surfaces, request)
+    cut = cut_surfaces(surfaces, x)
+    points = points_at(surfaces, cut, x, before, multipliers, shear)
+    residual, weight = balances(r.edges, cut.met, cut.values, points.p_N, multipliers)
+    nodes, values = coupled_pieces(x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values, cut.normal,
+                                   surfaces.passes.by_node[cut.number], r.axisymmetric, points.c, points.doing,
+                                   points.p_N, multipliers)
+    return Couplings(residual, weight, nodes, values)
+
+
+@kernel
+def balances(edges: Ints, met: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tuple[Floats, Floats]:
+    """R and W : (n_s,) [N] and [m2], of both sides."""
+    residual, weight = np.zeros(multipliers.size), np.zeros(multipliers.size)
+    for i in range(met.shape[0]):
+        for side in range(2):
+            for end in range(2):
+                s = edges[met[i, side], end]
+                w = (values[i, side] if end == 1 else 1.0 - values[i, side]) * values[i, 3]
+                residual[s] += w * (multipliers[s] + p_N[i])
+                weight[s] += w
+    return residual, weight
+
+
+@kernel
+def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normal: Floats,
+                   by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats, p_N: Floats,
+                   multipliers: Floats) -> tuple[Ints, Floats]:
+    """nodes : (n_b, 6) and values : (n_b, 6, 4, 5), as in Couplings, of pieces that touch or have a multiplier."""
+    n_blocks = 0
+    chosen = np.zeros(met.shape[0], dtype=np.bool_)
+    for i in range(0, met.shape[0], 2):
+        chosen[i] = doing[i] > OPEN or doing[i + 1] > OPEN
+        for side in range(2):
+            for end in range(2):
+                chosen[i] |= multipliers[edges[met[i, side], end]] < 0.0
+        n_blocks += chosen[i]
+    nodes, out = np.empty((n_blocks, NODES), dtype=np.int32), np.zeros((n_blocks, NODES, len(ENDS), 5))
+    here, smooth = np.empty((NODES, 2)), np.empty(2, dtype=np.bool_)
+    ends, moves, scratch = np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
+    b = 0
+    for i in range(0, met.shape[0], 2):
+        if not chosen[i]:
+            continue
+        e, m = met[i, 0], met[i, 1]
+        piece_nodes(edges, previous, following, e, m, nodes[b])
+        for k in range(NODES):
+            for d in range(2):
+                here[k, d] = x[nodes[b, k], d]
+        for k in range(2):
+            smooth[k] = normal[e, 1 + k, 0] != normal[e, 0, 0] or normal[e, 1 + k, 1] != normal[e, 0, 1]
+            other = previous[e] if k == 0 else following[e]
+            smooth[k] = other >= 0 and (smooth[k] or parallel(normal, e, other))
+        uncut = by_node[i] == 1
+        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
+        couple_piece(here, normal[e, 1:], smooth, uncut, axisymmetric, moves, ends, values, c, doing, p_N, i,
+                     multipliers, nodes[b], scratch, out[b])
+        b += 1
+    return nodes, out
+
+
+@kernel
+def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
+                 points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, nodes: Ints,
+                 scratch: Floats, out: Floats) -> None:
+    """Add both points of a piece to out : (6, 4, 5).  The rest as for contact.pieces.piece_stiffness."""
+    d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
+    turns(x, smooth, d_phi)
+    for k in range(2):
+        if int(moves[k]) == FIXED:
+            d_cut[k] = 0.0
+        else:
+            cut_change(x, n, d_phi, int(moves[k]), ends[k], d_cut[k])
+    for q in range(first, first + 2):
+        share = 0.0 if by_node else 2.0 * (q - first) - 1.0
+        half = 0.0 if by_node else 0.5
+        per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
+        for j in range(2 * NODES):
+            spread = d_cut[1, j] - d_cut[0, j]
+            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + share * GAUSS * spread
+            d_area[j] = per_cut * spread
+        add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
+        by_place(x, n, points, c, doing, p_N[q], q, multipliers, nodes, d_phi, d_xi, d_area, out)
+        if int(doing[q]) > OPEN:
+            by_multiplier(n, points, c, doing, q, out)
+
+
+@kernel
+def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: float, q: int, multipliers: Floats,
+             nodes: Ints, d_phi: Floats, d_xi: Floats, d_area: Floats, out: Floats) -> None:
+    """Add the derivative of A N_j (lambda_j + p_N) by coordinate k of node i to out[i, j, 2 + k]."""
+    xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
+    nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
+    sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
+    cross = nx * ey - ny * ex
+    slope = c[q, LAMBDA_2] - c[q, LAMBDA_1]
+    shape = (1.0 - xi, xi, 1.0 - eta, eta)
+    for j in range(2 * NODES):
+        i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
+        own = shape[i] if i < 2 else 0.0
+        other = shape[i - 2] if i >= 4 else 0.0
+        turn = by_0 * d_phi[0, j] + by_1 * d_phi[1, j] + by_xi * d_xi[j]
+        wx = own * along_x + d_xi[j] * sx - g * turn * ny - other * along_x
+        wy = own * along_y + d_xi[j] * sy + g * turn * nx - other * along_y
+        dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
+        dp = -d_xi[j] * slope - c[q, EPS_N] * dg if int(doing[q]) > OPEN else 0.0
+        d_shape = (-d_xi[j], d_xi[j], -deta, deta)
+        for k in range(4):
+            whole = multipliers[nodes[ENDS[k]]] + p
+            out[i, k, 2 + j % 2] += (d_area[j] * shape[k] + area * d_shape[k]) * whole + area * shape[k] * dp
+
+
+@kernel
+def by_multiplier(n: Floats, points: Floats, c: Floats, doing: Floats, q: int, out: Floats) -> None:
+    """Add what the multipliers of the slave's two nodes do at a touching point: to forces out[..., :2], and to R."""
+    xi, eta, area = points[q, 0], points[q, 1], points[q, 3]
+    nx, ny = field_normal(n, xi)[:2]
+    drag = 0.0
+    if int(doing[q]) >= SLIPS_FORWARD:
+        drag = -c[q, MU] if int(doing[q]) == SLIPS_BACK else c[q, MU]
+    shape = (1.0 - xi, xi, 1.0 - eta, eta)
+    for j in range(2):
+        for k in range(4):
+            w = area * shape[j] * shape[k]
+            sign = 1.0 if k < 2 else -1.0
+            out[ENDS[k], j, 0] += sign * w * (nx + drag * ny)
+            out[ENDS[k], j, 1] += sign * w * (ny - drag * nx)
+            out[ENDS[k], j, 4] -= w
+

@@ -1,0 +1,53 @@
+"""How one step asks contact: with what contact remembers, and the multipliers of the moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.model import Link
+from contact.half.surfaces import History
+from contact.wire import Couplings, Tractions
+from mechanical_fmu.contact_forces import Contact
+from mechanical_fmu.system import System
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Asking:
+    """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError."""
+
+    contact: Contact
+    link: Link
+    history: History
+
+    def __call__(self, x: Floats) -> Tractions:
+        return self.contact.tractions(self.link, x, self.history)
+
+    def couplings(self, x: Floats) -> Couplings:
+        """How contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
+        return self.contact.couplings(self.link, x, self.history)
+
+    def pressed(self, multipliers: Floats) -> Asking:
+        """The same with other multipliers : (n_s,) [Pa]."""
+        return replace(self, history=replace(self.history, multipliers=multipliers))
+
+
+def asking(system: System, link: Link, history: History) -> Callable[[Floats], Tractions] | None:
+    """How a step asks contact; None where nothing can touch."""
+    return Asking(system.contact, link, history) if system.interface.pairs else None
+
+
+def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]:
+    """By how much pressures still change, and where most; change : (n_s,) [Pa], of pressures up to largest [Pa]."""
+    worst = int(np.argmax(np.abs(change)))
+    node = int(system.interface.contact_nodes[worst])
+    names = [pair.name for pair in system.interface.pairs
+             if pair.name in system.spec.augmented and system.contact.on_slaves([pair.name])[worst]]
+    x, y = system.interface.nodes[node]
+    return (f"still change by {abs(change[worst]):.3g} Pa (of at most {largest:.3g})",
+            f"pair {' and '.join(names)}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")

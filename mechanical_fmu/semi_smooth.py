@@ -1,0 +1,210 @@
+"""The augmented Lagrangian, displacements and multipliers solved for at once: a semi-smooth Newton (Alart and Curnier).
+
+Unknowns are u and lambda at the slave's nodes, lambda = -p where p = max(-lambda - eps_N g_N, 0) averages to p:
+    r(u, lambda) = 0,   R(u, lambda) = W (lambda - t_N(u, lambda)) = 0,
+whose solution is the one Uzawa's rounds go to.  With B = df/dlambda, C = dR/du, D = dR/dlambda of contact.coupling, and
+the stiffness K of the method's own direction, which has the penalty in it and so needs no multiplier to be regular,
+    K d - B dl = -r,  C d + D dl = -R:   d = d_0 + X dl,  X = K^-1 B,  (D + C X) dl = -R - C d_0.
+That is the system in u and lambda with u condensed out: lambda has a few surface nodes, so D + C X is small and dense.
+With an anchor's factor everything happens on the surface, as in tangent.py.  lambda takes its whole step; d then is a
+Newton direction of the penalty's energy at the new lambda, so the line search of newton.py holds for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+
+from contact.coupling import ENDS
+from contact.half.sparse import SingularMatrixError, factorise
+from mechanical_fmu.asking import Asking, unsettled
+from mechanical_fmu.methods import MOST_POOR, POOR, with_tangent
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings, jumps_text, line_search
+from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.tangent import (
+    CHUNK,
+    Anchor,
+    finish,
+    held,
+    refuse_loose,
+    right_side,
+    stiffness,
+    symmetric,
+)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Contact's answer to its multipliers, in units of eps : [Pa/m], so that all of it is of order 1.
+
+    at : (k,) surface nodes whose multipliers are unknown here.  B : (2 n, k), free components only, reduced to
+    reference rows; C : (k, 2 n), D : (k, k) and R : (k,) [m], each row divided by W eps.
+    """
+
+    at: NDArray[np.intp]
+    B: csr_matrix
+    C: csr_matrix
+    D: Floats
+    R: Floats
+    eps: float
+
+
+def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anchor | None, settings: Settings,
+                  share: float) -> Equilibrium:
+    """The equilibrium nearest to start whose multipliers are its pressures, to a share of the largest.
+
+    Its history holds the larger of both residuals.  Raises NoEquilibriumError, which names the node whose pressure
+    does not settle, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    """
+    floor, augmented = system.floor(loading, settings.tolerance), system.contact.on_slaves(system.spec.augmented)
+    balance, error, poor, fresh = start, system.error(start, floor), 0, False
+    history: list[float] = []
+    while True:
+        ask = _asking(loading)
+        change, largest = _change(balance, ask, augmented)
+        history.append(max(float(error.max()), float(np.abs(change).max(initial=0.0)) / largest))
+        gap = loading.target - balance.u.ravel()[system.constraints.fixed]
+        if float(error.max()) <= settings.tolerance and not gap.any():
+            if np.abs(change).max(initial=0.0) <= share * largest:
+                return Equilibrium(balance, float(error.max()), tuple(history), fresh)
+            unfelt = replace(loading, ask=ask.pressed(np.where(augmented, ask.history.multipliers + change, 0.0)))
+            again = system.balance(balance.u, unfelt)
+            if float(system.error(again, floor).max()) <= settings.tolerance:
+                # The forces do not feel the change: where bodies just touch, pressures are round-off.
+                return Equilibrium(again, float(system.error(again, floor).max()), tuple(history), fresh)
+        if len(history) > settings.most:
+            break
+        old = anchor if poor < MOST_POOR else None
+        fresh = fresh or old is None
+        d, multipliers, pull = direction(system, loading, balance, gap, old, augmented)
+        loading = replace(loading, ask=ask.pressed(multipliers))
+        from_here = replace(balance, r=balance.r - pull)
+        before, touched = float(error.max()), _touched(balance)
+        balance, error = line_search(system, loading, (from_here, error), d, floor, settings.tolerance)
+        # While points open and close, that is what spoils an iteration, not the age of the factor.
+        poor += float(error.max()) > POOR * before and _touched(balance) == touched
+    raise NoEquilibriumError(_text(system, settings, error, change, largest))
+
+
+def direction(system: System, loading: Loading, balance: Balance, gap: Floats, anchor: Anchor | None,
+              augmented: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
+    """d : (2 n,) [m], the new multipliers : (n_s,) [Pa], and B times their change : (n, 2) [N].
+
+    anchor : whose factor to use, None for a fresh tangent.  Raises SingularMatrixError, ContactRefusedError.
+    """
+    ask = _asking(loading)
+    a = answer_of(system, ask, balance, augmented)
+    d, dl = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
+    multipliers = np.zeros(ask.history.multipliers.size)
+    multipliers[a.at] = np.minimum(ask.history.multipliers[a.at] + a.eps * dl, 0.0)
+    # Of what was cut off at 0 the forces know nothing.
+    felt = (multipliers - ask.history.multipliers)[a.at] / a.eps
+    return d, multipliers, (a.B @ felt).reshape(-1, 2)
+
+
+def answer_of(system: System, ask: Asking, balance: Balance, augmented: NDArray[np.bool_]) -> Answer:
+    """What the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
+    c = ask.couplings(system.interface.nodes + balance.u)
+    wanted = augmented & (c.weight > 0.0)
+    ends = c.nodes[:, ENDS]
+    at = np.intersect1d(np.flatnonzero(wanted), ends)
+    place = np.full(wanted.size, -1)
+    place[at] = np.arange(at.size)
+    eps = max(pair.eps_N for pair in system.interface.pairs)
+    n, k, weight = 2 * len(balance.u), at.size, c.weight[at]
+    row = np.broadcast_to(c.nodes[:, :, None], c.values.shape[:3])
+    column = np.broadcast_to(place[ends][:, None, :], c.values.shape[:3])
+    use = column >= 0
+    j, dofs = column[use], system.contact.dofs.reshape(-1, 2)[row[use]]
+    both, twice = dofs.ravel(), np.repeat(j, 2)
+    B = csr_matrix(coo_matrix((eps * c.values[..., :2][use].ravel(), (both, twice)), shape=(n, k)))
+    C = csr_matrix(coo_matrix((c.values[..., 2:4][use].ravel() / (eps * weight[twice]), (twice, both)), shape=(k, n)))
+    D, i = np.eye(k), place[row[use]]
+    inside = i >= 0
+    np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
+    if system.rigid is not None:
+        B = csr_matrix(system.rigid.follow(balance.u).T @ B)
+    B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
+    return Answer(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
+
+
+def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: Answer) -> tuple[Floats, Floats]:
+    """d and the change of the multipliers over eps : (k,) [m], with today's tangent."""
+    balance = with_tangent(system, balance, loading)
+    if loading.inertia is None:
+        refuse_loose(system, balance)
+    K = stiffness(system, balance, loading)
+    solve = factorise(held(system, K), symmetric(system, balance, loading))
+    d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
+    X = np.zeros((d.size, a.at.size))
+    felt = np.unique(a.B.indices)
+    for first in range(0, felt.size, CHUNK):
+        some = felt[first : first + CHUNK]
+        columns = solve(a.B[:, some].toarray())
+        X[:, some] = columns if system.rigid is None else system.rigid.spread(columns, balance.u)
+    dl = _solved(a.D + a.C @ X, -a.R - a.C @ d)
+    return d + X @ dl, dl
+
+
+def _anchored(anchor: Anchor, balance: Balance, gap: Floats, a: Answer) -> tuple[Floats, Floats]:
+    """The same with the factor of an anchor: d_s + S (E d_s - B dl) = d_0s and C d_s + D dl = -R on the surface."""
+    system = anchor.system
+    refuse_loose(system, balance)
+    b = right_side(system, balance, anchor.matrix, gap, balance.tractions)
+    dofs, moved = system.contact.dofs, np.zeros(b.size)
+    moved[system.constraints.fixed] = gap
+    R = a.R + a.C @ moved
+    E, B, C = anchor.surface_change(balance.tractions), a.B[dofs].toarray(), a.C[:, dofs].toarray()
+    C = C * system.constraints.free[dofs]
+    active = np.flatnonzero(E.any(axis=1) | B.any(axis=1) | C.any(axis=0))
+    E, B, C, m = E[np.ix_(active, active)], B[active], C[:, active], active.size
+    S = anchor.compliance[np.ix_(active, active)]
+    d_0 = anchor.solve(b)[dofs[active]]
+    solved = _solved(np.block([[np.eye(m) + S @ E, -S @ B], [C, a.D]]), np.concatenate([d_0, -R]))
+    d_s, dl = solved[:m], solved[m:]
+    b[dofs[active]] -= E @ d_s - B @ dl
+    return finish(system, balance, anchor.solve(b), gap), dl
+
+
+def _solved(A: Floats, b: Floats) -> Floats:
+    try:
+        return np.asarray(np.linalg.solve(A, b))
+    except np.linalg.LinAlgError as exc:
+        raise SingularMatrixError("the multipliers of contact are not determined: its equations are singular") from exc
+
+
+def _asking(loading: Loading) -> Asking:
+    assert isinstance(loading.ask, Asking)
+    return loading.ask
+
+
+def _touched(balance: Balance) -> tuple[int, int]:
+    """How many points touch, and how many of them slip."""
+    assert balance.tractions is not None
+    return balance.tractions.n_touching, balance.tractions.n_slipping
+
+
+def _change(balance: Balance, ask: Asking, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
+    """t_N - lambda : (n_s,) [Pa] of augmented slaves, and the largest pressure of both [Pa], not 0."""
+    assert balance.tractions is not None
+    t_N = np.where(augmented, balance.tractions.multipliers, 0.0)
+    before = np.where(augmented, ask.history.multipliers, 0.0)
+    return t_N - before, max(-float(min(t_N.min(initial=0.0), before.min(initial=0.0))), np.finfo(float).tiny)
+
+
+def _text(system: System, settings: Settings, error: Floats, change: Floats, largest: float) -> str:
+    if float(error.max()) > settings.tolerance:
+        body = system.interface.bodies[int(np.argmax(error))]
+        forces = (f"the forces on body {body} are out of balance by {float(error.max()):.3g} "
+                  f"(tolerance {settings.tolerance:g}) and ")
+    else:
+        forces = ""
+    how_much, where = unsettled(system, change, largest)
+    return (f"no equilibrium after {settings.most} iterations: {forces}the contact pressures {how_much}, most on "
+            f"{where}; method: uzawa settles them in rounds"
+            f"{jumps_text(system)}")

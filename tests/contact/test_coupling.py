@@ -1,0 +1,87 @@
+"""How contact answers to its multipliers: every derivative against differences, and what is asked wrongly."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from contact_scenes import curved, passes, push
+
+from contact.coupling import ENDS
+from contact.service import ContactService
+from contact.wire import Coupling, Couplings, Floats, Refused, Register, Registered
+
+
+def answer(register: Register, x: Floats, multipliers: Floats, before: Floats) -> Couplings:
+    """Couplings of a scene without remembered shear."""
+    service = ContactService()
+    registered = service.handle(register)
+    assert isinstance(registered, Registered), registered
+    reply = service.handle(Coupling(registered.surfaces, x, multipliers, before, np.zeros(len(x))))
+    assert isinstance(reply, Couplings), reply
+    return reply
+
+
+def dense(c: Couplings) -> tuple[Floats, Floats, Floats]:
+    """df/dlambda : (2 n_s, n_s), dR/dx : (n_s, 2 n_s) and dR/dlambda : (n_s, n_s)."""
+    n = c.weight.size
+    B, C, D = np.zeros((2 * n, n)), np.zeros((n, 2 * n)), np.diag(c.weight)
+    for nodes, values in zip(c.nodes, c.values, strict=True):
+        for i, row in enumerate(nodes):
+            for j, end in enumerate(ENDS):
+                B[2 * row : 2 * row + 2, nodes[end]] += values[i, j, :2]
+                C[nodes[end], 2 * row : 2 * row + 2] += values[i, j, 2:4]
+                D[row, nodes[end]] += values[i, j, 4]
+    return B, C, D
+
+
+@pytest.mark.parametrize("gap", [-0.03, 0.02], ids=["pressed", "let go"])
+@pytest.mark.parametrize("axisymmetric", [False, True])
+@pytest.mark.parametrize(("mu", "sides", "by_node"), [(0.0, ((0, 1),), False), (0.2, ((0, 1),), False),
+                                                      (0.2, ((0, 1), (1, 0)), False), (0.2, ((0, 1),), True)])
+def test_derivatives_against_differences(mu, sides, by_node, axisymmetric, gap):
+    """A disc pressed into a bowl, or drawn out with what pressed it: cuts wander, normals turn, points slip."""
+    register, x = curved(7, 9, gap=gap)
+    register = replace(register, axisymmetric=axisymmetric,
+                       passes=passes(*sides, weight=1.0 / len(sides), mu=mu, by_node=by_node))
+    x = x + [3.0, 0.0]
+    random = np.random.default_rng(1)
+    on = push(register, x, np.full(len(x), -1e8)).multipliers < 0.0
+    multipliers = np.where(on, -1e6 * random.random(len(x)), 0.0)
+    before = x + 1e-2 * random.random(x.shape)
+    B, C, D = dense(answer(register, x, multipliers, before))
+    for j in np.flatnonzero(on):
+        less = multipliers - np.eye(len(x))[j]
+        df = push(register, x, multipliers, before).force - push(register, x, less, before).force
+        np.testing.assert_allclose(B[:, j], df.ravel(), atol=1e-6 * np.abs(df).max())
+        dR = answer(register, x, multipliers, before).residual - answer(register, x, less, before).residual
+        np.testing.assert_allclose(D[:, j], dR, atol=1e-6 * np.abs(D).max())
+    h = 1e-7
+    for k in range(x.size):
+        step = h * np.eye(x.size)[k].reshape(x.shape)
+        dR = [answer(register, at, multipliers, before).residual for at in (x + step, x - step)]
+        np.testing.assert_allclose(C[on, k], ((dR[0] - dR[1]) / (2.0 * h))[on], atol=1e-6 * np.abs(C).max())
+
+
+def test_the_residual_is_what_the_pressures_lack():
+    """R = W (lambda - t_N), so it is 0 where nodes have the pressure they make."""
+    register, x = curved(7, 9, gap=-0.03)
+    multipliers = np.where(push(register, x).multipliers < 0.0, -2e5, 0.0)
+    c, t_N = answer(register, x, multipliers, x), push(register, x, multipliers).t_N
+    np.testing.assert_allclose(c.residual, c.weight * (multipliers - t_N), atol=1e-12 * np.abs(t_N).max())
+    assert np.abs(c.residual).max() > 0.0
+
+
+def test_a_wrong_request_is_refused():
+    service = ContactService()
+    register, x = curved(7, 9, gap=-0.03)
+    registered = service.handle(register)
+    assert isinstance(registered, Registered)
+    reply = service.handle(Coupling(registered.surfaces, x, np.ones(len(x)), x, np.zeros(len(x))))
+    assert isinstance(reply, Refused)
+    assert "multipliers must be <= 0" in reply.message
