@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +28,13 @@ class EnergyAccount:
 
     def deliver(self) -> EnergyAccount:
         """The account after the carry was handed to the thermal half."""
-        return replace(self, carry=np.zeros_like(self.carry), delivered=self.delivered + float(self.carry.sum()))
+        return EnergyAccount(np.zeros(self.carry.shape), self.made, self.delivered + float(self.carry.sum()))
 
     def make(self, energy: Array | float) -> EnergyAccount:
         """The account after the mechanical half made an energy of the carry's shape [J], or 0 where it makes none."""
         if isinstance(energy, float):
             return self
-        return replace(self, carry=self.carry + energy, made=self.made + float(energy.sum()))
+        return EnergyAccount(self.carry + energy, self.made + float(energy.sum()), self.delivered)
 
 
 Accounts = Mapping[str, EnergyAccount]

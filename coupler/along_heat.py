@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.level import Level
+from coupler.level import Level, Scheme
 from coupler.scheme import Swept, thermal_first
 from coupler.window import CoupledState, Halves, Solved, Span
 
@@ -62,12 +62,12 @@ def solve_along_heat(halves: Halves, state: CoupledState, span: Span, rollback: 
     if state.before is not None and now.heat is not None:
         before = replace(state.before, heat=_heat(state.before, len(now.heat)))
         pace = (now.heat - _heat(before)) / (now.t - before.t)
-        return thermal_first(halves, state, span, Lead(now, before, now, pace)).solved(state)
+        return thermal_first(halves, state, span, Lead(now, before, now, pace)).solved(state, Scheme.ALONG_HEAT)
     swept = thermal_first(halves, state, span, None)
     for _ in range(1, FIRST_PASSES):
         rollback()
         swept = _again(halves, state, span, swept)
-    return swept.solved(state)
+    return swept.solved(state, Scheme.ALONG_HEAT)
 
 
 def _again(halves: Halves, state: CoupledState, span: Span, last: Swept) -> Swept:

@@ -73,14 +73,13 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
                                     lambda: kept.put_back("a window is to be iterated"))
             if way.may_run_away and runs_away(solved.course):
                 kept.put_back("a window is to be solved once")
-                followed = ONCE[Scheme.STAGGERED](halves, state, span).solved(state, solved.course)
-                return replace(followed, work=solved.work.plus(followed.work), scheme=Scheme.STAGGERED)
-        elif way.scheme is Scheme.ALONG_HEAT:
-            solved = solve_along_heat(halves, state, span, lambda: kept.put_back("a first window is solved again"))
-        elif way.curve != 0.0:
-            solved = extrapolated(halves, state, span, way.curve).solved(state)
-        else:
-            solved = ONCE[way.scheme](halves, state, span).solved(state)
+                followed = ONCE[Scheme.STAGGERED](halves, state, span).solved(state, Scheme.STAGGERED, solved.course)
+                return replace(followed, work=solved.work.plus(followed.work))
+            return solved
+        if way.scheme is Scheme.ALONG_HEAT:
+            return solve_along_heat(halves, state, span, lambda: kept.put_back("a first window is solved again"))
+        swept = ONCE[way.scheme](halves, state, span) if way.curve == 0.0 else extrapolated(halves, state, span,
+                                                                                            way.curve)
+        return swept.solved(state, way.scheme, curve=way.curve)
     except DiscardError as discard:
         return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=way.scheme)
-    return replace(solved, scheme=way.scheme, curve=way.curve)

@@ -43,7 +43,8 @@ ROUGH, ROUGH_REST = 1.5, 2
 SETTLED = 0.05
 # A single ratio may be of a miss that the exchange does not multiply: it lowers rho to this share at most.
 LOWERS = 0.5
-# A window longer by more than this is measured anew: rho was found to grow with H, by at most H.
+# In a window longer by more than this rho may be more than was found, which is that it grows with H, by at most H: there
+# it is taken to grow with H^2, and is measured anew where that is too much.
 LONGER = 2.0
 # Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
 OTHER_TOUCH = 0.25
@@ -52,6 +53,9 @@ OTHER_TOUCH = 0.25
 TURNS, OPPOSITE, HOLDS, LEAST_MISS = 2, 0.5, 0.8, 1e-4
 # If rho had not been too large, the model does not hold in windows of this size, nor in those longer than this share.
 WARY_FROM = 0.5
+# Where the exchange feeds back less of a zigzag than this, it is the half's own, or a front that goes from node to node:
+# iterating would not end it.  Twice as many turns are waited for then, in case rho has drifted.
+FEEDS = 0.05
 # Iterates of a window that only measures need not agree better than windows solved once do.
 LOOSE = 0.3
 
@@ -99,17 +103,17 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
         return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if not state.past or math.isnan(memory.rho):
         return Choice(Scheme.ITERATED, "the contraction is not known yet")
-    if H > LONGER * memory.H:
-        return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     rho = rho_at(memory, H)
     if freezes and state.accounts["E_M"].made != 0.0 and rho < SPLITS:
         return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
     if memory.driven and rho > SAFE and memory.since < memory.rest:
         return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
     curve = closest(_times(state), state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
+    if curve is None and H > LONGER * memory.H:
+        return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     if curve is None:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
-    if memory.turns >= TURNS:
+    if memory.turns >= (TURNS if memory.rho * memory.zigzag > FEEDS else 2 * TURNS):
         return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=True)
@@ -121,8 +125,9 @@ def _times(state: CoupledState) -> list[float]:
 
 
 def rho_at(memory: Memory, H: float) -> float:
-    """The most that rho can be in windows of H seconds: it grows with H, by at most H."""
-    return memory.rho * max(H / memory.H, 1.0)
+    """The most that rho can be in windows of H seconds: it grows with H, by at most H as far as was seen."""
+    longer = max(H / memory.H, 1.0)
+    return memory.rho * (longer if longer <= LONGER else longer**2)
 
 
 def stable_window(memory: Memory) -> float:
@@ -206,7 +211,7 @@ def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Me
     if growth > 0.0 and rho < SAFE:
         # Half of the windows until rho is too large, if it goes on so.
         rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
-    wary = H if memory.turns >= TURNS and rho * memory.zigzag < SAFE else memory.wary
+    wary = H if memory.turns >= TURNS and FEEDS < rho * memory.zigzag < SAFE else memory.wary
     return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0, touching=touching,
                    turns=0, miss=np.zeros(0), wary=wary)
 

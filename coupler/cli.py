@@ -172,8 +172,12 @@ def study_command(scenario: ScenarioFile,
         options["grid"] = grid_of([parse_axis(text) for text in grid])
     if measure:
         options["measure"] = [name.strip() for name in measure.split(",")]
-    with StudyLine() as line:
-        found = conduct(scenario, out, _overrides(sets, swaps), options, How(processes, cluster, limit, pilot), line)
+    try:
+        with StudyLine() as line:
+            found = conduct(scenario, out, _overrides(sets, swaps), options, How(processes, cluster, limit, pilot), line)
+    except KeyboardInterrupt as exc:
+        typer.echo("\n".join(getattr(exc, "__notes__", ())), err=True)
+        raise typer.Exit(INTERRUPTED) from None
     typer.echo(f"  {write_study(found, out)}")
 
 

@@ -57,7 +57,7 @@ class Watch:
         news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
                 "gap": now.gap - before.gap if known else (now.x - before.x).ravel()}
         swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
-        return replace(self, swings=swings)
+        return Watch(swings, self.told, self.home, self.calm, self.cap, self.halved)
 
     @property
     def cycling(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from coupler.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
 from coupler.convergence import Step, misfits
 from coupler.iteration import Iteration, OnMax, Seen
-from coupler.level import Level, exchanged, predicted
+from coupler.level import Level, Scheme, exchanged, predicted
 from coupler.scheme import Swept, mechanical_first
 from coupler.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
 
@@ -72,7 +72,7 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
         so_far = _judged(so_far, state.now, swept, how)
         if so_far.converged and (k >= how.least or so_far.tells_no_more):
             break
-    solved = swept.solved(state, so_far.course)
+    solved = swept.solved(state, Scheme.ITERATED, so_far.course)
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))
     if so_far.converged:
         return solved

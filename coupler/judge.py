@@ -18,7 +18,6 @@ from coupler.iteration import OnMax
 from coupler.level import Scheme
 from coupler.monitors import failed_monitors, monitors
 from coupler.rules import Firing
-from coupler.tolerance import ErrorTolerances
 from coupler.window import Solved, Verdict
 
 # So many windows on end in which hardly anything changes are a steady state.
@@ -46,10 +45,12 @@ def judged(facts: Facts) -> Judged:
         control = replace(facts.at.control, aim=found.tick, events=events_memory)
         return Judged(_put_back(facts.solved, Verdict.EVENT, found.text), tried_again(facts, control, found.text),
                       event=found.text)
-    error = estimate.estimate(facts.at.control.estimate, facts.at.state, facts.solved, _tolerance(facts),
+    solved, adaptive = facts.solved, facts.plan.adaptive
+    if adaptive is None:
+        return _ruled(facts, _Found(None, found, events_memory))
+    error = estimate.estimate(facts.at.control.estimate, facts.at.state, solved, adaptive.tolerance,
                               facts.at.control.settings.iteration)
-    solved = facts.solved
-    if facts.plan.adaptive is not None and error is not None and error.error > 1.0:
+    if error is not None and error.error > 1.0:
         if not at_least(facts):
             size = stepsize.rejected(facts.H, error.size, error.order)
             again = replace(shorter(facts, size, error.words), controller=stepsize.failed(facts.at.control.controller))
@@ -132,7 +133,8 @@ def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> Cont
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
         ends=tuple(e for e in control.ends if e > span.k1), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
-        cycle=done.watch, estimate=estimate.after(control.estimate, start, solved, found.error),
+        cycle=done.watch,
+        estimate=estimate.after(control.estimate, start, solved, found.error) if plan.adaptive else control.estimate,
         choice=_learned(facts),
         events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
 
@@ -175,11 +177,6 @@ def _is_slow(facts: Facts) -> bool:
         return False
     change = float(np.abs(facts.solved.state.now.T - facts.at.state.now.T).max())
     return change < plan.steady * facts.H
-
-
-def _tolerance(facts: Facts) -> ErrorTolerances:
-    adaptive = facts.plan.adaptive
-    return adaptive.tolerance if adaptive is not None else ErrorTolerances()
 
 
 def _put_back(solved: Solved, verdict: Verdict, message: str) -> Solved:

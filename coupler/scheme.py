@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from coupler.account import EnergyAccount, delivered, with_made
 from coupler.curve import drawn_on
 from coupler.level import Level, Scheme, Slope, exchanged
-from coupler.sweep import Leading, Pass, Sent, mechanical_pass, stored, thermal_pass
+from coupler.sweep import STORED, Leading, Pass, Sent, mechanical_pass, thermal_pass
 from coupler.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
 
 Array = NDArray[np.float64]
@@ -28,11 +28,12 @@ class Swept:
     work: Work
     monitors: Mapping[str, float]
 
-    def solved(self, state: CoupledState, course: Course | None = None) -> Solved:
-        """The accepted window.  state : before it."""
+    def solved(self, state: CoupledState, scheme: Scheme, course: Course | None = None, curve: float = 0.0) -> Solved:
+        """The accepted window.  state : before it.  scheme, curve : by which it was solved."""
         past = (state.now, *state.past)[:3]
         new = CoupledState(self.level, past, state.events, self.accounts, self.sent, state.memory)
-        return Solved(Verdict.ACCEPTED, "", new, self.terms, self.work, self.monitors, course)
+        return Solved(Verdict.ACCEPTED, "", new, self.terms, self.work, self.monitors, course, scheme=scheme,
+                      curve=curve)
 
 
 def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | Leading | None) -> Swept:
@@ -85,7 +86,7 @@ def _swept(state: CoupledState, span: Span, thermal: Pass, mechanical: Pass,
            end: tuple[Mapping[str, EnergyAccount], Pass]) -> Swept:
     """end : the accounts after the window, and the pass that came last."""
     accounts, last = end
-    now = replace(_level(state.now, span, thermal.outputs, mechanical.outputs), heat=_heat(state.now, thermal))
+    now = _level(state.now, span, thermal.outputs, mechanical.outputs, _heat(state.now, thermal))
     monitors = {"touching": float(mechanical.outputs.get("contact.touching", np.zeros(()))),
                 "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0)),
                 **{f"thermal.{n}": v for n, v in thermal.told.items()},
@@ -95,15 +96,16 @@ def _swept(state: CoupledState, span: Span, thermal: Pass, mechanical: Pass,
 
 def _heat(start: Level, thermal: Pass) -> Array | None:
     """Heat stored by each body since the start of the run; None where the thermal half tells none."""
-    taken = [stored(terms) for terms in thermal.terms]
-    if not taken or taken[0].size == 0:
+    names = sorted([n for n in thermal.terms[0] if n.startswith(STORED)]) if thermal.terms else []
+    if not names:
         return None
-    found: Array = np.sum(taken, axis=0)
+    found = np.array([sum([terms[n] for terms in thermal.terms]) for n in names])
     return found if start.heat is None else start.heat + found
 
 
-def _level(start: Level, span: Span, thermal: Mapping[str, Array], mechanical: Mapping[str, Array]) -> Level:
+def _level(start: Level, span: Span, thermal: Mapping[str, Array], mechanical: Mapping[str, Array],
+           heat: Array | None = None) -> Level:
     """The level at the end of the window; what a half has not told is as at the start."""
     return Level(span.end, thermal.get("T", start.T), mechanical["x"],
                  mechanical.get("contact.t_N", np.zeros(len(start.t_N))), mechanical.get("contact.gap", start.gap),
-                 mechanical.get("contact.covered", start.covered), thermal.get("f_s"))
+                 mechanical.get("contact.covered", start.covered), thermal.get("f_s"), heat)

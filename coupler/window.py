@@ -47,7 +47,11 @@ class Work:
 
     def plus(self, other: Work) -> Work:
         """The sum of two."""
-        return Work(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+        return Work(self.thermal_solves + other.thermal_solves, self.mechanical_solves + other.mechanical_solves,
+                    self.thermal_iterations + other.thermal_iterations,
+                    self.mechanical_iterations + other.mechanical_iterations,
+                    self.thermal_seconds + other.thermal_seconds, self.mechanical_seconds + other.mechanical_seconds,
+                    self.fmi_seconds + other.fmi_seconds, self.values + other.values)
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,8 @@ def _at(p: Point, cost: str, ax: Axes, high: float) -> tuple[float, float]:
 
 def _curves(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
     for k, series in enumerate(dict.fromkeys(p.series for p in points)):
-        on = sorted((p for p in points if p.series == series), key=lambda p: getattr(p, cost))
+        # Joined by half-solves on both charts: a busy machine must not tie a knot into a curve.
+        on = sorted((p for p in points if p.series == series), key=lambda p: p.half_solves)
         style, marker = line_style(k), MARKERS[k % len(MARKERS)]
         good = [p for p in on if p.error <= MOST]
         _marks(ax, [_at(p, cost, ax, high) for p in good], marker=marker, markersize=5, zorder=4,

@@ -87,8 +87,8 @@ def _run(every: Mapping[str, Planned], store: Store, how: How, show: StudyLine) 
     """The outcome of every run, by its key."""
     outcomes = {key: kept for key in every if (kept := store.get(key)) is not None}
     left = {key: run.job for key, run in every.items() if key not in outcomes}
-    show.begin(len(every), len(outcomes))
     try:
+        show.begin(len(every), len(outcomes))
         with closing(_running(left, how)) as running:
             for key, outcome in running:
                 outcomes[key] = outcome

@@ -159,11 +159,25 @@ def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
     assert quick.turns == 0
 
 
+def test_what_turns_round_without_the_exchange_does_not_make_auto_wary():
+    memory, state = Memory(rho=0.004, H=1.0, rest=64), at_two()
+    for sign in (1.0, -1.0, 1.0):
+        memory = learn(memory, state, solved(Scheme.EXTRAPOLATED, 900.0 + sign), 1.0)
+    assert choose(memory, state, 1.0).scheme is Scheme.EXTRAPOLATED
+    for sign in (-1.0, 1.0):
+        memory = learn(memory, state, solved(Scheme.EXTRAPOLATED, 900.0 + sign), 1.0)
+    assert "measured again" in choose(memory, state, 1.0).reason
+    memory = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.004, (-0.004,))), 1.0)
+    assert (memory.wary, choose(memory, state, 1.0).scheme) == (0.0, Scheme.EXTRAPOLATED)
+
+
 def test_rho_is_asked_for_where_it_is_not_known():
     state = at_two()
     known = Memory(rho=0.1, H=1.0)
     assert choose(known, state, 1.9).scheme is Scheme.EXTRAPOLATED
-    assert "in windows of 1 s only" in choose(known, state, 2.1).reason
+    # As H^2 beyond twice the window: .1 * 2.2^2 > .45, .005 * 9^2 < .45.
+    assert "in windows of 1 s only" in choose(known, state, 2.2).reason
+    assert choose(replace(known, rho=0.005), state, 9.0).scheme is Scheme.EXTRAPOLATED
     assert choose(known, replace(state, past=()), 1.0).scheme is Scheme.ITERATED
     assert choose(forgotten(known), state, 1.0).scheme is Scheme.ITERATED
     assert choose(replace(known, rho=0.5), state, 1.0).scheme is Scheme.ITERATED

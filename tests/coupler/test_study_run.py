@@ -93,7 +93,7 @@ def test_half_solves_are_counted_and_limits_predicted(done):
 def test_a_window_that_cannot_be_solved_is_a_failure_with_its_words(done):
     study, out, _, _ = done
     assert not study.outcomes[4].done
-    assert "not converge" in study.points[4].message
+    assert "on_max says to stop" in study.points[4].message
     assert "1 failed" in (out / "study.html").read_text(encoding="utf-8")
     assert 'id="failed"' in (out / "study.svg").read_text(encoding="utf-8")
 
@@ -143,3 +143,14 @@ def test_the_command_line_says_what_is_wrong(tmp_path):
     said = CliRunner().invoke(app, ["study", str(LUMPED), "-o", str(tmp_path / "out"), "--grid", "shceme=staggered"])
     assert isinstance(said.exception, ScenarioError)
     assert "Did you mean 'scheme'" in str(said.exception)
+
+
+def test_an_interrupt_is_told_and_has_its_exit_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(StudyLine, "begin", interrupted)
+    said = CliRunner().invoke(app, ["study", str(LUMPED), "-o", str(tmp_path / "out"), "--grid", "windows=1"])
+    assert said.exit_code == 130
+    assert "the same command goes on" in said.output
+
+
+def interrupted(line: StudyLine, total: int, kept: int) -> None:
+    raise KeyboardInterrupt
