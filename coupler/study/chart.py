@@ -131,7 +131,7 @@ def _floor(ax: Axes, points: Sequence[Point]) -> None:
 
 
 def _own(points: Sequence[Point]) -> float:
-    """The reference's own error, the largest at the times of any run; 0 where it is unknown."""
+    """The reference's own error, the same for every run; 0 where it is unknown."""
     return max((p.floor for p in points if math.isfinite(p.floor)), default=0.0)
 
 

@@ -67,7 +67,7 @@ def conduct(path: Path, out: Path, overrides: Mapping[str, Any], options: Mappin
     outcomes = _run(every, store, how, show)
     if answer is None:
         words = reference_words(plan.spec.reference, plan.references)
-        answer = richardson([outcomes[r.key] for r in plan.references], words)
+        answer = richardson([outcomes[r.key] for r in plan.references], words, plan.spec.measure, plan.span)
     scale = scale_of(answer, plan.spec.measure, plan.span)
     found = [outcomes[run.key] for run in plan.runs]
     points = [point_of(run.cell.label, run.cell.series, o, answer, scale)

@@ -75,10 +75,9 @@ def _best(study: Study, out: Path) -> list[Best]:
         p = cheapest(study.points, level)
         if p is None:
             path.unlink(missing_ok=True)
-            floors = [q.floor for q in study.points if math.isfinite(q.floor)]
             why = "no run is that exact"
-            if floors and min(floors) > level:
-                why = f"cannot be told: the reference's own error is {relative(min(floors))}"
+            if study.scale.floor > level:
+                why = f"cannot be told: the reference's own error is {relative(study.scale.floor)}"
             rows.append(Best(percent(level), None, why=why))
             continue
         run = study.plan.runs[list(study.points).index(p)]
@@ -129,11 +128,9 @@ def _remarks(study: Study) -> list[str]:
 
 def _facts(study: Study) -> list[tuple[str, str]]:
     r, (a, b) = study.reference, study.scale.span
-    floors = [p.floor for p in study.points if math.isfinite(p.floor)]
-    own = relative(max(floors)) if floors else "unknown"
     return [("reference", r.words),
             ("its order, measured", f"{r.order:.2f}" if math.isfinite(r.order) else "not measured"),
-            ("its own error", own),
+            ("its own error", relative(study.scale.floor)),
             ("span", f"{a:g} to {b:g} s"),
             *((f"range of {name}", f"{number(size, 4)} {study.plan.base.probes[name].unit}"
                if name in study.plan.base.probes else number(size, 4)) for name, size in study.scale.probes.items()),

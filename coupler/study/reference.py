@@ -41,11 +41,13 @@ class Reference:
     words: str
 
 
-def richardson(runs: Sequence[Outcome], words: str) -> Reference:
+def richardson(runs: Sequence[Outcome], words: str, measure: Sequence[str] = (),
+               span: tuple[float, float] = (0.0, math.inf)) -> Reference:
     """The reference of three runs, finest first, each with windows twice as long as the one before.
 
-    p = log2 |y_4 - y_2|/|y_2 - y_1| over all probes.  Near 1 or 2 the reference is y_1 + (y_1 - y_2)/(2^p - 1), and the
-    error taken for its own is that of y_1, the second term; elsewhere it is y_1, and the error y_1 - y_2.
+    p = log2 |y_4 - y_2|/|y_2 - y_1| over the probes of `measure` (none: all) in the span [s].  Near 1 or 2 the
+    reference is y_1 + (y_1 - y_2)/(2^p - 1), and the error taken for its own is that of y_1, the second term; elsewhere
+    it is y_1, and the error y_1 - y_2.
     Raises ResultsError where one of the runs failed.
     """
     for ratio, run in zip(RATIOS, runs, strict=True):
@@ -55,8 +57,10 @@ def richardson(runs: Sequence[Outcome], words: str) -> Reference:
     t = np.array(runs[0].t)
     values = [_curves(run) for run in runs]
     fine, middle, coarse = ({n: c(t) for n, c in v.items()} for v in values)
-    order = _order([middle[n] - fine[n] for n in fine], [coarse[n] - middle[n] for n in fine],
-                   [float(np.ptp(fine[n])) for n in fine])
+    inside = (t >= span[0]) & (t <= span[1])
+    seen = [n for n in fine if not measure or n in measure] if inside.any() else []
+    order = _order([(middle[n] - fine[n])[inside] for n in seen], [(coarse[n] - middle[n])[inside] for n in seen],
+                   [float(np.ptp(fine[n][inside])) for n in seen])
     near = min((1, 2), key=lambda p: abs(order - p)) if math.isfinite(order) else 0
     factor = 1.0 / (2.0**near - 1.0) if near and abs(order - near) <= NEAR else 0.0
     answer = {n: _curve(t, fine[n] + factor * (fine[n] - middle[n])) for n in fine}

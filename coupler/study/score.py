@@ -23,16 +23,20 @@ STILL = 1e-9
 
 @dataclass(frozen=True)
 class Scale:
-    """probes : those measured -> range of the reference over the span [SI].  span [s]."""
+    """probes : those measured -> range of the reference over the span [SI].  span [s].
+
+    floor : the reference's own error, measured at its own times as that of a run, of the worst probe; nan: unknown.
+    """
 
     probes: Mapping[str, float]
     span: tuple[float, float]
+    floor: float
 
 
 @dataclass(frozen=True)
 class Point:
-    """One run on the chart.  error : relative, nan where it failed.  floor : the reference's own, measured at the same
-    times, nan where it is unknown."""
+    """One run on the chart.  error : relative, nan where it failed.  floor : the reference's own, nan where it is
+    unknown."""
 
     label: str
     series: str
@@ -72,7 +76,9 @@ def scale_of(reference: Reference, measure: Sequence[str], span: tuple[float, fl
     if not chosen:
         raise ScenarioError("no probe changes, so there is nothing to measure", key="probes",
                             remedy="Add a probe of what the study is about.")
-    return Scale(chosen, span)
+    own = [_l2(t, reference.other[n](t) - reference.curves[n](t)) / size
+           for n, size in chosen.items() if n in reference.other]
+    return Scale(chosen, span, max(own, default=reference.error))
 
 
 def _range(values: Array) -> float:
@@ -80,9 +86,9 @@ def _range(values: Array) -> float:
     return found if found > STILL * float(np.abs(values).max()) else 0.0
 
 
-def errors_of(run: Outcome, reference: Reference, scale: Scale) -> tuple[dict[str, float], float]:
-    """(probe -> relative error, floor): e = sqrt(int (y - y_ref)^2 dt / int dt)/range, by the trapezoidal rule over
-    the window ends of the run in the span; the floor is the same of the reference's own error, of the worst probe.
+def errors_of(run: Outcome, reference: Reference, scale: Scale) -> dict[str, float]:
+    """Probe -> relative error: e = sqrt(int (y - y_ref)^2 dt / int dt)/range, by the trapezoidal rule over the window
+    ends of the run in the span.
 
     Raises ScenarioError for a run without a measured probe.
     """
@@ -96,9 +102,7 @@ def errors_of(run: Outcome, reference: Reference, scale: Scale) -> tuple[dict[st
     at = t[inside]
     found = {n: _l2(at, np.array(probes[n])[inside] - reference.curves[n](at)) / size
              for n, size in scale.probes.items()}
-    own = [_l2(at, reference.other[n](at) - reference.curves[n](at)) / size
-           for n, size in scale.probes.items() if n in reference.other]
-    return found, max(own, default=reference.error)
+    return found
 
 
 def _l2(t: Array, e: Array) -> float:
@@ -111,10 +115,10 @@ def point_of(label: str, series: str, run: Outcome, reference: Reference, scale:
     """A run as a point; the worst probe counts."""
     if not run.done:
         return Point(label, series, run.half_solves, run.seconds, math.nan, math.nan, run.message)
-    found, floor = errors_of(run, reference, scale)
+    found = errors_of(run, reference, scale)
     worst = max(found.values())
     message = "" if math.isfinite(worst) else "it has no window end in the span"
-    return Point(label, series, run.half_solves, run.seconds, worst, floor, message, found)
+    return Point(label, series, run.half_solves, run.seconds, worst, scale.floor, message, found)
 
 
 def front(points: Sequence[Point], cost: str = "half_solves") -> list[Point]:

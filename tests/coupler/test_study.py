@@ -110,11 +110,11 @@ def test_the_error_is_the_root_mean_square_over_the_range():
     r = richardson([decay(0.01 * k, 2) for k in (1, 2, 4)], "made up")
     scale = scale_of(r, (), (0.0, T_END))
     assert list(scale.probes) == ["T"]
-    found, floor = errors_of(decay(0.1, 1), r, scale)
+    found = errors_of(decay(0.1, 1), r, scale)
     t = np.linspace(0.0, T_END, 2001)
     expected = 0.01 * math.sqrt(np.trapezoid(np.sin(t)**2, t) / T_END) / (1.0 - math.exp(-T_END))
     assert found["T"] == pytest.approx(expected, rel=2e-3)
-    assert floor == pytest.approx(expected * 1e-3, rel=2e-2)
+    assert scale.floor == pytest.approx(expected * 1e-3, rel=2e-2)
 
 
 def test_measured_probes_are_those_named_and_must_change():
@@ -141,9 +141,9 @@ def test_a_stored_answer(tmp_path):
     t = np.linspace(0.0, T_END, 201)
     file.write_text("t,T\n" + "".join(f"{a},{math.exp(-a)}\n" for a in t), encoding="utf-8")
     r = from_file(file, 1e-7)
-    found, floor = errors_of(decay(0.1, 1), r, scale_of(r, (), (0.0, T_END)))
-    assert 5e-3 < found["T"] < 1e-2
-    assert floor == 1e-7
+    scale = scale_of(r, (), (0.0, T_END))
+    assert 5e-3 < errors_of(decay(0.1, 1), r, scale)["T"] < 1e-2
+    assert scale.floor == 1e-7
     for text, says in (("t,T\n0,1\n0,2\n", "ascend"), ("x,T\n0,1\n1,2\n", "first column"), ("t,T\n0,a\n", "numbers")):
         file.write_text(text, encoding="utf-8")
         with pytest.raises(ScenarioError, match=says):
