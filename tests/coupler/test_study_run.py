@@ -6,6 +6,7 @@ import csv
 import json
 import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,7 @@ def studied(out: Path, show: Told) -> Study:
 def same_sources() -> Iterator[None]:
     """Outcomes are kept by the sources too; an edit while these tests run is not what they are about."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("coupler.study.conduct.sources", lambda: "as they are")
+        patch.setattr(import_module("coupler.study.conduct"), "sources", lambda: "as they are")
         yield
 
 
