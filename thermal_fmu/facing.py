@@ -18,6 +18,9 @@ Ints = NDArray[np.int32]
 # A pressure below this share of its pair's largest is round-off: a node that ends without load has some 1e-11, and
 # being linear along the edges it would close all of the next one.
 FELT = 1e-9
+# A corner node of several pairs tells one pressure: it is that of the pairs whose gap there is the least, but for this
+# share of the pair's gap_max.
+BESIDE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -60,13 +63,31 @@ def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
-    p = _felt(np.maximum(-(N_s * t_N[slave]).sum(axis=1), 0.0), facing.pair)
+    pressure = _own(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
+    p = _felt((N_s * pressure).sum(axis=1), facing.pair)
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
     points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
                     facing.master_edge)
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _as_the_pairs_say(points, exchanged)
+
+
+def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.bool_] | bool:
+    """(n_p, 2) whether the pressure a slave node tells is (also) that of the point's own pair.
+
+    A casting that stands on its corner touches below and not beside it; the corner's pressure must not close both.
+    """
+    pairs = surfaces.interface.pairs
+    if len(pairs) == 1:
+        return True
+    n = len(surfaces.interface.contact_nodes)
+    of_pair = facing.pair.astype(np.intp)[:, None] * n + slave
+    gap = np.full(len(pairs) * n, np.inf)
+    np.minimum.at(gap, of_pair, np.maximum(facing.gap, 0.0)[:, None])
+    least = gap.reshape(len(pairs), n).min(axis=0)
+    beside = BESIDE * np.array([pair.gap_max for pair in pairs])
+    return np.asarray(gap[of_pair] <= least[slave] + beside[facing.pair][:, None])
 
 
 def _felt(p: Floats, pair: Ints) -> Floats:

@@ -236,3 +236,23 @@ def test_a_node_that_presses_by_round_off_closes_no_further_edge():
     # Where nothing else presses there is nothing it is round-off of.
     t_N = np.where(np.isin(np.arange(interface.contact_nodes.size), slave), -1e-4, 0.0)
     assert (points_of(surfaces, facing, t_N).p > 0.0).all()
+
+
+def test_a_corner_that_stands_below_closes_nothing_beside():
+    """One node, two pairs: its pressure is that of the face it stands on, not of the wall a millimetre away."""
+    pairs = Pair("wall", "a.right", "b.left", 0.01, 1e9), Pair("floor", "a.bottom", "c.top", 0.01, 1e9)
+    interface = scene(Box(0.0, 0.1, 0.0, 0.05, 2, 2), Box(0.101, 0.15, 0.0, 0.05, 2, 2),
+                      Box(0.0, 0.15, -0.05, 0.0, 3, 2), pairs=pairs, names=("a", "b", "c"))
+    surfaces = ContactSurfaces(interface)
+    facing = surfaces.facing(DirectLink(ContactService().handle), interface.nodes)
+    below = np.isin(interface.contact_nodes, interface.surfaces["a.bottom"])
+    points = points_of(surfaces, facing, np.where(below, -1e6, 0.0))
+    wall = points.pair == 0
+    assert points.p[~wall] == pytest.approx(1e6)
+    assert (points.p[wall] == 0.0).all()
+    assert points.gap[wall] == pytest.approx(1e-3)
+    # Where it touches both, both are pressed.
+    moved = interface.nodes - np.where(interface.node_body == 1, 1e-3, 0.0)[:, None] * np.array([1.0, 0.0])
+    facing = surfaces.facing(DirectLink(ContactService().handle), moved)
+    points = points_of(surfaces, facing, np.where(below, -1e6, 0.0))
+    assert points.p[points.pair == 0].max() > 1e5
