@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -33,6 +33,7 @@ REMEMBERED = 4096  # bytes; call after call has the same header, so short ones a
 _GAPS = tuple(bytes(n) for n in range(ALIGNMENT))
 _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
+SENT_AS_IS = frozenset(_DTYPES)
 
 Arrays = dict[str, NDArray[Any]]
 Row = tuple[str, np.dtype[Any], tuple[int, ...], int]
@@ -56,8 +57,13 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
     except (TypeError, ValueError, OverflowError) as exc:
         raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
     shapes = tuple([(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
-    make = _head if len(packed) <= REMEMBERED else _head.__wrapped__
-    parts: list[Any] = [make(name, packed, shapes)]  # bytes and arrays: joined from their own memory, copied once
+    make = record_head if len(packed) <= REMEMBERED else record_head.__wrapped__
+    return join_record(make(name, packed, shapes), data)
+
+
+def join_record(head: bytes, data: Iterable[NDArray[Any]]) -> bytes:
+    """The bytes of a record.  head : its record_head.  data : C-ordered and little-endian, as that head says."""
+    parts: list[Any] = [head]  # bytes and arrays: joined from their own memory, copied once
     for array in data:
         size = array.nbytes
         if size:
@@ -68,8 +74,8 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
 
 
 @lru_cache(64)
-def _head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]) -> bytes:
-    """All that stands before the first array.  meta : packed."""
+def record_head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]) -> bytes:
+    """All that stands before the first array.  meta : packed.  shapes : key, type and shape of each array."""
     table, offset = [], 0
     for key, dtype, shape in shapes:
         size = math.prod(shape) * dtype.itemsize
@@ -92,13 +98,18 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
     read-only arrays, and the copy costs less than a tenth of the transport.
     Raises WireError for bytes that are not exactly what encode_record writes.
     """
+    name, packed, table, body = open_record(data)
+    return name, msgpack.unpackb(packed), {row[0]: read_array(body, row) for row in table}
+
+
+def open_record(data: bytes) -> tuple[str, bytes, tuple[Row, ...], memoryview]:
+    """Name, packed meta, a row an array, and the bytes of them all.  Raises WireError as decode_record does."""
     raw, checksum, body = _split(data)
     read = _layout if len(raw) <= REMEMBERED else _layout.__wrapped__
     name, packed, table, total = read(raw, checksum)
     if total != len(body):
         raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {total}")
-    arrays = {key: _array(key, body, dtype, shape, offset) for key, dtype, shape, offset in table}
-    return name, msgpack.unpackb(packed), arrays
+    return name, packed, table, body
 
 
 @lru_cache(64)
@@ -176,8 +187,9 @@ def _row(row: object, offset: int) -> tuple[str, np.dtype[Any], tuple[int, ...],
     return key, _DTYPES[dtype], tuple(shape), size
 
 
-def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, ...],
-           offset: int) -> NDArray[Any]:
+def read_array(body: memoryview, row: Row) -> NDArray[Any]:
+    """A fresh array, as decode_record gives it.  Raises WireError."""
+    key, dtype, shape, offset = row
     try:
         there = np.ndarray(shape, dtype, body, offset)
     except (TypeError, ValueError) as exc:  # (0, 2**62) has no bytes, yet numpy cannot make it

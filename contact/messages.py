@@ -10,13 +10,27 @@ import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Protocol, get_args, get_origin, get_type_hints
 
+import msgpack
 import numpy as np
+from numpy.typing import NDArray
 
 from contact import wire
-from contact.codec import Arrays, WireError, decode_record, encode_record
+from contact.codec import (
+    MAX_DIMENSIONS,
+    REMEMBERED,
+    SENT_AS_IS,
+    Arrays,
+    Row,
+    WireError,
+    encode_record,
+    join_record,
+    open_record,
+    read_array,
+    record_head,
+)
 
 Kinds = Mapping[str, type[Any]]
 
@@ -52,22 +66,93 @@ REPLIES = kinds_of(get_args(wire.Reply))
 
 def encode(message: Any) -> bytes:
     """The bytes of a message.  Raises WireError where a field is not what its hint says."""
-    arrays: Arrays = {}
     kind: Any = type(message)
+    flat = _flat_of(kind)
+    if flat is not None and (data := _ready(message, flat)) is not None:
+        plain = tuple([form.pack(getattr(message, name), path, {}) for name, path, form in flat.plain])
+        return join_record(_flat_head(kind, plain, tuple([array.shape for array in data])), data)
+    arrays: Arrays = {}
     meta = _form_of(kind).pack(message, kind.__name__, arrays)
     return encode_record(kind.__name__, meta, arrays)
 
 
 def decode(data: bytes, kinds: Kinds) -> Any:
     """The message in `data`, one of `kinds`.  Raises WireError for anything else."""
-    name, meta, arrays = decode_record(data)
+    name, packed, table, body = open_record(data)
     kind: Any = kinds.get(name)
     if kind is None:
         raise WireError(f"message {name!r} is not one of {', '.join(sorted(kinds))}")
-    message = _form_of(kind).unpack(meta, name, arrays)
+    if _flat_of(kind) is None:
+        return _unpacked(kind, packed, {row[0]: read_array(body, row) for row in table})
+    read = _flat_values if len(packed) <= REMEMBERED else _flat_values.__wrapped__
+    plain, names = read(kind, packed, table)
+    return kind(**plain, **{field: read_array(body, row) for field, row in zip(names, table, strict=True)})
+
+
+def _unpacked(kind: Any, packed: bytes, arrays: Arrays) -> Any:
+    message = _form_of(kind).unpack(msgpack.unpackb(packed), kind.__name__, arrays)
     if arrays:
-        raise WireError(f"{name}: unexpected array {next(iter(arrays))!r}")
+        raise WireError(f"{kind.__name__}: unexpected array {next(iter(arrays))!r}")
     return message
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """A message of arrays and a few plain values, as those that come again and again are.
+
+    Once its header has been seen, only the arrays differ: it is neither made nor checked again.
+    arrays : field and type.  plain : field, path and form.
+    """
+
+    arrays: tuple[tuple[str, np.dtype[Any]], ...]
+    plain: tuple[tuple[str, str, Form], ...]
+
+
+@cache
+def _flat_of(kind: Any) -> _Flat | None:
+    """None for a message with anything else in it.  No floats: 0.0 and -0.0 would be found under one header."""
+    arrays: list[tuple[str, np.dtype[Any]]] = []
+    plain: list[tuple[str, str, Form]] = []
+    for name, hint in get_type_hints(kind).items():
+        scalar = get_args(get_args(hint)[1])[0] if get_origin(hint) is np.ndarray else Any
+        if scalar is not Any and np.dtype(scalar).str in SENT_AS_IS:
+            arrays.append((name, np.dtype(scalar)))
+        elif hint in (str, int, bool):
+            plain.append((name, f"{kind.__name__}.{name}", _form_of(hint)))
+        else:
+            return None
+    return _Flat(tuple(arrays), tuple(plain)) if arrays else None
+
+
+def _ready(message: Any, flat: _Flat) -> list[NDArray[Any]] | None:
+    """The arrays of a message where all can be sent as they are."""
+    data = [getattr(message, name) for name, _ in flat.arrays]
+    for array, (_, dtype) in zip(data, flat.arrays, strict=True):
+        if type(array) is not np.ndarray or array.dtype != dtype:
+            return None
+        if not array.flags.c_contiguous or array.ndim > MAX_DIMENSIONS:
+            return None
+    return data
+
+
+@lru_cache(64)
+def _flat_head(kind: Any, plain: tuple[Any, ...], shapes: tuple[tuple[int, ...], ...]) -> bytes:
+    flat = _flat_of(kind)
+    assert flat is not None
+    said = {name: value for (name, _, _), value in zip(flat.plain, plain, strict=True)}
+    meta = msgpack.packb({f.name: said.get(f.name) for f in fields(kind)})
+    rows = [(f"{kind.__name__}.{name}", dtype, s) for (name, dtype), s in zip(flat.arrays, shapes, strict=True)]
+    return record_head(kind.__name__, meta, tuple(rows))
+
+
+@lru_cache(64)
+def _flat_values(kind: Any, packed: bytes, table: tuple[Row, ...]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The plain values of a flat message, and the field of each array.  Raises WireError."""
+    flat = _flat_of(kind)
+    assert flat is not None
+    message = _unpacked(kind, packed, {key: np.empty(0, dtype) for key, dtype, _, _ in table})
+    return ({name: getattr(message, name) for name, _, _ in flat.plain},
+            tuple(key.removeprefix(f"{kind.__name__}.") for key, *_ in table))
 
 
 @cache

@@ -1,9 +1,10 @@
-"""What a server says of what it was asked."""
+"""What a server says of what it was asked, and what is not done twice: headers made, ends of answers waited for."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,10 @@ import pytest
 from contact.client import ZenohLink
 from contact.codec import WireError, decode_record, encode_record
 from contact.link import LinkProtocolError
-from contact.messages import encode
+from contact.messages import REPLIES, REQUESTS, decode, encode
 from contact.tally import RECENT, Tally, Verb, lines
 from contact.wire import Project
+from contact.zenoh_link import close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import BUG, register
@@ -80,3 +82,55 @@ def test_a_header_seen_before_is_not_taken_for_another():
     damaged[8] ^= 1  # the checksum, of a header that is known
     with pytest.raises(WireError, match="damaged"):
         decode_record(bytes(damaged))
+
+
+def test_a_message_seen_before_has_the_bytes_of_its_long_way():
+    """Headers of flat messages are remembered by shapes and plain values; what cannot go as it is goes the long way."""
+    for n, text in ((3, "s"), (3, "t"), (4, "s"), (3, "s")):
+        x = np.arange(2.0 * n).reshape(n, 2) + len(text)
+        long = encode_record("Project", {"surfaces": text, "x": None}, {"Project.x": x})
+        assert encode(Project(text, x)) == encode(Project(text, np.asfortranarray(x))) == long
+        back = decode(long, REQUESTS)
+        assert (back.surfaces, back.x.tobytes(), back.x.flags.writeable) == (text, x.tobytes(), True)
+    with pytest.raises(WireError, match=r"Project.x: float64 was expected"):
+        encode(Project("s", np.zeros((3, 2), np.float32)))
+    with pytest.raises(WireError, match=r"Project.surfaces: str was expected"):
+        encode(Project(3, np.zeros((3, 2))))
+
+
+@pytest.mark.parametrize(("meta", "arrays", "why"), [
+    ({"surfaces": 1, "x": None}, {"Project.x": np.zeros((3, 2))}, "str was expected, not int"),
+    ({"surfaces": "s"}, {"Project.x": np.zeros((3, 2))}, "fields"),
+    ({"surfaces": "s", "x": None}, {"Project.x": np.zeros((3, 2), np.int32)}, "float64 was expected, not int32"),
+    ({"surfaces": "s", "x": None}, {"Project.y": np.zeros((3, 2))}, "the array is missing"),
+    ({"surfaces": "s", "x": None}, {"Project.x": np.zeros((3, 2)), "Project.y": np.zeros(1)}, "unexpected array"),
+    ({"surfaces": "s", "x": None}, {"Project.x": np.zeros((0, 2**20))}, ""),
+])
+def test_a_flat_message_is_checked_before_it_is_remembered(meta, arrays, why):
+    data = encode_record("Project", meta, arrays)
+    for _ in range(2):
+        if why:
+            with pytest.raises(WireError, match=why):
+                decode(data, REQUESTS)
+        else:
+            assert decode(data, REQUESTS).x.shape == (0, 2**20)
+    with pytest.raises(WireError, match="is not one of"):
+        decode(data, REPLIES)
+
+
+def test_an_answer_is_taken_before_the_question_is_over():
+    """zenoh says later that nothing more comes; here the question is kept open, and nobody says so."""
+    session, kept = open_session(listen=("tcp/127.0.0.1:0",)), []
+
+    def arrived(question):
+        kept.append(question)
+        question._query.reply("slideline/t/open", b"yes", attachment=question.label)
+
+    declared = session.answer("slideline/t/open", arrived)
+    started = time.monotonic()
+    answers = session.ask("slideline/t/open", b"", "me", 3.0, lambda: None)
+    assert [(a.ok, a.label, a.payload) for a in answers] == [(True, "me", b"yes")]
+    assert time.monotonic() - started < 1.5
+    kept.clear()
+    declared.undeclare()
+    close_session(session)
