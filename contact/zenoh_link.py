@@ -13,7 +13,7 @@ import os
 import re
 import socket
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Lock
@@ -95,8 +95,9 @@ class Session:
 
     def ask(self, key: str, payload: bytes, label: str, timeout: float,
             watch: Callable[[], None]) -> list[Answer]:
-        """All answers to a question.  None at all: nobody has the key, or its owner died, or the line is cut.
+        """The answers to a question, up to the first that somebody spoke; zenoh's own words may come before it.
 
+        None at all: nobody has the key, or its owner died, or the line is cut.
         timeout : seconds.  watch : called while waiting; may raise what ends the wait.
         """
         def get(handler: Any) -> None:
@@ -104,9 +105,14 @@ class Session:
                             timeout=timeout, target=zenoh.QueryTarget.BEST_MATCHING,
                             consolidation=zenoh.ConsolidationMode.NONE)
 
-        return [_answer(reply) for reply in self._collect(get, timeout, watch)]
+        answers: list[Answer] = []
+        for reply in self._collect(get, timeout, watch):
+            answers.append(answer := _answer(reply))
+            if answer.ok or answer.spoken:  # zenoh says that nothing more comes a tenth of a millisecond later
+                break
+        return answers
 
-    def _collect(self, get: Callable[[Any], None], timeout: float, watch: Callable[[], None]) -> list[Any]:
+    def _collect(self, get: Callable[[Any], None], timeout: float, watch: Callable[[], None]) -> Iterator[Any]:
         """All replies.  zenoh ends a query at its timeout; should it not, a second more ends it here."""
         if os.getpid() != self.pid:
             raise LinkError("a zenoh session does not survive a fork; start processes anew instead")
@@ -116,7 +122,6 @@ class Session:
             get(zenoh.handlers.Callback(box.put, drop=lambda: box.put(None), indirect=False))
         except zenoh.ZError as exc:
             raise LinkError(f"not asked: {exc}") from exc
-        replies: list[Any] = []
         while time.monotonic() < until:
             try:
                 reply = box.get(timeout=WATCH_PERIOD)
@@ -124,9 +129,8 @@ class Session:
                 watch()
                 continue
             if reply is None:
-                break
-            replies.append(reply)
-        return replies
+                return
+            yield reply
 
 
 def _answer(reply: Any) -> Answer:

@@ -1,9 +1,10 @@
-"""What a server says of what it was asked."""
+"""What a server says of what it was asked, and what is not done twice: headers made, ends of answers waited for."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from contact.link import LinkProtocolError
 from contact.messages import encode
 from contact.tally import RECENT, Tally, Verb, lines
 from contact.wire import Project
+from contact.zenoh_link import close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import BUG, register
@@ -80,3 +82,21 @@ def test_a_header_seen_before_is_not_taken_for_another():
     damaged[8] ^= 1  # the checksum, of a header that is known
     with pytest.raises(WireError, match="damaged"):
         decode_record(bytes(damaged))
+
+
+def test_an_answer_is_taken_before_the_question_is_over():
+    """zenoh says later that nothing more comes; here the question is kept open, and nobody says so."""
+    session, kept = open_session(listen=("tcp/127.0.0.1:0",)), []
+
+    def arrived(question):
+        kept.append(question)
+        question._query.reply("slideline/t/open", b"yes", attachment=question.label)
+
+    declared = session.answer("slideline/t/open", arrived)
+    started = time.monotonic()
+    answers = session.ask("slideline/t/open", b"", "me", 3.0, lambda: None)
+    assert [(a.ok, a.label, a.payload) for a in answers] == [(True, "me", b"yes")]
+    assert time.monotonic() - started < 1.5
+    kept.clear()
+    declared.undeclare()
+    close_session(session)
