@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,6 +89,14 @@ def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]
     notes += [f"{thermal.name} takes no {n}: the heat {mechanical.name} makes is counted but not delivered"
               for n in _made_by(mechanical) if n not in thermal.blocks]
     return notes
+
+
+def without_checkpoints(halves: Mapping[str, Half], every: float | None) -> list[str]:
+    """Why a run that is to write checkpoints cannot, a sentence a half.  every : output.checkpoint [s], None: never."""
+    if every is None:
+        return []
+    return [f"{half.name} cannot write its state down (canSerializeFMUstate): there are no checkpoints to resume from"
+            for half in halves.values() if not half.can_serialise]
 
 
 def accounts_of(mechanical: Half, n_cells: int) -> dict[str, EnergyAccount]:

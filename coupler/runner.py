@@ -29,7 +29,7 @@ from coupler.launch import launch
 from coupler.ledger import Ledger
 from coupler.measure import measure
 from coupler.moment import Moment, Moments
-from coupler.outset import check_halves, first_state, halves_of, plan_of, what_is_missing
+from coupler.outset import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
 from coupler.progress import Pace, Progress, Standing, progress
 from coupler.recorder import Recorder, Words
 from coupler.results import Results
@@ -88,10 +88,11 @@ class Run:
             check_halves(launched.thermal, launched.mechanical, self.scenario)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
+            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
+            self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._moments = Moments(self.halves)
             self._watched = Watched(interface, self.halves.mechanical_outputs)
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end), self.plan)
-            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             if self._since is not None:
                 self._take_up(self._since, both)
             self._recorder = Recorder(self.out, self._header(), interface,

@@ -14,7 +14,7 @@ from coupler.control import Plan, windows
 from coupler.errors import CouplingError
 from coupler.ledger import Ledger
 from coupler.level import Level, Scheme
-from coupler.outset import what_is_missing
+from coupler.outset import what_is_missing, without_checkpoints
 from coupler.schedule import WindowRange, schedule
 from coupler.window import CoupledState, Verdict, wanted_outputs
 
@@ -152,3 +152,8 @@ def test_what_a_half_lacks_is_named_with_its_cost():
         "lumped takes no E_M: the heat shrinking makes is counted but not delivered"]
     silent = replace(mechanical, blocks={n: b for n, b in mechanical.blocks.items() if n != "E_M"})
     assert what_is_missing(thermal, silent, touches=False) == []
+    thermal.can_serialise, mechanical.can_serialise = True, False
+    both = {"thermal": thermal, "mechanical": mechanical}
+    (told,) = without_checkpoints(both, 30.0)
+    assert told.startswith("shrinking cannot write its state down")
+    assert without_checkpoints(both, None) == []
