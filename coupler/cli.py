@@ -90,7 +90,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:
         results = run(s, out, processes=processes, on_window=line)
-    typer.echo(summary(results))
+    typer.echo(summary(results, told={*s.notes, *line.told}))
     if report:
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from types import TracebackType
 
 from rich.console import Console
@@ -29,6 +30,7 @@ class ProgressLine:
         self._live = Live(console=self._console, refresh_per_second=8, transient=True)
         self._next_share = 0.0
         self._rejected = 0
+        self.told: set[str] = set()
         self._reason = ""
 
     def __enter__(self) -> ProgressLine:
@@ -40,6 +42,7 @@ class ProgressLine:
         return self
 
     def __call__(self, p: Progress) -> None:
+        self.told.update(p.notes)
         for note in p.notes:
             self._console.print(f"note: {note}", soft_wrap=True, markup=False)
         if p.verdict != Verdict.ACCEPTED.value:
@@ -85,8 +88,8 @@ def clock_text(seconds: float) -> str:
     return f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d} h"
 
 
-def summary(results: Results) -> str:
-    """A few lines on what a run did and where it left its files."""
+def summary(results: Results, told: Collection[str] = ()) -> str:
+    """A few lines on what a run did and where it left its files, and its notes but those told already."""
     w = results.windows
     accepted = int(w.taken.sum())
     parts = results.seconds_by_part
@@ -103,4 +106,4 @@ def summary(results: Results) -> str:
         lines.insert(1, f"  {told}")
     if results.message:
         lines.insert(1, f"  {results.message}")
-    return "\n".join(lines + [f"  note: {n}" for n in results.notes])
+    return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in told])
