@@ -106,6 +106,19 @@ def report_command(results: Annotated[Path, typer.Argument(help="A results file,
     typer.echo(write_report(Results(results), out or results.with_suffix(".html")))
 
 
+@app.command("compare")
+def compare_command(first: Annotated[Path, typer.Argument(help="A results file to hold against.", show_default=False)],
+                    second: Annotated[Path, typer.Argument(help="The one that is held.", show_default=False)],
+                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
+    """Two runs side by side: the largest difference of each probe, when and where, in a sentence and on a page."""
+    # Here and not above, as the report itself: other commands start without matplotlib.
+    from coupler.report.comparison import write_comparison
+
+    a, b = Results(first), Results(second)
+    page, told = write_comparison(a, b, out or second.with_name(f"{second.stem}-against-{first.stem}.html"))
+    typer.echo(f"{told}\n  {page}")
+
+
 @app.command("build")
 def build_command(scenario: ScenarioFile,
                   out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the FMUs.")] = Path(),
