@@ -102,8 +102,8 @@ def summary(results: Results, told: Collection[str] = ()) -> str:
         f"  heat imbalance {results.heat_imbalance:.1e}",
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]
-    if told := iteration_words(results):
-        lines.insert(1, f"  {told}")
+    if words := iteration_words(results):
+        lines.insert(1, f"  {words}")
     if results.message:
         lines.insert(1, f"  {results.message}")
     return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in told])
