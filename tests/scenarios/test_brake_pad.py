@@ -54,19 +54,19 @@ def test_mu_n_s_becomes_heat_and_all_is_delivered(brake: Results) -> None:
 
 @pytest.mark.parametrize("name", ["pad.T", "disc.T"])
 def test_the_middle_warms_as_half_spaces_do(brake: Results, name: str) -> None:
-    """D10's first second under the local mu p v, a window late.  2 %: 10 cells over the depth, and p along the disc."""
+    """D10's first second under the local mu p v, a window late.  1 %: 10 cells over the depth, and p along the disc (measured: .7 % at first)."""
     for since in (0.2, 0.4, 1.0):
         t = BEGINS + since
         q = MU * SPEED * float(np.interp(t, *brake.probe("pad.p")))
         expected = D10["dT"][0] * q / Q * np.sqrt(since - WINDOW)
-        assert float(np.interp(t, *brake.probe(name))) - 293.15 == pytest.approx(expected, rel=0.02)
+        assert float(np.interp(t, *brake.probe(name))) - 293.15 == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(("side", "times", "dT"), [
     # Of 2 K.  Friction and way are the same in ten steps as in one, but for how the pad's ends spring back.
     ("mechanical", 10, 0.01),
-    # The first window of heat is a jump, and the thermal half resolves it with as many steps as it has: .16 K then.
-    ("thermal", 10, 0.2)])
+    # The first window of heat is a jump, and the thermal half resolves it with as many steps as it has: .06 K then.
+    ("thermal", 10, 0.08)])
 def test_a_half_stepped_finer_says_the_same(brake: Results, tmp_path: Path, side: str, times: int, dT: float) -> None:
     finer = braked(tmp_path, side, **{f"coupling__substeps__{side}": times, "coupling__end": EARLY})
     same_heat_and_temperatures(brake, finer, dT)
