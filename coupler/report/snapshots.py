@@ -147,7 +147,7 @@ def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
     panel, least = (8.9 / columns, 0.9) if columns > 1 else (4.5, 1.5)
     height = min(max(panel * tall / wide, least), 5.0)
     figure = new_figure(rows * (height + 0.35) + 0.5, 10.6 if columns > 1 else 6.0)
-    # Bodies keep their proportions, so a tall one leaves room at its sides: closed up here, or the picture stands askew.
+    # Bodies keep their proportions, so a tall one leaves room at its sides: closed up, or the picture stands askew.
     figure.set_layout_engine("compressed")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     panels = list(grid.ravel())
