@@ -14,6 +14,9 @@ from coupler.vtkhdf import FieldReader
 Array = NDArray[np.float64]
 RADIUS, HEIGHT = 0.05, 0.15
 K_G, G_M, H_CLOSED, H_PRESSURE, EXPONENT, P_MAX = 0.06, 30e-6, 2000.0, 8000.0, 0.95, 2.348e6
+# The node in the corner belongs to both pairs: what it bears with this gap [m] to the wall, the floor gives it.
+TOUCH = 5e-6
+RHO, GRAVITY = 2375.0, 9.81
 SIGMA, EMISSIVITIES, D_NEAR, D_FAR = 5.670374419e-8, (0.1, 0.8), 1e-3, 5e-3
 T_REF, T_POURED = 933.0, 940.0
 ALPHA_T, ALPHA = (300.0, 500.0, 700.0, 900.0, 933.0), (27.72e-6, 29.24e-6, 31.07e-6, 33.0e-6, 33.0e-6)
@@ -82,10 +85,11 @@ def _frame(mechanical: FieldReader, thermal: FieldReader, k: int, lines: tuple[A
     x, T, p = mechanical.points(k), thermal.point_field("T", k), mechanical.point_field("p", k)
     gap = np.interp(x[side, 1], x[wall, 1], x[wall, 0]) - x[side, 0]
     T_wall = np.interp(x[side, 1], x[wall, 1], T[wall])
-    h = conductance(gap, p[side])
+    p_side = np.where(gap < TOUCH, p[side], 0.0)
+    h = conductance(gap, p_side)
     v = volumes(x[melt])
     T_cell = T[melt].mean(axis=1)
-    return {"gap": gap, "p": p[side], "h": h, "flux": h * (T[side] - T_wall) + near_radiation(gap, T[side], T_wall),
+    return {"gap": gap, "p": p_side, "h": h, "flux": h * (T[side] - T_wall) + near_radiation(gap, T[side], T_wall),
             "base_gap": x[base, 1] - np.interp(x[base, 0], x[floor, 0], x[floor, 1]), "base_p": p[base],
             "volume": v.sum(), "hot": _heated(v, T_cell)}
 
@@ -120,3 +124,35 @@ def volumes(x: Array) -> Array:
         area = ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])) / 2
         total += 2 * np.pi * area * (a[:, 0] + b[:, 0] + c[:, 0]) / 3
     return total
+
+
+def opening_times(can: CanRun) -> Array:
+    """(m,) [s] when each node of the side first bears nothing; NaN if it always does."""
+    free = can.p <= 0.0
+    return np.where(free.any(axis=0), can.t[np.argmax(free, axis=0)], np.nan)
+
+
+def flips(can: CanRun) -> NDArray[np.integer]:
+    """(m,) how often each node of the side began or ceased to touch."""
+    return np.asarray(abs(np.diff((can.p > 0.0).astype(int), axis=0)).sum(axis=0))
+
+
+def touching(can: CanRun, k: int) -> float:
+    """Share of the side's height that touches at frame k; a node stands for half of each edge beside it."""
+    return float(np.trapezoid((can.p[k] > 0.0).astype(float), can.z) / (can.z[-1] - can.z[0]))
+
+
+def mean_stress(results: Results) -> tuple[float, float]:
+    """Of the stress left at the end: the means over the casting of s_rr + s_tt and of s_zz, over those of their sizes.
+
+    Stress that balances itself has none (virtual work of the displacements r and z); s_zz less what the weight makes.
+    """
+    with FieldReader(results.field_files["mechanical"]) as mechanical:
+        last = len(mechanical.times) - 1
+        own = mechanical.cell_field("body", 0) == 0
+        cells, stress = mechanical.quads[own], mechanical.cell_field("sigma", last)[own]
+        X, x = mechanical.points(0) - mechanical.point_field("u", 0)[:, :2], mechanical.points(last)
+    v, z = volumes(x[cells]), x[cells, 1].mean(axis=1) - x[cells, 1].min()
+    weight = RHO * GRAVITY * float(volumes(X[cells]) @ z)
+    rr, zz, tt = (v * stress[:, i] for i in range(3))
+    return (float((rr + tt).sum() / (abs(rr) + abs(tt)).sum()), float((zz.sum() + weight) / abs(zz).sum()))
