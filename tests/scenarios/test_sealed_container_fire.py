@@ -58,8 +58,6 @@ def test_without_motion_there_is_no_leak_and_heat_takes_another_way(coupled: Res
     c = compare(coupled, rigid)
     by = {d.curves.name: d for d in c.differences}
     # 10 %: windows of a quarter of the size change temperatures by 5 K just after the salt meets the lid, by 1 K later.
-    assert by["rim.T"].by == pytest.approx(38, rel=0.1)
-    assert 500 < by["rim.T"].t < 660
     assert by["salt.side.T"].by == pytest.approx(-41, rel=0.1)
     assert by["seat.gap"].by == pytest.approx(-1.665e-3, rel=0.005)
     told = sentence(c, ("coupled.h5", "rigid.h5"), "degC")
