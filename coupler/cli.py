@@ -119,7 +119,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:
         results = run(s, out, processes=processes, until=until, on_window=line)
-    typer.echo(summary(results))
+    typer.echo(summary(results, told={*s.notes, *line.told}))
     if report:
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:
@@ -174,11 +174,25 @@ def study_command(scenario: ScenarioFile,
         options["measure"] = [name.strip() for name in measure.split(",")]
     try:
         with StudyLine() as line:
-            found = conduct(scenario, out, _overrides(sets, swaps), options, How(processes, cluster, limit, pilot), line)
+            how = How(processes, cluster, limit, pilot)
+            found = conduct(scenario, out, _overrides(sets, swaps), options, how, line)
     except KeyboardInterrupt as exc:
         typer.echo("\n".join(getattr(exc, "__notes__", ())), err=True)
         raise typer.Exit(INTERRUPTED) from None
     typer.echo(f"  {write_study(found, out)}")
+
+
+@app.command("compare")
+def compare_command(first: Annotated[Path, typer.Argument(help="A results file to hold against.", show_default=False)],
+                    second: Annotated[Path, typer.Argument(help="The one that is held.", show_default=False)],
+                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
+    """Two runs side by side: the largest difference of each probe, when and where, in a sentence and on a page."""
+    # Here and not above, as the report itself: other commands start without matplotlib.
+    from coupler.report.comparison import write_comparison
+
+    a, b = Results(first), Results(second)
+    page, told = write_comparison(a, b, out or second.with_name(f"{second.stem}-against-{first.stem}.html"))
+    typer.echo(f"{told}\n  {page}")
 
 
 @app.command("build")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Collection
 from types import TracebackType
 
 from rich.console import Console
@@ -35,6 +36,7 @@ class ProgressLine:
         self._rejected = 0
         self._tries: list[Progress] = []  # of the window in hand that were put back
         self._too_large = 0
+        self.told: set[str] = set()
 
     def __enter__(self) -> ProgressLine:
         if self._console.is_terminal:
@@ -45,6 +47,7 @@ class ProgressLine:
         return self
 
     def __call__(self, p: Progress) -> None:
+        self.told.update(p.notes)
         for text in (*(f"note: {note}" for note in p.notes), *p.fired):
             self._print(text)
         if not p.taken:
@@ -114,8 +117,8 @@ def clock_text(seconds: float) -> str:
     return f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d} h"
 
 
-def summary(results: Results) -> str:
-    """A few lines on what a run did and where it left its files."""
+def summary(results: Results, told: Collection[str] = ()) -> str:
+    """A few lines on what a run did and where it left its files, and its notes but those told already."""
     w = results.windows
     accepted = int(w.taken.sum())
     parts = results.seconds_by_part
@@ -129,10 +132,10 @@ def summary(results: Results) -> str:
         f"  heat imbalance {results.heat_imbalance:.1e}",
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]
-    if told := iteration_words(results):
-        lines.insert(1, f"  {told}")
+    if words := iteration_words(results):
+        lines.insert(1, f"  {words}")
     if results.message:
         lines.insert(1, f"  {results.message}")
     if can_resume(results.path):
         lines.append(f"  to go on: slideline resume {results.path}")
-    return "\n".join(lines + [f"  note: {n}" for n in results.notes])
+    return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in told])

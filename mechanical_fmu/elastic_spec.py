@@ -32,11 +32,13 @@ class BodySpec:
 
     rigid : it keeps its shape.  reference : the point its motion is told of [m], None for the centre of its volume.
     v0 : velocity at the start along x and y [m/s] and turning [rad/s] about the reference.  Eq. (21).
+    drawn_at : the temperature [K] at which the body has the shape of the mesh, None where that is the material's T_ref.
     """
 
     rigid: bool = False
     reference: tuple[float, float] | None = None
     v0: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    drawn_at: float | None = None
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,9 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
         raise ValueError(f"model.json: half {spec['half']!r}, format {spec['format']!r} is not elastic, 1")
     materials = keys(spec["materials"], "materials", set(), spec["materials"])
     bodies = keys(spec["bodies"], "bodies", set(interface.bodies))
-    names = [known(keys(bodies[b], f"bodies.{b}", {"material"}, {"element", "rigid", "reference", "v0"})["material"],
-                   f"bodies.{b}.material", materials) for b in interface.bodies]
+    for b in interface.bodies:
+        keys(bodies[b], f"bodies.{b}", {"material"}, {"element", "rigid", "reference", "v0", "drawn_at"})
+    names = [known(bodies[b]["material"], f"bodies.{b}.material", materials) for b in interface.bodies]
     augmented, at_once = _augmented(interface, spec)
     of_bodies = tuple(_body(bodies[b], f"bodies.{b}") for b in interface.bodies)
     rigid = [b for b, body in zip(interface.bodies, of_bodies, strict=True) if body.rigid]
@@ -178,7 +181,8 @@ def _body(spec: Mapping[str, Any], where: str) -> BodySpec:
         x, y = _numbers(spec["reference"], f"{where}.reference", (2,))
         reference = (x, y)
     v0 = (*_numbers(spec.get("v0", (0.0, 0.0)), f"{where}.v0", (2, 3)), 0.0)
-    return BodySpec(rigid, reference, (v0[0], v0[1], v0[2]))
+    drawn_at = number(spec["drawn_at"], f"{where}.drawn_at", 0.0) if "drawn_at" in spec else None
+    return BodySpec(rigid, reference, (v0[0], v0[1], v0[2]), drawn_at)
 
 
 def _numbers(spec: Any, where: str, lengths: tuple[int, ...]) -> tuple[float, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -132,8 +132,21 @@ class System:
         """
         kinds = self.volume.kinds
         solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
-        return tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean, part)
-                     for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
+        found = tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean, part)
+                      for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
+        if not self._drawn.any():
+            return found
+        return tuple(replace(m, e_th=m.e_th - self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True))
+
+    @cached_property
+    def _drawn(self) -> Floats:
+        """(n_bodies,) e_th of each body in the shape of the mesh."""
+        e_th = np.zeros(len(self.spec.bodies))
+        for b, body in enumerate(self.spec.bodies):
+            if body.drawn_at is not None:
+                own = np.array([self.spec.body_material[b]])
+                e_th[b] = moduli(self.spec.materials, own, np.array([body.drawn_at])).e_th[0]
+        return e_th
 
     @cached_property
     def melts(self) -> bool:

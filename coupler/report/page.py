@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
 from coupler.report.control import choices, errors_picture, event_rows, short_windows
@@ -26,9 +27,17 @@ TEMPLATE = "page.html.j2"
 
 def write_page(results: Results, path: Path) -> Path:
     """Render the report of a run and put it at `path` whole.  Raises ResultsError if it cannot be written."""
-    if path.resolve() == results.path.resolve() or not _replaceable(path):
+    return put_page(path, lambda: render(results), results)
+
+
+def put_page(path: Path, page: Callable[[], str], *runs: Results) -> Path:
+    """Put a page about these runs at `path` whole, rendered only if it may stand there.
+
+    Raises ResultsError where something stands that is no page, or it cannot be written.
+    """
+    if path.resolve() in [run.path.resolve() for run in runs] or not _replaceable(path):
         raise ResultsError(f"{path}: is not a page that a report could replace; give another name with --out")
-    text = render(results)
+    text = page()
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
             part = Path(scratch) / path.name
@@ -47,11 +56,20 @@ def _replaceable(path: Path) -> bool:
         return file.read(15).lower() in (b"", b"<!doctype html>")
 
 
+def template_of(name: str) -> Template:
+    """A template of this package, by the name of its file."""
+    def text_of(file: str) -> str:
+        return resources.files(__package__).joinpath(file).read_text("utf-8")
+
+    # Names and texts of a scenario are a stranger's: everything is escaped, and a slip in the template is an error.
+    environment = Environment(loader=FunctionLoader(text_of), autoescape=True, undefined=StrictUndefined,
+                              trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template(name)
+
+
 def render(results: Results) -> str:
     """The page as text."""
-    # Names and texts of a scenario are a stranger's: everything is escaped, and a slip in the template is an error.
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(resources.files(__package__).joinpath(TEMPLATE).read_text("utf-8"))
+    template = template_of(TEMPLATE)
     fields, remarks = field_pictures(results)
     parts, (rejected, rejected_count) = shares(results), rejected_windows(results)
     return template.render(

@@ -143,9 +143,12 @@ def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
     wide, tall = high - low + 2 * pad
     columns = min(len(points), 4 if tall >= 0.6 * wide else 2)
     rows = math.ceil(len(points) / columns)
-    panel = 8.9 / columns if columns > 1 else 4.5
-    height = min(max(panel * tall / wide, 0.9), 5.0)
+    # A flat body alone in its picture leaves room for the words that stand upright beside its colours.
+    panel, least = (8.9 / columns, 0.9) if columns > 1 else (4.5, 1.5)
+    height = min(max(panel * tall / wide, least), 5.0)
     figure = new_figure(rows * (height + 0.35) + 0.5, 10.6 if columns > 1 else 6.0)
+    # Bodies keep their proportions, so a tall one leaves room at its sides: closed up, or the picture stands askew.
+    figure.set_layout_engine("compressed")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     panels = list(grid.ravel())
     for ax in panels[len(points):]:

@@ -41,7 +41,8 @@ def elastic_model(c: Context) -> Model:
     return {"half": "elastic", "format": FORMAT, "tolerance": elastic.tolerance,
             **_options(c, elastic),
             "materials": mechanical_materials(c, elastic),
-            "bodies": {n: {"material": b.material, **_body(elastic.bodies.get(n))} for n, b in c.file.bodies.items()},
+            "bodies": {n: {"material": b.material, **_body(elastic.bodies.get(n)), **_poured(c, n)}
+                       for n, b in c.file.bodies.items()},
             "boundary": boundary + _gravity(c, elastic),
             "pairs": {n: augmented(p) for n, p in c.file.contact.items()}}
 
@@ -75,6 +76,17 @@ def _body(options: BodyOptions | None) -> Model:
     if any(options.v0) or options.omega0:
         model["v0"] = [*options.v0, options.omega0]
     return model
+
+
+def _poured(c: Context, name: str) -> Model:
+    """A body that is not all solid at the start was poured: its mesh is the shape it has then."""
+    body = c.file.bodies[name]
+    liquid = c.file.materials[body.material].liquid
+    if liquid is None:
+        return {}
+    poured_at = c.convert.kelvin(body.T0, ("bodies", name, "T0"))
+    solidus = c.convert.kelvin(liquid.T_s, ("materials", body.material, "liquid", "T_s"))
+    return {"drawn_at": poured_at} if poured_at > solidus else {}
 
 
 def _gravity(c: Context, elastic: Elastic) -> list[Model]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact.half.interface import Interface
+from coupler.scenario.body_mean import body_mean
 from coupler.scenario.body_mesh import Floats, Ints
 from coupler.scenario.context import Context
 from coupler.scenario.document import Key
@@ -59,10 +60,13 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
         reduction, surface = next(
             (r, s) for r in ("max", "min", "mean") if (s := getattr(target, r)) is not None
         )
-        edges = c.interface.surfaces[
-            surface_key(c.document, c.interface.surfaces, surface, (*key, reduction))
-        ]
-        nodes, weights = surface_mean(c.interface, edges)
+        if surface in c.interface.bodies:
+            nodes, weights = body_mean(c.interface, surface)
+        else:
+            edges = c.interface.surfaces[
+                surface_key(c.document, c.interface.surfaces, surface, (*key, reduction))
+            ]
+            nodes, weights = surface_mean(c.interface, edges)
     if quantity in AT_CONTACT and not np.isin(nodes, c.interface.contact_nodes).all():
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
         raise c.document.error(key, f"{quantity} exists only on contact surfaces",

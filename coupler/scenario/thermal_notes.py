@@ -21,10 +21,11 @@ def thermal_notes(model: Model, pairs: Iterable[Pair]) -> list[str]:
 
     model : model.json of the thermal half (of another package: nothing is found in it).  pairs : of the scene.
     """
-    known = model.get("pairs", {})
-    return [note for pair in pairs for note in (*_torn_laws(model, pair.name, known.get(pair.name, {})),
-                                                *_radiation(model, pair, known.get(pair.name, {})),
-                                                *_out_of_sight(model, pair, known.get(pair.name, {})))]
+    known, pairs = model.get("pairs", {}), list(pairs)
+    own = [note for pair in pairs for note in (*_torn_laws(model, pair.name, known.get(pair.name, {})),
+                                               *_radiation(model, pair, known.get(pair.name, {})),
+                                               *_out_of_sight(model, pair, known.get(pair.name, {})))]
+    return own + _unlit(model, pairs)
 
 
 def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
@@ -41,6 +42,37 @@ def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
             "there let windows stay large"]
 
 
+def _unlit(model: Model, pairs: Iterable[Pair]) -> list[str]:
+    """Surfaces that give off heat to the facing one alone: one sentence for all that fade at the same gap."""
+    known, alike = model.get("pairs", {}), dict[float, dict[str, str]]()
+    for pair in pairs:
+        near = known.get(pair.name, {}).get("radiation")
+        if near is None or near["d_far"] is None:
+            continue
+        for surface in (pair.slave, pair.master):
+            if not _far(model, surface):
+                alike.setdefault(near["d_far"], {}).setdefault(surface, pair.name)
+    notes = []
+    for gap, places in alike.items():
+        names = list(dict.fromkeys(places.values()))
+        has, it, faces, gives = (("has", "its", "it faces", "it gives") if len(places) == 1
+                                 else ("have", "their", "they face", "they give"))
+        notes.append(f"pair{'s' * (len(names) > 1)} {_listed(names)}: near radiation ends at a gap of {gap:g} m, and "
+                     f"{_listed(list(places))} {has} no radiation of {it} own: farther apart, and where {faces} "
+                     f"nothing, {gives} off none")
+    return notes
+
+
+def _listed(names: list[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _far(model: Model, surface: str) -> list[Model]:
+    """The radiation of a surface to its surroundings."""
+    return [b for b in model.get("boundary", ()) if b["kind"] == "radiation" and b["on"] == surface]
+
+
 def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
     """Near radiation of a pair beside far radiation of its surfaces: they should share one pair of gaps."""
     near = spec.get("radiation")
@@ -48,16 +80,13 @@ def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
         return []
     notes = []
     for surface in dict.fromkeys((pair.slave, pair.master)):
-        far = [b for b in model.get("boundary", ()) if b["kind"] == "radiation" and b["on"] == surface]
-        what = f"pair {pair.name}: near radiation"
-        if not far and near["d_far"] is not None:
-            notes.append(f"{what} ends at a gap of {near['d_far']:g} m, and {surface} has no radiation of its own: "
-                         "farther apart, and where it faces nothing, it gives off none")
-        for b in far:
+        for b in _far(model, surface):
             if b["d_near"] is None or near["d_far"] is None:
-                notes.append(f"{what} and the radiation on {surface} both act at every gap: give both the same gap")
+                notes.append(f"pair {pair.name}: near radiation and the radiation on {surface} both act at every gap: "
+                             "give both the same gap")
             elif (b["d_near"], b["d_far"]) != (near["d_near"], near["d_far"]):
-                notes.append(f"{what} and the radiation on {surface} fade over different gaps")
+                notes.append(f"pair {pair.name}: near radiation and the radiation on {surface} fade over different "
+                             "gaps")
     return notes
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import io
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 from rich.console import Console
 
-from coupler.console import SETTING_UP, ProgressLine
+from coupler.console import SETTING_UP, ProgressLine, summary
 from coupler.progress import Progress
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import write_run
 
 FIRST = Progress(t=1.0, t_end=1000.0, number=1, total=200, verdict="accepted", message="", touching=0, max_T=373.15,
                  max_p=-0.0, imbalance=1e-14, elapsed=30.0, left=6000.0)
@@ -64,3 +69,16 @@ def test_errors_that_are_too_large_are_told_ten_times() -> None:
     told = [text for text in file.getvalue().splitlines() if "error too large" in text]
     assert len(told) == 10
     assert told[-1].endswith("further ones are only counted")
+
+
+def test_what_was_told_at_the_start_is_not_told_again(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5")
+    assert "note: a note of the run" in summary(results)
+    assert "note: a note of the run" not in summary(results, told={"a note of the run"})
+
+
+def test_notes_of_windows_are_remembered_as_told() -> None:
+    line, file = shown()
+    line(replace(FIRST, notes=("it rings",)))
+    assert "note: it rings" in file.getvalue()
+    assert line.told == {"it rings"}

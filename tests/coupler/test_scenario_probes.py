@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from coupler.errors import ScenarioError
 from coupler.scenario import Probe, Scenario
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -75,3 +76,41 @@ def test_a_point_in_a_distorted_quad(tmp_path: Path) -> None:
         assert weights @ distorted.nodes[nodes] == pytest.approx(at, abs=1e-12)
         assert weights.min() > 0
     assert locate(distorted, "lower", np.array([2.2, 0.5])) is None
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+@pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
+def test_a_mean_over_a_body_is_by_volume(geometry: str, triangles: bool, tmp_path: Path) -> None:
+    s, mean = with_probe(tmp_path, {"T": {"mean": "upper"}}, geometry=geometry, **{
+        "bodies.upper.mesh.rectangle.grading": [7, 3], "bodies.upper.mesh.rectangle.triangles": triangles})
+    r, z = s.interface.nodes.T
+    # r 0 to 2, z 1 to 2: the mean of r is 1 in the plane and 2/3 of 2 in a cylinder; that of z is 1.5 in both.
+    assert mean.of(r) == pytest.approx(1 if geometry == "plane" else 4 / 3, rel=1e-13)
+    assert mean.of(z) == pytest.approx(1.5, rel=1e-13)
+    assert (mean.reduction, mean.unit) == ("mean", "K")
+
+
+def test_a_body_of_bent_cells(tmp_path: Path) -> None:
+    """Its mean of r and of z is its centre of volume, here from the outline: exact, as polygons are."""
+    from dataclasses import replace
+
+    from coupler.scenario.body_mean import body_mean
+
+    interface = load_text(tmp_path, GOOD, {"geometry": "axisymmetric"}).interface
+    x = interface.nodes + 0.06 * np.sin(7 * interface.nodes[:, ::-1] + 1)
+    nodes, weights = body_mean(replace(interface, nodes=x), "upper")
+    own = [e for name, e in interface.surfaces.items() if name.startswith("upper.")]
+    (a, p), (b, q) = (x[np.concatenate(own)[:, k]].T for k in (0, 1))
+    volume = ((q - p) * (a * a + a * b + b * b) / 6).sum()  # of r dr dz, by Green's theorem
+    moment = ((q - p) * (a**3 + a * a * b + a * b * b + b**3) / 12).sum()  # of r2 dr dz
+    assert weights @ x[nodes, 0] == pytest.approx(moment / volume, rel=1e-12)
+
+
+def test_extremes_over_a_body_are_its_own(tmp_path: Path) -> None:
+    s, high = with_probe(tmp_path, {"T": {"max": "lower"}})
+    assert high.of(s.interface.nodes[:, 1]) == pytest.approx(1.0), "upper reaches 2"
+
+
+def test_contact_quantities_are_not_of_a_body(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="exists only on contact surfaces"):
+        with_probe(tmp_path, {"gap": {"max": "upper"}})

@@ -263,6 +263,15 @@ def test_a_surface_that_folds_is_told_once() -> None:
     assert "a.top has no radiation of its own" in notes[0]
 
 
+def test_surfaces_without_radiation_of_their_own_are_told_in_one_sentence() -> None:
+    near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "d_near": 1e-3, "d_far": 5e-3}
+    pairs = [Pair("side", "a.right", "b.wall", 0.1, 0.0), Pair("base", "a.bottom", "b.floor", 0.1, 0.0)]
+    notes = thermal_notes({"pairs": {p.name: {"radiation": near} for p in pairs}}, pairs)
+    assert len(notes) == 1
+    assert "pairs side and base: " in notes[0]
+    assert "a.right, b.wall, a.bottom and b.floor have no radiation of their own" in notes[0]
+
+
 def test_a_place_has_one_temperature(tmp_path: Path) -> None:
     """The later one would be taken in silence; a corner of two surfaces is no such case."""
     once = "    - {on: lower.bottom, temperature: oven}\n"

@@ -72,6 +72,18 @@ def test_shrinkage_follows_the_solid_fraction_that_is_given():
     assert width(1.0) == pytest.approx(1.0, rel=1e-4)
 
 
+def test_what_was_poured_has_the_shape_of_its_mesh_at_the_start():
+    """Nothing moves at T0; solid again at T_ref, it is narrower by the shrinkage and by its thermal strain."""
+    half = elastic(block([0.0, 1.0], [0.0, 1.0]), [hold("block.bottom", 1), hold("block.left", 0)],
+                   {"alpha": 2e-5, "T_ref": 300.0, "nu": 0.0, "liquid": LIQUID | {"shrinkage": 0.02}},
+                   bodies={"block": {"material": "m", "drawn_at": 1200.0}}, state="plane_stress")
+    state, outputs = half.start(inputs_of(half, 1200.0), 0.0, NoLink())
+    assert np.ptp(outputs["x"], axis=0) == pytest.approx([1.0, 1.0], abs=1e-12)
+    for i, T in enumerate(np.linspace(1200.0, 300.0, 91)[1:]):
+        state, outputs = done(half.step(state, inputs_of(half, T), float(i), 1.0, NoLink()))
+    assert np.ptp(outputs["x"][:, 0]) == pytest.approx(1.0 / (1.0 + 2e-5 * 900.0 + 0.02), rel=1e-4)
+
+
 def test_a_plane_stress_sheet_that_flows_shows_how_its_thickness_changed():
     """Drawn alike both ways far beyond yield: the volume is kept, so the thickness changes most."""
     drawn = {"t": [0.0, 1.0, 2.0], "value": [0.0, 0.02, 0.04]}

@@ -1,0 +1,102 @@
+"""The casting in its can, scenarios/aluminium_can.yaml, at three meshes and with halved windows.
+
+Use: `python benchmarks/can.py`.
+Runs what FOLDER (--folder, default can_runs) does not hold yet, prints a table, and draws docs/images/can_gap.svg and
+can_flux.svg.  --only NAME ... : of coarse, coarse_half, medium, medium_half, fine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "scenarios")]
+
+import numpy as np  # noqa: E402
+from can_pictures import draw  # noqa: E402
+from can_readings import CanRun, read_can  # noqa: E402
+
+from coupler import Results, load_scenario, run  # noqa: E402
+
+SCENARIO = ROOT / "scenarios" / "aluminium_can.yaml"
+REFERENCE_TIMES = (0.5, 4, 8, 14, 20, 30, 40, 50, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000)
+HALVED = {"coupling.windows": [{"until": 10, "first": 0.05, "last": 0.25}, {"until": 1100, "size": 2}],
+          "output.fields.every": 4}
+
+
+def finer(name: str, k: int) -> dict[str, Any]:
+    """Overrides for a mesh k times as fine as the coarse one."""
+    return {"bodies.melt.mesh.rectangle.cells": [8 * k, 24 * k],
+            "bodies.can.mesh.file.path": f"aluminium_can_{name}.msh"}
+
+
+RUNS: dict[str, dict[str, Any]] = {"coarse": {}, "coarse_half": HALVED, "medium": finer("medium", 2),
+                                   "medium_half": finer("medium", 2) | HALVED, "fine": finer("fine", 4)}
+
+
+def made(folder: Path, name: str) -> Results:
+    """The run of that name: read, if the folder holds it already."""
+    out = folder / f"{name}.h5"
+    return Results(out) if out.exists() else run(load_scenario(SCENARIO, overrides=RUNS[name]), out=out)
+
+
+def row(name: str, results: Results, c: CanRun) -> str:
+    """One line of the table."""
+    k = int(np.argmin(abs(c.t - c.solid_at)))
+    half = np.interp(0.5, c.solid, c.solid_t)
+    middle = len(c.z) // 2
+    seconds = sum(results.seconds_by_part.values())
+    return (f"| {name} | {len(results.windows)} | {half:.1f} | {c.solid_at:.0f} | {1e6 * c.gap[k, middle]:.0f} | "
+            f"{1e6 * mean_base(c, k):.0f} | {100 * (c.unheated[k] - 1):.2f} | {results.heat_imbalance:.0e} | "
+            f"{seconds:.0f} |")
+
+
+def mean_base(c: CanRun, k: int) -> float:
+    """The mean gap under the casting [m], by area."""
+    g, r = c.base_gap[k], c.base_r
+    return float(np.trapezoid(g * r, r) / np.trapezoid(r, r))
+
+
+HEAD = """| run | windows | half solid at s | all solid at s | gap at half height um | mean gap below um | volume % | \
+heat imbalance | s |
+|---|---|---|---|---|---|---|---|---|"""
+
+
+def reference(c: CanRun, columns: int = 5) -> None:
+    """Writes what tests/scenarios/test_aluminium_can.py compares with, of the coarse run."""
+    at = np.linspace(0, len(c.z) - 1, columns).round().astype(int)
+    every = np.unique([int(np.argmin(abs(c.t - t))) for t in REFERENCE_TIMES])
+    table = np.column_stack([c.t[every], np.interp(c.t[every], c.solid_t, c.solid), 1e6 * c.gap[every][:, at],
+                             c.h[every][:, at]])
+    heights = ", ".join(f"{1e3 * z:g}" for z in c.z[at])
+    np.savetxt(ROOT / "tests" / "scenarios" / "data" / "aluminium_can.txt", table, fmt="%.5g",
+               header=f"t s, solid fraction, gap um and then h W/m2K at heights {heights} mm; coarse mesh")
+
+
+def main() -> None:
+    """Run, print, draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--folder", type=Path, default=Path("can_runs"))
+    parser.add_argument("--only", nargs="*", choices=list(RUNS), default=list(RUNS))
+    parser.add_argument("--reference", action="store_true", help="store the coarse run as the test's reference")
+    options = parser.parse_args()
+    options.folder.mkdir(exist_ok=True)
+    print(HEAD)
+    read = {}
+    for name in options.only:
+        results = made(options.folder, name)
+        read[name] = read_can(results)
+        print(row(name, results, read[name]), flush=True)
+    if options.reference:
+        reference(read["coarse"])
+    finest = next(n for n in ("fine", "medium", "coarse", *read) if n in read)
+    draw(read[finest], Results(options.folder / f"{finest}.h5"), ROOT / "docs" / "images")
+
+
+if __name__ == "__main__":
+    main()

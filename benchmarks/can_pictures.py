@@ -1,0 +1,103 @@
+"""The two pictures of the casting in its can: gap and conductance over time, and the way of the heat."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from can_readings import CanRun
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from coupler import Results
+from coupler.report.picture import COLOURS, INK, line_style, new_figure, styled
+from coupler.vtkhdf import FieldReader
+
+HEIGHTS = (0.01, 0.05, 0.1, 0.14)
+# What experiments on aluminium in steel moulds found: gaps [mm], and h [W/m2K] at first and at the end.
+MEASURED_GAP, MEASURED_FIRST, MEASURED_LAST = (0.1, 1.2), (1e3, 6e3), (1e2, 5e2)
+MAGNIFIED = 2.0
+ARROWS = 110  # cells with an arrow, about, in the casting
+
+
+def draw(can: CanRun, results: Results, folder: Path) -> None:
+    """Writes can_gap.svg and can_flux.svg."""
+    mpl.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": "slideline", "font.family": "sans-serif"}
+    times = [5.0, 50.0, 250.0, can.solid_at]
+    for name, figure in (("can_gap", gap_figure(can)), ("can_flux", flux_figure(results, times))):
+        figure.savefig(folder / f"{name}.svg", dpi=200, metadata={"Date": None})
+
+
+def gap_figure(can: CanRun) -> Figure:
+    """Gap and conductance against time at four heights, and the ranges of the experiments."""
+    figure = new_figure(3.6)
+    left, right = (styled(ax, "time [s]", label) for ax, label in zip(
+        figure.subplots(1, 2), ("gap [mm]", r"$h_{CI}$ [W/m$^2$K]"), strict=True))
+    end = can.t[-1]
+    left.axhspan(*MEASURED_GAP, color=INK, alpha=0.08, linewidth=0)
+    left.text(0.25, 0.98 * MEASURED_GAP[1], "measured", color=INK, fontsize=8.5, va="top")
+    for (a, b), (low, high), text in (((0.2, 3.0), MEASURED_FIRST, "measured at first"),
+                                      ((can.solid_at / 3, end), MEASURED_LAST, "measured at the end")):
+        right.fill_between([a, b], low, high, color=INK, alpha=0.08, linewidth=0)
+        right.text(a if a < 1 else b, 1.05 * high, text, color=INK, fontsize=8.5, ha="left" if a < 1 else "right")
+    after = can.t > 0.15
+    for k, z in enumerate(HEIGHTS):
+        i = int(np.argmin(abs(can.z - z)))
+        left.plot(can.t[after], 1e3 * np.maximum(can.gap[after, i], 0.0), label=f"{1e3 * can.z[i]:.0f} mm",
+                  **line_style(k))
+        right.plot(can.t[after], can.h[after, i], **line_style(k))
+    for ax in (left, right):
+        ax.set_xscale("log")
+        ax.set_xlim(0.2, end)
+        ax.axvline(can.solid_at, color=INK, linewidth=0.8, linestyle=":")
+    right.set_yscale("log")
+    right.set_ylim(30, 1e4)
+    left.text(can.solid_at, 0.02, "all solid ", color=INK, fontsize=8.5, rotation=90, ha="right", va="bottom")
+    left.legend(frameon=False, fontsize=8.5, labelcolor=INK, title="height", title_fontsize=8.5, loc="center left")
+    return figure
+
+
+def flux_figure(results: Results, times: list[float]) -> Figure:
+    """Heat flux as arrows on the deformed mesh, its displacements magnified, at four times."""
+    figure = new_figure(4.6)
+    with (FieldReader(results.field_files["mechanical"]) as mechanical,
+          FieldReader(results.field_files["thermal"]) as thermal):
+        for ax, t in zip(figure.subplots(1, len(times), sharey=True), times, strict=True):
+            k = int(np.argmin(abs(mechanical.times - t)))
+            _panel(ax, mechanical, thermal, k)
+            ax.set_title(f"{mechanical.times[k]:.3g} s", color=INK, fontsize=10)
+    return figure
+
+
+def _panel(ax: Axes, mechanical: FieldReader, thermal: FieldReader, k: int) -> None:
+    """One time: liquid light, mush and solid darker, the can grey; the longest arrow of each panel is alike."""
+    x = mechanical.points(k) + (MAGNIFIED - 1) * mechanical.point_field("u", k)[:, :2]
+    cells, body = 1e3 * x[mechanical.quads], mechanical.cell_field("body", k)
+    solid = thermal.point_field("f_s", k)[mechanical.quads].mean(axis=1)
+    colours = [mpl.colors.to_rgba(COLOURS[0], 0.10 + 0.25 * s) if b == 0 else mpl.colors.to_rgba(INK, 0.12)
+               for b, s in zip(body, solid, strict=True)]
+    ax.add_collection(PolyCollection(list(cells), facecolors=colours, edgecolors=(*mpl.colors.to_rgb(INK), 0.15),
+                                     linewidths=0.3, rasterized=True))
+    q, middle = thermal.cell_field("q", k)[:, :2], cells.mean(axis=1)
+    shown = _thinned(middle, int((body == 0).sum()))
+    top = np.quantile(np.linalg.norm(q, axis=1), 0.98)
+    ax.quiver(*middle[shown].T, *np.clip(q[shown] / top, -1, 1).T, color=COLOURS[1], scale=9, width=0.009,
+              headwidth=3.5)
+    ax.set_aspect("equal")
+    ax.set_xlim(-1, 62)
+    ax.set_ylim(-14, 175)
+    ax.set_xlabel(f"r [mm]\nlongest {top / 1e3:.0f} kW/m$^2$", color=INK, fontsize=9)
+    ax.tick_params(colors=INK, labelsize=8)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def _thinned(middle: np.ndarray, in_casting: int) -> np.ndarray:
+    """Cells for arrows: of each box of a grid the one nearest to its middle."""
+    size = np.sqrt(50.0 * 150.0 / min(ARROWS, in_casting))
+    box = np.floor(middle / size).astype(int)
+    far = np.linalg.norm(middle - (box + 0.5) * size, axis=1)
+    order = np.argsort(far, kind="stable")
+    return order[np.unique(box[order], axis=0, return_index=True)[1]]

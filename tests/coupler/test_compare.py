@@ -1,0 +1,105 @@
+"""Two runs side by side: what is largest, when and where; the sentence, the page, and the exit codes."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from coupler.cli import app
+from coupler.compare import compare
+from coupler.errors import ResultsError
+from coupler.report.comparison import sentence, write_comparison
+from coupler.results import Results
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import Case, write_run
+
+CASE = Case(frames=2, reject=0)
+NAME = "lower.top.left"
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory) -> tuple[Results, Results]:
+    """A run of 40 windows, and the same with half as many, one probe 300 K off in one of them."""
+    folder = tmp_path_factory.mktemp("runs")
+    a = write_run(folder / "a.h5", CASE)
+    write_run(folder / "b.h5", replace(CASE, windows=20))
+    with h5py.File(folder / "b.h5", "r+") as f:
+        f[f"probes/{NAME}"][10] -= 300.0
+    return a, Results(folder / "b.h5")
+
+
+def test_the_largest_difference_has_its_time_sign_and_values(runs: tuple[Results, Results]) -> None:
+    a, b = runs
+    c = compare(a, b)
+    d = next(d for d in c.differences if d.curves.name == NAME)
+    assert d.t == b.t[10]
+    assert d.b == b.probe(NAME)[1][10]
+    assert d.by == pytest.approx(d.b - np.interp(d.t, *a.probe(NAME)), abs=1e-12)
+    assert d.by < -299
+    assert {e.curves.name for e in c.differences} == set(a.probe_names)
+    assert not c.only_a + c.only_b
+    assert c.heats["convection"] == pytest.approx((40 * -20.0, 20 * -20.0))
+
+
+def test_times_of_both_are_looked_at_and_none_beyond_the_shorter_run(runs: tuple[Results, Results]) -> None:
+    a, b = runs
+    t = compare(b, a).differences[0].curves.t
+    np.testing.assert_array_equal(t, np.union1d(a.t, b.t))
+
+
+def test_where_nothing_is_faced_no_gap_is_compared(runs: tuple[Results, Results], tmp_path: Path) -> None:
+    a, _ = runs
+    (tmp_path / "open.h5").write_bytes(a.path.read_bytes())
+    with h5py.File(tmp_path / "open.h5", "r+") as f:
+        gap = f["probes/gap"]
+        gap[:] = [*gap[:5] + 1e-3, *np.full(len(gap) - 5, 0.1)]
+    d = next(d for d in compare(a, Results(tmp_path / "open.h5")).differences if d.curves.name == "gap")
+    assert d.by == pytest.approx(1e-3, abs=1e-12)
+    assert np.isnan(d.curves.b[5:]).all()
+
+
+def test_one_sentence(runs: tuple[Results, Results]) -> None:
+    a, b = runs
+    told = sentence(compare(a, b), ("a.h5", "b.h5"), "degC")
+    assert re.match(r"b\.h5 differs from a\.h5 by up to .* K in temperature \(.*, t = .* s: .* °C against .* °C\)",
+                    told)
+    assert told.count(". ") == 0
+    assert told.endswith(".")
+    assert sentence(compare(a, a), ("a.h5", "a.h5"), "degC") == "a.h5 agrees with a.h5 in 6 probes up to t = 25000 s."
+
+
+def test_the_page_loads_nothing_and_shows_every_probe(runs: tuple[Results, Results], tmp_path: Path) -> None:
+    page, told = write_comparison(*runs, tmp_path / "page.html")
+    text = page.read_text(encoding="utf-8")
+    assert told in text
+    assert text.count("data:image/svg") == 3  # temperature, gap, pressure
+    assert all(f"<td>{n}</td>" in text for n in runs[0].probe_names)
+    assert "<script" not in text
+    assert not re.search(r'(src|href)="(?!data:)', text)
+
+
+def test_runs_without_a_common_probe_are_refused(runs: tuple[Results, Results], tmp_path: Path) -> None:
+    blind = write_run(tmp_path / "blind.h5", replace(CASE, probes=False))
+    with pytest.raises(ResultsError, match="no probe in common"):
+        compare(runs[0], blind)
+
+
+def test_the_command_and_its_exit_codes(runs: tuple[Results, Results], tmp_path: Path) -> None:
+    a, b = (str(r.path) for r in runs)
+    page = tmp_path / "both.html"
+    done = CliRunner().invoke(app, ["compare", a, b, "-o", str(page)])
+    assert done.exit_code == 0, done.output
+    assert done.output.startswith("b.h5 differs from a.h5 by up to")
+    assert page.exists()
+    with pytest.raises(ResultsError, match="no such results file"):  # main() makes exit code 3 of it
+        CliRunner().invoke(app, ["compare", a, str(tmp_path / "none.h5")], catch_exceptions=False)
+    with pytest.raises(ResultsError, match="not a page"):
+        CliRunner().invoke(app, ["compare", a, b, "-o", a], catch_exceptions=False)
