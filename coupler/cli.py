@@ -15,6 +15,9 @@ from typing import Annotated, Any
 import typer
 
 from contact.link import LinkError
+from coupler.advise.advise import Options, advise
+from coupler.advise.coarse import CELLS
+from coupler.advise.show import TrialLine
 from coupler.console import ProgressLine, summary
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
@@ -48,7 +51,7 @@ ProcessesOption = Annotated[bool, typer.Option(
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
 
 
-def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+def _overrides(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[str, Any]:
     overrides: dict[str, Any] = dict(parse_override(text) for text in sets or ())
     for text in swaps or ():
         half, sep, kind = text.partition("=")
@@ -56,7 +59,11 @@ def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | Non
             raise ScenarioError("an exchange of halves reads thermal=KIND or mechanical=KIND", key="--swap", value=text,
                                 remedy="For example --swap mechanical=rigid")
         overrides[f"{half}.half"] = kind
-    return load_scenario(path, overrides=overrides)
+    return overrides
+
+
+def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+    return load_scenario(path, overrides=_overrides(sets, swaps))
 
 
 @app.command("check")
@@ -144,6 +151,25 @@ def report_command(results: Annotated[Path, typer.Argument(help="A results file,
                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
     """Write a self-contained HTML page about a run."""
     typer.echo(write_report(Results(results), out or results.with_suffix(".html")))
+
+
+@app.command("advise")
+def advise_command(scenario: ScenarioFile,
+                   asked: Annotated[list[str] | None, typer.Option(
+                       "--for", metavar="PROBE=TOLERANCE", help="What matters, and how nearly: lower.top.centre=1K, "
+                       "'upper.*=0.5%' (of its range).  May be repeated; default: every probe, 1 %.")] = None,
+                   out: Annotated[Path, typer.Option(
+                       "--out", "-o", help="Folder for trials, advice.txt and advised.yaml.")] = Path("advise"),
+                   limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", help="Time for it.")] = 600.0,
+                   cells: Annotated[int, typer.Option("--cells", help="Most cells of a body in a trial.")] = CELLS,
+                   sets: SetOption = None, swaps: SwapOption = None) -> None:
+    """Find out how little of a scene's model is needed, and write the cheapest scenario that will do."""
+    with TrialLine() as line:
+        found = advise(scenario, out, Options(asked or (), _overrides(sets, swaps), limit, cells), line)
+    for text in found.lines:
+        typer.echo(text)
+    if found.interrupted:
+        raise typer.Exit(INTERRUPTED)
 
 
 @app.command("build")

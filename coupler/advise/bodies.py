@@ -7,6 +7,7 @@ from typing import Any
 
 from coupler.advise.edit import Edit, Tree, at
 from coupler.advise.rung import Kind, Rung
+from coupler.scenario.document import Key
 
 RIGID_MISSES = ("bodies keep their shape: no spring-back, no gap that opens by expansion or shrinkage, no stress, no "
                 "slip; pressures are those prescribed, the same along a surface, so nothing of corners")
@@ -33,7 +34,7 @@ def mechanics(tree: Tree) -> Iterator[Rung]:
 
 def _rigid(tree: Tree, told: dict[str, Any] | None) -> Edit:
     """The half `rigid`, with this motion, or as the scenario has it; it refuses what asks for forces."""
-    put: dict[tuple[str | int, ...], Any] = {("mechanical", "half"): "rigid"}
+    put: dict[Key, Any] = {("mechanical", "half"): "rigid"}
     if told is not None:
         put["mechanical", "rigid"] = told
     return Edit(put, tuple(("contact", name, key) for name in tree.get("contact", {}) for key in
@@ -58,10 +59,10 @@ def motion_of(tree: Tree) -> dict[str, Any]:
     return {"motion": motion} if motion else {}
 
 
-def _still(tree: Tree) -> dict[tuple[str | int, ...], Any]:
+def _still(tree: Tree) -> dict[Key, Any]:
     """No expansion and no shrinkage of any material; nothing where there is one material that does one of them:
     that is a rung of its own."""
-    still: dict[tuple[str | int, ...], Any] = {}
+    still: dict[Key, Any] = {}
     for name, material in tree["materials"].items():
         if material.get("alpha"):
             still["materials", name, "alpha"] = 0

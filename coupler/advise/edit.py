@@ -41,16 +41,10 @@ def edited(tree: Any, edits: Iterable[Edit]) -> Any:
     return tree
 
 
-def overrides_of(before: Tree, after: Tree) -> dict[str, Any]:
-    """What `load_scenario` takes to make `after` of a file that holds `before`: top-level keys that differ."""
-    return {key: value for key, value in after.items() if key not in before or before[key] != value}
-
-
 def at(tree: Any, key: Key) -> Any:
     """What stands at a key; None where nothing does."""
     for part in key:
-        inside = tree.keys() if isinstance(tree, Mapping) else range(len(tree)) if isinstance(tree, list) else ()
-        if part not in inside:
+        if part not in _inside(tree):
             return None
         tree = tree[part]
     return tree
@@ -69,6 +63,10 @@ def _put(tree: Any, key: Key, value: Any) -> None:
 
 
 def _drop(tree: Any, key: Key) -> None:
-    holder = at(tree, key[:-1])
-    if (isinstance(holder, dict) and key[-1] in holder) or (isinstance(holder, list) and int(key[-1]) < len(holder)):
+    if key[-1] in _inside(holder := at(tree, key[:-1])):
         del holder[key[-1]]
+
+
+def _inside(tree: Any) -> Any:
+    """What a next part of a key may be."""
+    return tree.keys() if isinstance(tree, Mapping) else range(len(tree)) if isinstance(tree, list) else ()

@@ -8,6 +8,7 @@ from typing import Any
 from coupler.advise.bodies import mechanics
 from coupler.advise.edit import Edit, Tree, at
 from coupler.advise.rung import Kind, Rung
+from coupler.scenario.document import Key
 
 # Schemes that solve each half once a window: the lower end of the ladder.
 ONCE = ("staggered", "extrapolated")
@@ -90,7 +91,7 @@ def materials(tree: Tree) -> Iterator[Rung]:
     for name in (n for n in tree["materials"] if n in used):
         material, key = tree["materials"][name], ("materials", name)
         if material.get("latent") is not None:
-            yield Rung(f"latent heat of {name}", Kind.EFFECT, _no_latent(material, key))
+            yield Rung(f"latent heat of {name}", Kind.EFFECT, _no_latent(tree, name))
         for made, (share, words) in HEATS.items():
             if _computed(tree) and (flows := material.get(made)) is not None and flows.get(share, 1.0) > 0.0:
                 yield Rung(f"{words} of {name}", Kind.EFFECT, Edit({(*key, made, share): 0}), deforms=True)
@@ -119,12 +120,15 @@ def _computed(tree: Tree) -> bool:
     return bool(at(tree, ("mechanical", "half")) == "elastic")
 
 
-def _no_latent(material: Tree, key: tuple[str, ...]) -> Edit:
-    """Phases need to know when it melts: without latent heat there is the solid only."""
-    solid: dict[tuple[str | int, ...], Any] = {
-        (*key, name): material[name]["solid"] for name in ("k", "c")
-        if isinstance(material.get(name), dict) and "solid" in material[name]}
-    return Edit(solid, ((*key, "latent"),))
+def _no_latent(tree: Tree, name: str) -> Edit:
+    """Phases need to know when it melts: without latent heat there is the solid only.  Where nothing melts any more
+    there is no solid fraction to look at."""
+    material, key = tree["materials"][name], ("materials", name)
+    solid: dict[Key, Any] = {(*key, k): material[k]["solid"] for k in ("k", "c")
+                             if isinstance(material.get(k), dict) and "solid" in material[k]}
+    others = any(m.get("latent") for n, m in tree["materials"].items() if n != name)
+    gone = () if others else tuple(("probes", n) for n, probe in tree.get("probes", {}).items() if "f_s" in probe)
+    return Edit(solid, ((*key, "latent"), *gone))
 
 
 def forces(tree: Tree) -> Iterator[Rung]:
@@ -138,7 +142,7 @@ def forces(tree: Tree) -> Iterator[Rung]:
         yield Rung("thermoelastic heat", Kind.EFFECT, Edit({(*key, "thermoelastic_heat"): False}), deforms=True)
     if own.get("dynamics") is not None or own.get("method") == "explicit":
         speeds = tuple((*key, "bodies", body, speed) for body in own.get("bodies", {}) for speed in ("v0", "omega0"))
-        method = {(*key, "method"): "newton"} if own.get("method") == "explicit" else {}
+        method: dict[Key, Any] = {(*key, "method"): "newton"} if own.get("method") == "explicit" else {}
         yield Rung("inertia", Kind.EFFECT, Edit(method, ((*key, "dynamics"), *speeds)), deforms=True,
                    misses="waves and swinging")
 

@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
-from coupler.advise.edit import Edit, edited, overrides_of
+from coupler.advise.edit import Edit, edited
 from coupler.beside import part_of
 from coupler.errors import CouplingError, HalfError, ResultsError, ScenarioError
 from coupler.halves import known_halves
@@ -55,8 +55,7 @@ class Trial:
 
 def variant(document: Document, edits: Sequence[Edit]) -> Scenario:
     """The scenario with edits.  Raises ScenarioError for what cannot be."""
-    tree = edited(document.tree, edits)
-    return scenario_from(document.text, document.path, overrides_of(document.tree, tree))
+    return scenario_from(document.text, document.path, edited(document.tree, edits))
 
 
 class Trials:

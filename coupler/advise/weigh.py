@@ -76,7 +76,7 @@ def goals_of(asked: Sequence[tuple[str, float, str]], full: Trial) -> tuple[Goal
     if not own:
         raise ScenarioError("the scenario has no probe, so nothing can be told to move", key="probes",
                             remedy="Add probes of what the scene is about.")
-    goals = {}
+    goals: dict[str, Goal] = {}
     for pattern, number, unit in asked or (("*", 100 * SHARE, "%"),):
         named = [name for name in own if name == pattern] or [n for n in own if fnmatchcase(n, pattern)]
         if not named:
