@@ -89,7 +89,8 @@ class Run:
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._moments = Moments(self.halves)
             self._watched = Watched(interface, self.halves.mechanical_outputs)
-            self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end), self.plan)
+            self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
+                                         rules.first_loads(self.plan.rules)), self.plan)
             both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             if self._since is not None:
                 self._take_up(self._since, both)
