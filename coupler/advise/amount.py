@@ -16,6 +16,10 @@ def amount(value: float, unit: str) -> str:
 
 
 def percent(share: float) -> str:
-    """Two digits: .2 as 20 %; what is more than twice as 2.1 times."""
-    return f"{share:.2g} times" if abs(share) > 2.0 else f"{100 * share:.2g} %" if abs(share) < 0.995 else (
-        f"{100 * share:.0f} %")
+    """Two digits: .2 as 20 %."""
+    return f"{100 * share:.2g} %" if abs(share) < 0.995 else f"{100 * share:.0f} %"
+
+
+def of_range(share: float) -> str:
+    """20 % of its range; from twice on 2.1 times its range."""
+    return f"{share:.2g} times its range" if share > 2.0 else f"{percent(share)} of its range"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.advise.amount import amount, percent
+from coupler.advise.amount import amount, of_range
 from coupler.advise.coarse import OWN
 from coupler.advise.known import Known
 from coupler.advise.trial import Trial
@@ -81,4 +81,4 @@ def _probe(name: str, full: Trial, simple: Trial) -> Iterator[str]:
     off, unit = np.abs(a - b), full.units[name]
     k, scale = int(off.argmax()), range_of(name, full)
     if off[k] > TOLD * scale:
-        yield f"{name}: by {amount(float(off[k]), unit)} at t = {t[k]:.4g} s ({percent(off[k] / scale).replace("%", "% of")} its range)"
+        yield f"{name}: by {amount(float(off[k]), unit)} at t = {t[k]:.4g} s ({of_range(float(off[k]) / scale)})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from coupler.advise.amount import amount, percent
+from coupler.advise.amount import amount, of_range, percent
 from coupler.advise.known import Known, Step
 from coupler.advise.misses import misses
 from coupler.advise.rung import Kind
@@ -170,8 +170,7 @@ def said(moved: Moves, goals: tuple[Goal, ...]) -> str:
         return f"{name} out of sight"
     if m.largest <= NOTHING * goal.scale:
         return "nothing"
-    part = percent(m.largest / goal.scale).replace("%", "% of")
-    return f"{name} by {amount(m.largest, goal.unit)} at t = {m.when:.4g} s ({part} its range)"
+    return f"{name} by {amount(m.largest, goal.unit)} at t = {m.when:.4g} s ({of_range(m.largest / goal.scale)})"
 
 
 def _times(one: int, other: int) -> str:
