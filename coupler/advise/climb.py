@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -11,13 +10,15 @@ from coupler.advise.edit import Edit, at, edited
 from coupler.advise.known import Known, Step, edits_of, picked
 from coupler.advise.ladder import iterated, ladder
 from coupler.advise.rung import Kind, Rung
-from coupler.advise.trial import StoppedError, Trial, Trials, variant
+from coupler.advise.trial import LateError, StoppedError, Trial, Trials, variant
 from coupler.advise.weigh import goals_of, moves, share_of
 from coupler.errors import CouplingError
 from coupler.outset import plan_of
 
 # Kept back of the time there is, in runs of the base: for the combination and what may have to be put back into it.
 RESERVE = 2.0
+# Wall time a second of processor time may take, where others use the machine too.
+SHARED = 2.0
 HALF_MESH, HALF_WINDOWS = 0.5, 0.5
 SHORT_WINDOWS = "windows half as long"
 OWN_MESH = "the scenario's own mesh and windows"
@@ -83,11 +84,10 @@ class Climb:
 
     def _try(self, rung: Rung) -> None:
         k = self.known
-        if not self._in_time(rung.name):
-            return
         ground = [] if rung.kind is Kind.MECHANICS else edits_of(k.ground)
-        trial = self._trial(rung.name, [*ground, rung.edit], rung.windows, rung.mesh)
-        assert k.base is not None
+        trial = self._in_time(rung.name, [*ground, rung.edit], rung.windows, rung.mesh)
+        if trial is None or k.base is None:
+            return
         against = k.reference if rung.kind is Kind.SCHEME and not k.ground else k.base
         found = {} if trial.failed else moves(trial, against, k.goals)
         self.known = replace(k, steps=(*k.steps, Step(rung, trial, k.base, found)))
@@ -95,26 +95,24 @@ class Climb:
     def _guard(self) -> None:
         """How far the windows of the trials are from short ones, their exchange agreed upon where that can be."""
         k = self.known
-        if at(self._tree, ("coupling", "windows")) is None or not self._in_time(SHORT_WINDOWS):
+        if at(self._tree, ("coupling", "windows")) is None:
             return
         edits = edits_of(k.ground, iterated(self._tree) if k.top else None)
-        long = self._trial("windows as they are", edits)
-        short = self._trial(SHORT_WINDOWS, edits, windows=HALF_WINDOWS)
-        if not long.failed and not short.failed:
+        long = self._in_time("windows as they are", edits)
+        short = self._in_time(SHORT_WINDOWS, edits, windows=HALF_WINDOWS)
+        if long and short and not long.failed and not short.failed:
             self.known = replace(k, guard=moves(long, short, k.goals))
 
     def _fine(self) -> None:
         """How far the mesh of the trials is from the scenario's own."""
         k = self.known
-        assert k.base is not None
         if k.mesh == 1.0:
             return
         coarse = cells_of(edited(self._tree, [meshed(self._tree, k.mesh)]))
         dearer = k.windows * cells_of(self._tree) / coarse
-        if self._in_time(OWN_MESH, dearer):
-            trial = self._trial(OWN_MESH, edits_of(k.ground), windows=1 / k.windows, mesh=1 / k.mesh)
-            if not trial.failed:
-                self.known = replace(k, fine=moves(k.base, trial, k.goals))
+        trial = self._in_time(OWN_MESH, edits_of(k.ground), 1 / k.windows, 1 / k.mesh, dearer)
+        if trial and k.base and not trial.failed:
+            self.known = replace(k, fine=moves(k.base, trial, k.goals))
 
     def _combine(self) -> None:
         """Run the combination; what moves most is put back until it stays inside the tolerances."""
@@ -133,22 +131,25 @@ class Climb:
                 return
             out.append(max((s for s in self.known.steps if s.rung in taken), key=lambda s: s.share).rung)
 
-    def _trial(self, name: str, edits: Sequence[Edit], windows: float = 1.0, mesh: float = 1.0) -> Trial:
-        """One trial; windows, mesh : factors on those of the trials."""
+    def _in_time(self, name: str, edits: Sequence[Edit], windows: float = 1.0, mesh: float = 1.0,
+                 dearer: float = 1.0) -> Trial | None:
+        """One trial; None where there is no time for it, which is remembered.  dearer : than the base."""
+        base = self.known.base or Trial()
+        need = base.wall - base.seconds + (dearer + RESERVE) * SHARED * base.seconds
+        try:
+            return self._trial(name, edits, windows, mesh, need)
+        except LateError:
+            self.known = replace(self.known, untried=(*self.known.untried, name))
+            return None
+
+    def _trial(self, name: str, edits: Sequence[Edit], windows: float = 1.0, mesh: float = 1.0,
+               need: float = 0.0) -> Trial:
+        """One trial; windows, mesh : factors on those of the trials.  need [s]: as Trials.run has it."""
         k = self.known
         # Pairs, ranges and bodies are those of the scenario as edited: an edit may take some out.
         tree = edited(self._tree, edits)
         return self._trials.run([*edits, meshed(tree, k.mesh * mesh), timed(tree, k.windows * windows), lean(tree)],
-                                self._tell(name))
-
-    def _in_time(self, name: str, dearer: float = 1.0) -> bool:
-        """Whether a trial may begin; if not, that is remembered.  dearer : than the base."""
-        k = self.known
-        assert k.base is not None
-        good = time.monotonic() + (dearer + RESERVE) * k.base.wall <= self._trials.deadline
-        if not good:
-            self.known = replace(k, untried=(*k.untried, name))
-        return good
+                                lambda: self._tell(name), need)
 
     def _cells(self) -> list[int]:
         """Cells along the longer edge of every body that can be coarsened."""

@@ -35,6 +35,10 @@ class StoppedError(Exception):
     """A trial was stopped before its end: by Ctrl-C, or because time is up.  It tells nothing."""
 
 
+class LateError(Exception):
+    """A trial was not begun, because it would hardly end in time."""
+
+
 @dataclass(frozen=True)
 class Trial:
     """half_solves : substeps of both halves, those of rejected windows too.  seconds : processor time of its windows.
@@ -70,10 +74,12 @@ class Trials:
         self._folder = folder
         self._sources = _sources()
 
-    def run(self, edits: Sequence[Edit], on_window: Callable[[float], object] = lambda share: None) -> Trial:
-        """The trial of these edits, run or remembered.  on_window : told the share that is done.
+    def run(self, edits: Sequence[Edit], begin: Callable[[], Callable[[float], object]], need: float = 0.0) -> Trial:
+        """The trial of these edits, run or remembered.
 
-        What cannot be run, or fails, is a trial too.  Raises StoppedError, ResultsError where it cannot be kept.
+        begin : called before it runs, gives what is told the share that is done.  need : time it will take [s].
+        What cannot be run, or fails, is a trial too.  Raises LateError where there is not so much time, StoppedError,
+        ResultsError where it cannot be kept.
         """
         try:
             scenario = variant(self.document, edits)
@@ -82,7 +88,9 @@ class Trials:
         path = self._folder / f"{content_hash(scenario.interface, {'scenario': scenario.hash}, self._sources)}.json"
         if (kept := _kept(path)) is not None:
             return kept
-        done = _solved(scenario, self.deadline, on_window)
+        if time.monotonic() + need > self.deadline:
+            raise LateError
+        done = _solved(scenario, self.deadline, begin())
         _keep(path, done)
         return done
 

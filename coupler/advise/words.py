@@ -8,12 +8,13 @@ from collections.abc import Iterator
 from coupler.advise.amount import amount, of_range, percent
 from coupler.advise.known import Known, Step
 from coupler.advise.misses import misses
-from coupler.advise.rung import Kind
+from coupler.advise.rung import Kind, Rung
 from coupler.advise.trial import Trial
 from coupler.advise.weigh import Goal, Moves, share_of, worst
 
 HEADS = {Kind.MECHANICS: "mechanics", Kind.HEAT: "heat flow", Kind.SCHEME: "exchange", Kind.EFFECT: "effects",
          Kind.WINDOWS: "windows", Kind.MESH: "mesh"}
+NONE = Rung("", Kind.EFFECT)
 # A move below this share of a quantity's range is no move.
 NOTHING = 1e-6
 # Seconds of runs shorter than this [s] tell nothing, and of others nothing nearer than this share.
@@ -139,11 +140,9 @@ def _end(known: Known, written: str) -> Iterator[str]:
         yield f"no scenario inside the tolerances was found: {why}"
         return
     yield f"advised: {together(known)}"
-    saved = 1.0 - known.combined.half_solves / known.whole.half_solves
-    time = known.combined.seconds / known.whole.seconds if known.whole.seconds > SHORTEST else 1.0
     mesh = "" if known.own_mesh or known.mesh == 1.0 else " with the mesh"
-    yield (f"all at once it moves {said(known.final, known.goals)}, {known.final_share:.2g} of the tolerance{mesh}; "
-           f"{cost(known.combined)}: {percent(saved)} of the half-solves and {percent(1.0 - time)} of the time less")
+    yield (f"all at once it moves {said(known.final, known.goals)}, {known.final_share:.2g} of the tolerance{mesh}, "
+           f"and {_saves(Step(NONE, known.combined, known.whole))}: {cost(known.combined)}")
     if written:
         yield f"written to {written}"
 
