@@ -134,8 +134,11 @@ class Climb:
     def _in_time(self, name: str, edits: Sequence[Edit], windows: float = 1.0, mesh: float = 1.0,
                  dearer: float = 1.0) -> Trial | None:
         """One trial; None where there is no time for it, which is remembered.  dearer : than the base."""
-        base = self.known.base or Trial()
-        need = base.wall - base.seconds + (dearer + RESERVE) * SHARED * base.seconds
+        k = self.known
+        done = [t for t in (k.whole, k.top, *(s.trial for s in k.steps)) if t and not t.failed]
+        # The first run on a machine compiles for minutes: the quickest start tells what another one takes.
+        start = min((t.wall - t.seconds for t in done), default=0.0)
+        need = start + (dearer + RESERVE) * SHARED * (k.base.seconds if k.base else 0.0)
         try:
             return self._trial(name, edits, windows, mesh, need)
         except LateError:

@@ -41,7 +41,7 @@ def _pressure(pair: str, full: Trial, simple: Trial) -> Iterator[str]:
     t, p, other = both(full, simple, name)
     k = int(p.argmax())
     mean = float(np.interp(t[k], full.t, full.probes[f"{OWN}{pair}.p.mean"]))
-    text = f"pressure at {pair}: up to {amount(float(p[k]), 'Pa')} at t = {t[k]:.4g} s"
+    text = f"pressure at {pair}: up to {amount(float(p[k]), 'Pa')} at t = {t[k]:.5g} s"
     if p[k] > UNEVEN * mean > 0.0:
         text += f", {p[k] / mean:.2g} times the mean (corners and edges)"
     if abs(other[k] - p[k]) > TOLD * p[k]:
@@ -59,7 +59,7 @@ def _spring_back(pair: str, full: Trial, simple: Trial) -> Iterator[str]:
         if np.abs(off).max() <= STILL:
             continue
         k = int(np.abs(off).argmax())
-        text = f"the slave side of {pair} is off by {amount(float(off[k]), 'm')} along {axis[-1]} at t = {t[k]:.4g} s"
+        text = f"the slave side of {pair} is off by {amount(float(off[k]), 'm')} along {axis[-1]} at t = {t[k]:.5g} s"
         lost = _lost(np.interp(t, full.t, full.probes[f"{OWN}{pair}.p.max"]))
         if lost and abs(off[lost] - off[lost - 1]) > TOLD * np.abs(off).max():
             text += (f"; it springs back by {amount(float(abs(off[lost] - off[lost - 1])), 'm')} when contact is lost, "
@@ -81,4 +81,4 @@ def _probe(name: str, full: Trial, simple: Trial) -> Iterator[str]:
     off, unit = np.abs(a - b), full.units[name]
     k, scale = int(off.argmax()), range_of(name, full)
     if off[k] > TOLD * scale:
-        yield f"{name}: by {amount(float(off[k]), unit)} at t = {t[k]:.4g} s ({of_range(float(off[k]) / scale)})"
+        yield f"{name}: by {amount(float(off[k]), unit)} at t = {t[k]:.5g} s ({of_range(float(off[k]) / scale)})"

@@ -156,7 +156,7 @@ def together(known: Known) -> str:
     if not known.own_mesh and known.mesh < 1.0:
         simpler.append(f"a mesh of {known.mesh:.2g} times the cells along an edge")
     return "; ".join(filter(None, (", ".join(simpler), f"without {', '.join(without)}" if without else ""))) or (
-        "as it is; nothing can be left out")
+        f"as it is; {'of what was tried nothing' if known.untried else 'nothing'} can be left out")
 
 
 def said(moved: Moves, goals: tuple[Goal, ...]) -> str:
@@ -169,7 +169,7 @@ def said(moved: Moves, goals: tuple[Goal, ...]) -> str:
         return f"{name} out of sight"
     if m.largest <= NOTHING * goal.scale:
         return "nothing"
-    return f"{name} by {amount(m.largest, goal.unit)} at t = {m.when:.4g} s ({of_range(m.largest / goal.scale)})"
+    return f"{name} by {amount(m.largest, goal.unit)} at t = {m.when:.5g} s ({of_range(m.largest / goal.scale)})"
 
 
 def _times(one: int, other: int) -> str:
