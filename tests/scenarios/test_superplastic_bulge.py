@@ -49,8 +49,8 @@ def test_heights_thicknesses_and_pressures_while_it_is_free(sheet: Results) -> N
 
 
 def test_the_rule_holds_the_rate_before_and_after_the_touch(sheet: Results) -> None:
-    """It is the mean over the sheet.  Found within 10 s from a twentieth of the pressure; lost nowhere."""
-    late = sheet.t > 10.0
+    """It is the mean over the sheet.  Found within 5 s from a tenth of the pressure; lost nowhere."""
+    late = sheet.t > 5.0
     assert np.abs(sheet.monitors[RATE][late] / ROW["rate"] - 1.0).max() <= ROW["rate_held_within"]
     e = 2.0 / np.sqrt(3.0) * np.log(S_0 / thickness(sheet))
     free = (sheet.t > 10.0) & (sheet.t <= TOUCH)
@@ -59,7 +59,7 @@ def test_the_rule_holds_the_rate_before_and_after_the_touch(sheet: Results) -> N
 
 
 def test_it_starts_flat_with_the_first_pressure_and_not_with_all(sheet: Results) -> None:
-    """Clamped plate under .05 MPa: q a^4/(24 D), D = E s^3/(12 (1 - nu^2)): .2507 mm; 3 %: shear and membrane."""
+    """Clamped plate under .05 MPa: q a^4/(24 D), D = E s^3/(12 (1 - nu^2)): .2486 mm; 3 %: shear and membrane."""
     D = 7e10 * S_0**3 / 12.0 / (1.0 - 0.33**2)
     assert sheet.probe("apex")[1][0] == pytest.approx(0.05 * GAS * 0.05**4 / (24.0 * D), rel=0.03)
 
@@ -97,4 +97,4 @@ def test_heat_is_balanced_and_what_flow_makes_is_delivered(sheet: Results) -> No
 def test_the_report_draws_rate_and_pressure(sheet: Results) -> None:
     rate, gas = watched_pictures(sheet)
     assert rate.caption.startswith(f"Monitor {RATE}, which a rule looks at; least")
-    assert gas.caption.startswith("Factor mechanical.load.gas as the rules set it; least 0.0")
+    assert gas.caption.startswith("Factor mechanical.load.gas as the rules set it; least 0.1, largest 1.")
