@@ -88,7 +88,9 @@ class Trials:
         path = self._folder / f"{content_hash(scenario.interface, {'scenario': scenario.hash}, self._sources)}.json"
         if (kept := _kept(path)) is not None:
             return kept
-        if time.monotonic() + need > self.deadline:
+        if (left := self.deadline - time.monotonic()) <= 0.0:
+            raise StoppedError("time is up")
+        if need > left:
             raise LateError
         done = _solved(scenario, self.deadline, begin())
         _keep(path, done)

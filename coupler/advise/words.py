@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from textwrap import shorten
 
 from coupler.advise.amount import amount, of_range, percent
 from coupler.advise.known import Known, Step
@@ -14,6 +15,7 @@ from coupler.advise.weigh import Goal, Moves, share_of, worst
 
 HEADS = {Kind.MECHANICS: "mechanics", Kind.HEAT: "heat flow", Kind.SCHEME: "exchange", Kind.EFFECT: "effects",
          Kind.WINDOWS: "windows", Kind.MESH: "mesh"}
+REASON = 120  # letters of why a trial failed
 NONE = Rung("", Kind.EFFECT)
 # A move below this share of a quantity's range is no move.
 NOTHING = 1e-6
@@ -57,6 +59,8 @@ def cost(trial: Trial) -> str:
 def _exchange(known: Known) -> Iterator[str]:
     if known.top is None:
         yield "it cannot iterate, so the error of its exchange is not known"
+    elif known.whole is not None and known.top.scenario == known.whole.scenario:
+        yield "it iterates already"
     elif known.whole is not None:
         yield (f"iterated: moves {said(known.exchange, known.goals)} and takes "
                f"{_times(known.top.half_solves, known.whole.half_solves)} the half-solves: "
@@ -76,7 +80,7 @@ def _rungs(known: Known) -> Iterator[str]:
 def _rung(step: Step, known: Known) -> str:
     name = step.rung.name
     if step.trial.failed:
-        return f"{name}: cannot be tried ({step.trial.failed})"
+        return f"{name}: cannot be tried ({shorten(step.trial.failed, REASON, placeholder=' ...')})"
     moved = said(step.moves, known.goals)
     if step.rung.kind is Kind.EFFECT:
         return f"{name} moves {moved} and {_costs(step)}: {'leave it out' if step.good else _needed(step)}"

@@ -21,7 +21,7 @@ SCENE = LUMPED_GAP.format(T0=840, method="sdirk2", scheme="iterated", end=20, si
     "gap_max: 0.01", "gap_max: 0.01\n    radiation: {emissivity_slave: 0.05, emissivity_master: 0.05}").replace(
     "    - {on: wall.right", "    - {on: body.left, radiation: {emissivity: 1.0e-3, T: 933}}\n    - {on: wall.right")
 # K: E4 goes from 840 K to 831.72 K.
-ASKED = ("T=0.5K",)
+ASKED = ("T=0.3K",)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_what_it_leaves_out_and_what_it_keeps(advices: tuple[Advice, Told, Advic
     assert good["far radiation on body.left"]
     assert good["near radiation (gap)"]
     assert {r.name for r in known.taken} >= {"far radiation on body.left", "near radiation (gap)"}
-    # It iterates at three times the half-solves; extrapolated is of second order, staggered is not.
+    # It iterates at three times the half-solves of either: .375 K and .277 K off.
     assert not good["scheme staggered"]
     assert good["scheme extrapolated"]
     assert known.combined is not None
@@ -86,15 +86,16 @@ def test_the_advised_scenario_is_as_near_as_it_says(scene: Path, advices: tuple[
     done = advices[2]
     assert done.file is not None
     full, cheap = (run(load_scenario(path), scene.parent / f"{path.stem}.h5") for path in (scene, done.file))
-    off = np.abs(_on(full, full) - _on(cheap, full)).max()
-    assert off <= 0.5
+    off = np.abs(_on(full) - _on(cheap)).max()
+    assert off <= 0.3
     # The last run of the combination is this very run.
     assert off == pytest.approx(done.known.final["T"].largest, rel=0.05)
 
 
-def _on(results: Results, grid: Results) -> np.ndarray:
+def _on(results: Results) -> np.ndarray:
+    """T at times that are window ends of both."""
     t, T = results.probe("T")
-    return np.interp(np.union1d([0.0], grid.t[grid.t % 2 == 0]), t, T)
+    return np.interp(np.arange(0.0, 20.5, 2.0), t, T)
 
 
 def test_no_time(scene: Path, tmp_path: Path) -> None:
