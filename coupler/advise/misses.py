@@ -61,9 +61,9 @@ def _spring_back(pair: str, full: Trial, simple: Trial) -> Iterator[str]:
         k = int(np.abs(off).argmax())
         text = f"the slave side of {pair} is off by {amount(float(off[k]), 'm')} along {axis[-1]} at t = {t[k]:.5g} s"
         lost = _lost(np.interp(t, full.t, full.probes[f"{OWN}{pair}.p.max"]))
-        if lost and abs(off[lost] - off[lost - 1]) > TOLD * np.abs(off).max():
-            text += (f"; it springs back by {amount(float(abs(off[lost] - off[lost - 1])), 'm')} when contact is lost, "
-                     f"at t = {t[lost]:.5g} s")
+        back = float(abs(off[k] - off[lost])) if lost > k else 0.0
+        if back > TOLD * abs(off[k]):
+            text += f"; it has sprung back by {amount(back, 'm')} when contact is lost, at t = {t[lost]:.5g} s"
         yield text
 
 

@@ -194,7 +194,7 @@ def test_what_is_missed() -> None:
     lines = list(misses(Known(goals=GOALS, whole=FULL, top=FULL, combined=simple)))
     assert lines == [
         "pressure at f: up to 2 MPa at t = 0 s, 2 times the mean (corners and edges); without it 1 MPa there and then",
-        "the slave side of f is off by 5 um along y at t = 3 s; it springs back by 4 um when contact is lost, "
+        "the slave side of f is off by 5 um along y at t = 3 s; it has sprung back by 5 um when contact is lost, "
         "at t = 8 s",
         "g: by 5 um at t = 10 s (50 % of its range)"]
 
