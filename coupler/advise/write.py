@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -20,6 +21,7 @@ from coupler.errors import ResultsError
 from coupler.scenario.document import Document
 from coupler.scenario.reading import document_from
 
+WIDTH = 120
 # Merged keys and anchors: an edit in one place would be one in several.
 _SHARED = re.compile(r"<<\s*:|(?:^|[\s\[{,:])[&*][A-Za-z_]", re.MULTILINE)
 
@@ -47,8 +49,10 @@ def text_of(document: Document, edits: Sequence[Edit], head: Sequence[str], path
     edits = [*edits, _moved(document, path.parent)]
     wanted = edited(document.tree, edits)
     yaml = YAML()
-    yaml.width = 120
-    top = "".join(f"# {line}".rstrip() + "\n" for line in head)
+    yaml.width = WIDTH
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    top = "".join(f"{part}\n" for line in head for part in wrap(
+        line, WIDTH, initial_indent="# ", subsequent_indent="#     ", replace_whitespace=False))
     if not _SHARED.search(document.text):
         tree = yaml.load(document.text)
         _override(tree, document)
