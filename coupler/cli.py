@@ -15,6 +15,9 @@ from typing import Annotated, Any
 import typer
 
 from contact.link import LinkError
+from coupler.advise.advise import Options, advise
+from coupler.advise.coarse import CELLS
+from coupler.advise.show import TrialLine
 from coupler.console import ProgressLine, summary
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
@@ -193,6 +196,25 @@ def compare_command(first: Annotated[Path, typer.Argument(help="A results file t
     a, b = Results(first), Results(second)
     page, told = write_comparison(a, b, out or second.with_name(f"{second.stem}-against-{first.stem}.html"))
     typer.echo(f"{told}\n  {page}")
+
+
+@app.command("advise")
+def advise_command(scenario: ScenarioFile,
+                   asked: Annotated[list[str] | None, typer.Option(
+                       "--for", metavar="PROBE=TOLERANCE", help="What matters, and how nearly: lower.top.centre=1K, "
+                       "'upper.*=0.5%' (of its range).  May be repeated; default: every probe, 1 %.")] = None,
+                   out: Annotated[Path, typer.Option(
+                       "--out", "-o", help="Folder for trials, advice.txt and advised.yaml.")] = Path("advise"),
+                   limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", help="Time for it.")] = 600.0,
+                   cells: Annotated[int, typer.Option("--cells", help="Most cells of a body in a trial.")] = CELLS,
+                   sets: SetOption = None, swaps: SwapOption = None) -> None:
+    """Find out how little of a scene's model is needed, and write the cheapest scenario that will do."""
+    with TrialLine() as line:
+        found = advise(scenario, out, Options(asked or (), _overrides(sets, swaps), limit, cells), line)
+    for text in found.lines:
+        typer.echo(text)
+    if found.interrupted:
+        raise typer.Exit(INTERRUPTED)
 
 
 @app.command("build")

@@ -62,15 +62,20 @@ def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface)
     return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *looked})
 
 
-def first_state(launched: Launched, halves: Halves, interface: Interface, end: float) -> CoupledState:
-    """Both halves initialised for a run of `end` seconds, and what they tell each other then."""
+def first_state(launched: Launched, halves: Halves, interface: Interface, end: float,
+                loads: Mapping[str, Mapping[str, float]] | None = None) -> CoupledState:
+    """Both halves initialised for a run of `end` seconds, and what they tell each other then.
+
+    loads : half -> name of an input -> value at the start, where it is not the one that the half has by itself.
+    """
     thermal, mechanical = launched.thermal, launched.mechanical
     n_s = len(interface.contact_nodes)
     link = {"contact.link": launched.link}
-    first = thermal.initialise(0.0, end, link, {"x": interface.nodes}, [
+    own = {side: {n: np.array(v) for n, v in (loads or {}).get(side, {}).items()} for side in ("thermal", "mechanical")}
+    first = thermal.initialise(0.0, end, link, {"x": interface.nodes} | own["thermal"], [
         "T", *(n for n in ("f_s",) if n in halves.thermal_outputs)])
     given = {n: v for n, v in first.items() if n in mechanical.blocks}
-    out = mechanical.initialise(0.0, end, link, given, [
+    out = mechanical.initialise(0.0, end, link, given | own["mechanical"], [
         n for n in halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
     now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
                 out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)),

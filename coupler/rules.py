@@ -19,8 +19,8 @@ from coupler.rule_actions import applied
 from coupler.rule_words import did, looked_at
 from coupler.settings import Settings
 
-__all__ = ["Fired", "Firing", "Memory", "Past", "Rule", "alone", "fire", "fire_failed", "first_memory",
-           "first_settings", "retried", "value", "wanted"]
+__all__ = ["Fired", "Firing", "Memory", "Past", "Rule", "alone", "fire", "fire_failed", "first_loads",
+           "first_memory", "first_settings", "retried", "value", "wanted"]
 
 # Monitors that a window which failed has too; without one of them a rule does not look at it.
 OF_FAILURE = frozenset({"failures", "thermal.status", "mechanical.status"})
@@ -89,6 +89,15 @@ def wanted(rules: Sequence[Rule]) -> tuple[str, ...]:
 def first_memory(rules: Sequence[Rule], monitors: Mapping[str, float]) -> Memory:
     """Before the first window.  monitors : those known at the start ("t", probes), from which changes count."""
     return Memory(last=dict(monitors), drives={r.name: begun(r.drive) for r in rules if r.drive})
+
+
+def first_loads(rules: Sequence[Rule]) -> dict[str, dict[str, float]]:
+    """half -> name of an input -> the first value of its drive: what a half must be given to start in equilibrium."""
+    loads: dict[str, dict[str, float]] = {}
+    for rule in rules:
+        if rule.drive:
+            loads.setdefault(rule.drive.half, {})[rule.drive.name] = rule.drive.first
+    return loads
 
 
 def first_settings(rules: Sequence[Rule], settings: Settings) -> Settings:

@@ -92,7 +92,8 @@ class Run:
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._moments = Moments(self.halves)
             self._watched = Watched(interface, self.halves.mechanical_outputs)
-            self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end), self.plan)
+            self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
+                                         rules.first_loads(self.plan.rules)), self.plan)
             if self._since is not None:
                 self._take_up(self._since, both)
             self._recorder = Recorder(self.out, self._header(), interface,

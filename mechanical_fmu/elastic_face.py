@@ -12,6 +12,7 @@ from mechanical_fmu.advance import Found
 from mechanical_fmu.contact_forces import contact_outputs, contact_variables
 from mechanical_fmu.drive import NOT_GIVEN, Drive, between
 from mechanical_fmu.elastic_state import ElasticState
+from mechanical_fmu.flow_strain import flow_outputs, flow_variables
 from mechanical_fmu.heat import moved_heat
 from mechanical_fmu.system import Loading, System
 from mechanical_fmu.volume import Step, von_mises
@@ -57,6 +58,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                Variable("cuts", description="pieces of the step beyond the first")]
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
                 for name in interface.bodies]
+    outputs += flow_variables(system)
     if makes_heat(system):
         outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep"))
     if spec.adiabatic:
@@ -96,6 +98,7 @@ def outputs_of(system: System, found: Found, moved: Moved, state: ElasticState) 
             outputs[f"reaction.{name}"] = held[point]
     if system.spec.skip is not None:
         outputs["skipped"] = float(state.all_skipped)
+    outputs |= flow_outputs(system, Step(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
         outputs |= contact_outputs(balance.tractions, system.contact.slips)

@@ -198,7 +198,8 @@ class ElasticHalf:
     def _skipped_outputs(self, state: ElasticState) -> dict[str, Value]:
         out: dict[str, Value] = {"skipped": float(state.all_skipped), "iterations": 0.0, "cuts": 0.0,
                                  "max_strain_increment": 0.0}
-        made = {v.name: np.zeros(v.shape) for v in self.variables if v.name in ("E_M", "E_S")}
+        made: dict[str, Value] = {v.name: np.zeros(v.shape) for v in self.variables if v.name in ("E_M", "E_S")}
+        made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
         return out | made
 
     def _dt_stable(self, balance: Balance, loading: Loading) -> float:

@@ -19,6 +19,7 @@ from coupler.report.heat import depth_of, heat_picture, heat_table
 from coupler.report.rules import rules_that_fired
 from coupler.report.snapshots import field_pictures
 from coupler.report.units import duration
+from coupler.report.watched import watched_pictures
 from coupler.report.work import asked, iterates_picture, shares, shares_picture, windows_picture
 from coupler.results import Results
 
@@ -80,7 +81,8 @@ def render(results: Results) -> str:
         errors=errors_picture(results), windows=windows_picture(results),
         iterates=iterates_picture(results), shares=parts, asked=asked(results),
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
-        rejected_count=rejected_count, rules=rules_that_fired(results), notes=[*_notes(results), *remarks],
+        rejected_count=rejected_count, rules=rules_that_fired(results), watched=watched_pictures(results),
+        notes=[*_notes(results), *remarks],
         versions=results.header["versions"], scenario=results.header["scenario"]["text"],
         resolved=_resolved(results), file=results.path.name,
         field_files=[p.name for p in results.field_files.values()])

@@ -1,0 +1,1 @@
+"""Advice: how little of a scene's model its user needs, found by running the scene without this and without that."""

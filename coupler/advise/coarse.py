@@ -1,0 +1,78 @@
+"""What trials are run with: few cells, few windows, probes of what a simpler model would miss."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from coupler.advise.edit import Edit, Tree, at
+from coupler.scenario.document import Key
+
+# A body of a trial has no more cells than this; shapes and layers stay as they are.
+CELLS = 64
+# Windows are made longer while there are more than this, but never by more than cells are: what bounds a window, heat
+# crossing a cell or an edge passing it, grows with the cell.
+WINDOWS = 400
+NEVER = 1_000_000_000
+OWN = "advise."  # probes of our own begin so
+
+
+def mesh_factor(tree: Tree, cells: int = CELLS) -> float:
+    """The factor on cells along an edge with which no body has more than so many; 1 where nothing can be coarsened."""
+    factor = 1.0
+    for body in tree["bodies"].values():
+        if (n := at(body, ("mesh", "rectangle", "cells"))) is not None:
+            power = 1.0 if min(n) == 1 else 0.5
+            factor = min(factor, (cells / (n[0] * n[1])) ** power)
+    return factor
+
+
+def meshed(tree: Tree, factor: float) -> Edit:
+    """`factor` times as many cells along every edge.  Even counts stay even, so that midpoints stay nodes."""
+    put: dict[Key, Any] = {}
+    for name, body in tree["bodies"].items():
+        n = at(body, ("mesh", "rectangle", "cells"))
+        if n is not None and factor != 1.0:
+            put["bodies", name, "mesh", "rectangle", "cells"] = [_count(int(k), factor) for k in n]
+    return Edit(put)
+
+
+def _count(n: int, factor: float) -> int:
+    step = 2 if n % 2 == 0 else 1
+    return n if n <= 2 else max(round(n * factor / step) * step, 2)
+
+
+def cells_of(tree: Tree) -> int:
+    """Cells of all rectangles."""
+    found = (at(body, ("mesh", "rectangle", "cells")) for body in tree["bodies"].values())
+    return sum(int(n[0]) * int(n[1]) for n in found if n is not None)
+
+
+def windows_factor(count: int, mesh: float) -> float:
+    """The factor on windows for a scenario of so many, meshed by this factor: a power of 2."""
+    longer = 2.0 ** math.ceil(math.log2(max(count / WINDOWS, 1.0)))
+    return min(longer, 2.0 ** math.floor(math.log2(1.0 / mesh)))
+
+
+def timed(tree: Tree, factor: float) -> Edit:
+    """Windows `factor` times as long, none longer than its range; nothing where windows find their own size."""
+    ranges = at(tree, ("coupling", "windows"))
+    if ranges is None or factor == 1.0:
+        return Edit()
+    start, scaled = 0.0, []
+    for r in ranges:
+        length = r["until"] - start
+        scaled.append({k: v if k == "until" else min(v * factor, length) for k, v in r.items()})
+        start = r["until"]
+    return Edit({("coupling", "windows"): scaled})
+
+
+def lean(tree: Tree) -> Edit:
+    """No fields, no checkpoints; probes of pressure and place at every pair."""
+    put: dict[Key, Any] = {("output", "fields"): {"every": NEVER}, ("output", "checkpoint"): None}
+    for name, pair in tree.get("contact", {}).items():
+        side = pair["slave"]
+        for what, probe in (("p.max", {"p": {"max": side}}), ("p.mean", {"p": {"mean": side}}),
+                            ("u_x", {"u_x": {"mean": side}}), ("u_y", {"u_y": {"mean": side}})):
+            put["probes", f"{OWN}{name}.{what}"] = probe
+    return Edit(put)
