@@ -29,10 +29,10 @@ from small_scenes import CLOSING  # noqa: E402
 from true_error import Window, windows  # noqa: E402
 
 from coupler import load_scenario  # noqa: E402
-from coupler.level import Scheme  # noqa: E402
 from coupler.runner import Run  # noqa: E402
-from coupler.schedule import WindowRange, schedule  # noqa: E402
-from coupler.window import wanted_outputs  # noqa: E402
+from coupler.schemes.level import Scheme  # noqa: E402
+from coupler.schemes.schedule import WindowRange, schedule  # noqa: E402
+from coupler.schemes.window import wanted_outputs  # noqa: E402
 
 FACTOR, FLOORS = 3.0, 10.0
 # Errors below these are round-off of the halves: T [K], gap and x [m], heat [J].

@@ -63,14 +63,14 @@ class Stopwatch:
 @contextmanager
 def cpu_clock() -> Iterator[None]:
     """Make the coupler's own columns of seconds CPU seconds: on a busy machine elapsed time measures the others."""
-    import coupler.fmi
+    import coupler.fmu.fmi
 
-    plain, coupler.fmi.perf_counter = time.perf_counter, time.process_time
+    plain, coupler.fmu.fmi.perf_counter = time.perf_counter, time.process_time
     time.perf_counter = time.process_time
     try:
         yield
     finally:
-        time.perf_counter = coupler.fmi.perf_counter = plain
+        time.perf_counter = coupler.fmu.fmi.perf_counter = plain
 
 
 @contextmanager

@@ -36,7 +36,7 @@ from scene import (
 )
 
 from coupler import Run
-from coupler.control import Tried, windows
+from coupler.control.loop import Tried, windows
 
 BATCH = 12  # windows between two runs of CalculiX
 SETTLE = 3  # windows after the start of the slide that are left out: the first is damped, the next have no history

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TypedDict, Unpack
 
-from coupler.control_state import ControlState
+from coupler.control.state import ControlState
 from coupler.errors import ScenarioError
-from coupler.iteration import Iteration
-from coupler.level import Scheme
-from coupler.rule import Rule
-from coupler.rules_fit import unfit
-from coupler.window import Halves
+from coupler.rules.fit import unfit
+from coupler.rules.model import Rule
+from coupler.schemes.iteration import Iteration
+from coupler.schemes.level import Scheme
+from coupler.schemes.window import Halves
 
 METHOD, SIDES = "control.method", ("thermal", "mechanical")
 

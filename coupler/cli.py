@@ -19,20 +19,20 @@ from coupler.advise.advise import Options, advise
 from coupler.advise.coarse import CELLS
 from coupler.advise.show import TrialLine
 from coupler.console import ProgressLine, summary
+from coupler.control.pilot import is_quick
+from coupler.control.pilot import pilot as pilot_run
+from coupler.control.plan import Plan
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
-from coupler.launch import build_halves
+from coupler.fmu.launch import build_halves
 from coupler.outset import plan_of
-from coupler.pilot import is_quick
-from coupler.pilot import pilot as pilot_run
-from coupler.plan import Plan
+from coupler.record.results import Results
+from coupler.record.resume import resume, resumed
+from coupler.record.target import check_target
 from coupler.report import write_report
-from coupler.results import Results
-from coupler.resume import resume, resumed
-from coupler.rules_replay import rules_report
+from coupler.rules.replay import rules_report
 from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario, parse_override
-from coupler.target import check_target
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
 

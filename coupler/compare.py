@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
-from coupler.results import Results
+from coupler.record.results import Results
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from coupler.errors import ScenarioError
-from coupler.launch import make_folder
+from coupler.fmu.launch import make_folder
 from coupler.progress import Progress
+from coupler.record.results import Results
 from coupler.report import write_report
-from coupler.results import Results
 from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario
 

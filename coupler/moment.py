@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from coupler.checkpoint import Told
-from coupler.control_state import Committed
+from coupler.control.plan import Plan
+from coupler.control.state import Committed
 from coupler.errors import CouplingError
-from coupler.half import Half
-from coupler.plan import Plan
-from coupler.window import Halves
+from coupler.fmu.half import Half
+from coupler.record.checkpoint import Told
+from coupler.schemes.window import Halves
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,21 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.account import HEATS, EnergyAccount
-from coupler.adiabatic import check_adiabatic
+from coupler.control.monitor_names import outputs
+from coupler.control.plan import Locate, Plan
+from coupler.control.sights import looked_at, places_of
 from coupler.errors import HalfError
-from coupler.half import Half
-from coupler.launch import Launched
-from coupler.level import Level, Scheme
-from coupler.measure import measure
-from coupler.monitor_names import outputs
-from coupler.plan import Locate, Plan
-from coupler.rules import wanted
-from coupler.rules_fit import schemes_of, unfit
+from coupler.fmu.half import Half
+from coupler.fmu.launch import Launched
+from coupler.record.measure import measure
+from coupler.rules.engine import wanted
+from coupler.rules.fit import schemes_of, unfit
 from coupler.scenario import Scenario
-from coupler.schedule import schedule
-from coupler.sights import looked_at, places_of
-from coupler.window import CoupledState, Halves, wanted_outputs
+from coupler.schemes.account import HEATS, EnergyAccount
+from coupler.schemes.adiabatic import check_adiabatic
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import schedule
+from coupler.schemes.window import CoupledState, Halves, wanted_outputs
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from coupler.control import Tried
-from coupler.ledger import Ledger
-from coupler.window import Verdict
+from coupler.control.loop import Tried
+from coupler.record.ledger import Ledger
+from coupler.schemes.window import Verdict
 
 # The time left is told from the pace of this many windows: some windows cost ten times others.
 PACE = 50

@@ -15,29 +15,29 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler import rules
-from coupler.account import HEATS
 from coupler.changes import Changes, changed
-from coupler.checkpoint import Checkpoint, Told
-from coupler.control import Tried, finished, step
-from coupler.control_state import Committed, first
+from coupler.control.loop import Tried, finished, step
+from coupler.control.state import Committed, first
 from coupler.errors import CouplingError
-from coupler.half import Half
+from coupler.fmu.half import Half
+from coupler.fmu.launch import launch
 from coupler.interrupt import Interrupts
-from coupler.keeper import Keeper, put_back, versions
-from coupler.launch import launch
-from coupler.ledger import Ledger
-from coupler.measure import measure
 from coupler.moment import Moment, Moments
 from coupler.outset import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
 from coupler.progress import Pace, Progress, Standing, progress
-from coupler.recorder import Recorder, Words
-from coupler.results import Results
+from coupler.record.checkpoint import Checkpoint, Told
+from coupler.record.keeper import Keeper, put_back, versions
+from coupler.record.ledger import Ledger
+from coupler.record.measure import measure
+from coupler.record.recorder import Recorder, Words
+from coupler.record.results import Results
+from coupler.record.target import check_target
+from coupler.record.watched import Watched
+from coupler.rules import engine as rules
 from coupler.scenario import Scenario
 from coupler.scenario.output import SAME, Frames
-from coupler.target import check_target
-from coupler.watched import Watched
-from coupler.window import CoupledState
+from coupler.schemes.account import HEATS
+from coupler.schemes.window import CoupledState
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Run:
 
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
-    since : the checkpoint to go on from (coupler.resume.resumed finds it).
+    since : the checkpoint to go on from (coupler.record.resume.resumed finds it).
     Ctrl-C ends the run after the window in hand; a second one at once.
 
     Between windows: `monitors()` shows the last one tried, `change(...)` changes how the next ones are solved,

@@ -17,7 +17,7 @@ from coupler.advise.weigh import parse_goal
 from coupler.advise.words import advice, summary
 from coupler.advise.write import advised, text_of, write
 from coupler.errors import ScenarioError
-from coupler.launch import make_folder
+from coupler.fmu.launch import make_folder
 from coupler.scenario.load import load_scenario
 from coupler.scenario.override import apply_overrides
 from coupler.scenario.reading import read_document

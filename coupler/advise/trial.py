@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
 from coupler.advise.edit import Edit, edited
-from coupler.beside import part_of
 from coupler.errors import CouplingError, HalfError, ResultsError, ScenarioError
-from coupler.halves import known_halves
-from coupler.results import Results
+from coupler.fmu.halves import known_halves
+from coupler.record.beside import part_of
+from coupler.record.results import Results
 from coupler.runner import Run
 from coupler.scenario import Scenario
 from coupler.scenario.document import Document

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from coupler.advise.coarse import OWN
 from coupler.advise.trial import Trial
 from coupler.errors import ScenarioError
-from coupler.results import UNITS
+from coupler.record.results import UNITS
 from coupler.scenario.quantity import did_you_mean
 
 Array = NDArray[np.float64]

@@ -16,8 +16,8 @@ from coupler.advise.coarse import meshed, timed
 from coupler.advise.edit import Edit, at, edited
 from coupler.advise.known import Known, edits_of
 from coupler.advise.ladder import iterated
-from coupler.beside import part_of
 from coupler.errors import ResultsError
+from coupler.record.beside import part_of
 from coupler.scenario.document import Document
 from coupler.scenario.reading import document_from
 

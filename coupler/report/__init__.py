@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from coupler.results import Results
+from coupler.record.results import Results
 
 
 def write_report(results: Results, path: Path) -> Path:

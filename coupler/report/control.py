@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from coupler.record.results import Results
 from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
 from coupler.report.units import number
-from coupler.results import Results
 
 # A window shorter than this share of the one before has a reason worth reading.
 SHORT = 1.0 / 3.0

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from coupler.record.results import Results
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import Picture, axes_of, legend_below, line_style, new_figure, plain, svg
 from coupler.report.units import Shown, counted, number, shown
-from coupler.results import Results
 
 Array = NDArray[np.float64]
 

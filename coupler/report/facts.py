@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from coupler.account import HEATS
+from coupler.record.results import Results, iteration_words
 from coupler.report.units import counted, duration, number, shown
-from coupler.results import Results, iteration_words
+from coupler.schemes.account import HEATS
 
 LISTED_AT_MOST = 100
 

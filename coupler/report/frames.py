@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.vtkhdf import FieldReader
+from coupler.record.vtkhdf import FieldReader
 
 Array = NDArray[np.float64]
 

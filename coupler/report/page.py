@@ -12,6 +12,7 @@ from pathlib import Path
 from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
+from coupler.record.results import Results
 from coupler.report.control import choices, errors_picture, event_rows, short_windows
 from coupler.report.curves import probe_pictures
 from coupler.report.facts import banner, rejected_windows, scenario_facts, summary
@@ -21,7 +22,6 @@ from coupler.report.snapshots import field_pictures
 from coupler.report.units import duration
 from coupler.report.watched import watched_pictures
 from coupler.report.work import asked, iterates_picture, shares, shares_picture, windows_picture
-from coupler.results import Results
 
 TEMPLATE = "page.html.j2"
 

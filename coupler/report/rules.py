@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from coupler.record.results import Firing, Results
 from coupler.report.units import number
-from coupler.results import Firing, Results
 
 # A drive fires in every window: the first and the last of many tell enough.
 LISTED_FIRST, LISTED_LAST = 8, 2

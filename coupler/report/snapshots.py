@@ -16,12 +16,12 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
+from coupler.record.results import Results
+from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import kinks_of
 from coupler.report.frames import choose, progress
 from coupler.report.picture import INK, Picture, new_figure, png
 from coupler.report.units import Shown, number, shown
-from coupler.results import Results
-from coupler.vtkhdf import FieldReader
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.record.results import Results
 from coupler.report.curves import LOW, kinks_of
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import Picture, axes_of, line_style, new_figure, plain, svg
 from coupler.report.units import number
-from coupler.results import Results
 
 Array = NDArray[np.float64]
 

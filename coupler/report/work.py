@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from coupler.record.results import Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
 from coupler.report.units import number
-from coupler.results import Results
 
 
 @dataclass(frozen=True)

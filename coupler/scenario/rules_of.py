@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from coupler import monitor_names
-from coupler.rule import Action, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
-from coupler.rule import Change as NewValue
+from coupler.control import monitor_names
+from coupler.rules.model import Action, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
+from coupler.rules.model import Change as NewValue
 from coupler.scenario.context import Context
 from coupler.scenario.document import Key
 from coupler.scenario.kinds import OWN

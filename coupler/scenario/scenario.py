@@ -10,7 +10,7 @@ from typing import Any
 
 from contact.half.interface import Interface, write_interface
 from contact.half.signal import Signal
-from coupler.rule import Rule
+from coupler.rules.model import Rule
 from coupler.scenario.contact_notes import contact_notes
 from coupler.scenario.output import Output
 from coupler.scenario.probes import Probe

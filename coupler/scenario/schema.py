@@ -6,8 +6,7 @@ from enum import StrEnum
 
 from pydantic import Field, model_validator
 
-from coupler.level import Scheme
-from coupler.plan import OnCycle
+from coupler.control.plan import OnCycle
 from coupler.scenario.base import Part, SignalSpec, exactly_one
 from coupler.scenario.quantity import DottedName, Name, NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.schema_contact import ContactPair
@@ -19,6 +18,7 @@ from coupler.scenario.schema_rules import RuleSpec
 from coupler.scenario.schema_scene import Body
 from coupler.scenario.schema_study import Study
 from coupler.scenario.schema_thermal import Thermal
+from coupler.schemes.level import Scheme
 
 FORMAT_VERSION = 1
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import model_validator
 
-from coupler.plan import Adaptive as Sizes
+from coupler.control.plan import Adaptive as Sizes
 from coupler.scenario.base import Part
 from coupler.scenario.quantity import NotNegative, Positive, problem
 from coupler.scenario.schema_tolerance import ErrorTolerances

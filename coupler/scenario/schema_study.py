@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import Field, field_validator, model_validator
 
-from coupler.level import Scheme
 from coupler.scenario.base import Part
 from coupler.scenario.quantity import DottedName, NotNegative, Number, Text, Whole, problem
+from coupler.schemes.level import Scheme
 
 Values = tuple[Any, ...]
 

@@ -1,11 +1,11 @@
-"""The scenario file's `coupling.adaptive.tolerance`; defaults and their reasons are those of coupler.tolerance."""
+"""The scenario file's `coupling.adaptive.tolerance`; defaults and reasons are those of coupler.control.tolerance."""
 
 from __future__ import annotations
 
-from coupler.iteration import Tolerance
+from coupler.control.tolerance import ErrorTolerances as Method
 from coupler.scenario.base import Part
 from coupler.scenario.quantity import NotNegative, Positive
-from coupler.tolerance import ErrorTolerances as Method
+from coupler.schemes.iteration import Tolerance
 
 DEFAULT = Method()
 

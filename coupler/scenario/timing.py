@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from coupler.iteration import Iteration
-from coupler.level import Scheme
-from coupler.plan import Adaptive, OnCycle
+from coupler.control.plan import Adaptive, OnCycle
 from coupler.scenario.convert import jumps_in, kinks_in
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import Coupling as CouplingSpec
 from coupler.scenario.schema import Windows
-from coupler.schedule import WindowRange
+from coupler.schemes.iteration import Iteration
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange
 
 # More windows than this is a misplaced decimal point: a run of days that nobody meant.
 MAX_WINDOWS = 5_000_000
@@ -31,7 +31,7 @@ class Coupling:
     the chosen halves use.  bends : those of them where only thermal data change slope: no half need restart damped,
     which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
     iteration : of the scheme `iterated`.  adaptive : of windows that find their own size; then windows is one range.
-    locate, event_tolerance [s] : of events; 0: as coupler.events says.  steady [K/s]: 0: never stop for that.
+    locate, event_tolerance [s] : of events; 0: as coupler.control.events says.  steady [K/s]: 0: never stop for that.
     """
 
     scheme: Scheme

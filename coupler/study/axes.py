@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from coupler.errors import ScenarioError
-from coupler.level import Scheme
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.schema_tolerance import ErrorTolerances
+from coupler.schemes.level import Scheme
 
 Tree = Mapping[str, Any]  # a scenario's values, as the file has them
 Sets = dict[str, Any]  # dotted key -> value

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from coupler.errors import CouplingError, HalfError
-from coupler.results import Results
+from coupler.record.results import Results
 from coupler.runner import run
 from coupler.scenario.load import scenario_from
 

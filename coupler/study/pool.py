@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
-from coupler.children import environment, python
+from coupler.fmu.children import environment, python
 from coupler.study.cell import FAILED, Job, Outcome, outcome_from
 
 WORKER = [*python(), "-m", "coupler.study.worker"]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from coupler.errors import ResultsError, ScenarioError
-from coupler.results import Results
+from coupler.record.results import Results
 from coupler.study.cell import Outcome
 
 Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from contact.half.build import package_directory
 from contact.half.entry import sources_hash
-from coupler.beside import part_of
 from coupler.errors import ResultsError
-from coupler.halves import known_halves
-from coupler.keeper import versions
+from coupler.fmu.halves import known_halves
+from coupler.record.beside import part_of
+from coupler.record.keeper import versions
 from coupler.scenario import Scenario
 from coupler.study.cell import Outcome, outcome_from
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from coupler.beside import part_of
 from coupler.errors import ResultsError
+from coupler.record.beside import part_of
 from coupler.scenario.document import Document
 from coupler.scenario.override import apply_overrides
 from coupler.study.plan import Planned

@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from coupler import Results
-from coupler.vtkhdf import FieldReader
+from coupler.record.vtkhdf import FieldReader
 
 SNAPSHOTS = (2500.0, 12500.0, 13636.0, 15000.0)  # s: far apart, pressed, half way off, parted
 COLOURS = {"left": "#0072B2", "centre": "#D55E00", "right": "#009E73"}

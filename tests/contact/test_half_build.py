@@ -68,7 +68,7 @@ LOAD = """
     import sys
     from pathlib import Path
     {before}
-    from coupler.fmi import load_half
+    from coupler.fmu.fmi import load_half
     from coupler.errors import HalfError
     try:
         half = load_half(Path(sys.argv[1]), Path(sys.argv[2]), "toy")

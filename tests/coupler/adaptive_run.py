@@ -8,12 +8,12 @@ from typing import Any
 from coupled_run import start
 from fake_halves import FakeHalf, gap_of, lumped, shrinking
 
-from coupler.control import Plan, Tried, windows
-from coupler.ledger import Ledger
-from coupler.level import Scheme
-from coupler.plan import Adaptive
-from coupler.schedule import WindowRange, schedule
-from coupler.window import wanted_outputs
+from coupler.control.loop import Plan, Tried, windows
+from coupler.control.plan import Adaptive
+from coupler.record.ledger import Ledger
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import wanted_outputs
 
 END = 20.0
 EXACT_E8 = 831.7186022526  # K, verification.md E8

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coupler.half import Block
-from coupler.window import CoupledState
+from coupler.fmu.half import Block
+from coupler.schemes.window import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import start

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from coupler.account import EnergyAccount
-from coupler.control import Plan, Tried, windows
-from coupler.iteration import Iteration
-from coupler.level import Level, Scheme
-from coupler.schedule import WindowRange, schedule
-from coupler.window import CoupledState, wanted_outputs
+from coupler.control.loop import Plan, Tried, windows
+from coupler.schemes.account import EnergyAccount
+from coupler.schemes.iteration import Iteration
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import CoupledState, wanted_outputs
 
 
 def start(T: float, x: float, *t_N: float) -> CoupledState:

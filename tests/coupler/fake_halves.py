@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import brentq
 
-from coupler.half import Advance, Block, Status
+from coupler.fmu.half import Advance, Block, Status
 
 C, G, T_S, T_W, K_G, G_M = 82500.0, 5000.0, 933.0, 400.0, 0.06, 10e-6
 

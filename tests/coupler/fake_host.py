@@ -1,4 +1,4 @@
-"""A program like coupler.host around a half that needs no FMU: x follows the gap that contact reports."""
+"""A program like coupler.fmu.host around a half that needs no FMU: x follows the gap that contact reports."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from contact.link import LinkError, open_link
 from contact.wire import Passes, Project, Register, Registered
 from coupler.errors import HalfError
-from coupler.half import Advance, Block, Status
-from coupler.host import main
+from coupler.fmu.half import Advance, Block, Status
+from coupler.fmu.host import main
 
 
 class Toy:

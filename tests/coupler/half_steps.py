@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from contact.codec import encode_record
-from coupler.half import Half, Status
+from coupler.fmu.half import Half, Status
 
 TIMES = (0.0, 9000.0, 11000.0, 11300.0, 13000.0)  # s of the sliding blocks: apart, closing, pressed, sliding
 OUTPUTS = ("x", "contact.t_N", "contact.gap", "contact.covered")
@@ -36,6 +36,6 @@ def steps(half: Half, link: str) -> bytes:
 
 
 if __name__ == "__main__":
-    from coupler.fmi import load_half
+    from coupler.fmu.fmi import load_half
 
     Path(sys.argv[3]).write_bytes(steps(load_half(Path(sys.argv[1]), None, "mechanical"), sys.argv[2]))

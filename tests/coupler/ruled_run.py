@@ -8,13 +8,13 @@ import numpy as np
 from coupled_run import start
 from fake_halves import T_IN, T_OUT, X_IN, X_OUT, FakeHalf, blocks_of
 
-from coupler.control import Plan, Tried, windows
-from coupler.half import Block
-from coupler.iteration import Iteration
-from coupler.level import Scheme
-from coupler.rules import Rule, wanted
-from coupler.schedule import WindowRange, schedule
-from coupler.window import wanted_outputs
+from coupler.control.loop import Plan, Tried, windows
+from coupler.fmu.half import Block
+from coupler.rules.engine import Rule, wanted
+from coupler.schemes.iteration import Iteration
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import wanted_outputs
 
 
 def scalar(name: str, causality: str, unit: str = "1") -> Block:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from contact.half.interface import Interface, Pair
-from coupler.account import EnergyAccount
-from coupler.ledger import Ledger
-from coupler.level import Level
-from coupler.recorder import Recorder
-from coupler.results import Results
-from coupler.window import CoupledState, Solved, Verdict, Work
+from coupler.record.ledger import Ledger
+from coupler.record.recorder import Recorder
+from coupler.record.results import Results
+from coupler.schemes.account import EnergyAccount
+from coupler.schemes.level import Level
+from coupler.schemes.window import CoupledState, Solved, Verdict, Work
 
 L, GAP, END = 0.0762, 0.0508, 25000.0
 KINKS = (2500.0, 9900.0, 10000.0, 12500.0, 14772.727272727272, 15000.0)

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.account import EnergyAccount, share_of
-from coupler.control import Plan, windows
-from coupler.half import Block
-from coupler.level import Level, Scheme
+from coupler.control.loop import Plan, windows
+from coupler.fmu.half import Block
 from coupler.outset import accounts_of, what_is_missing
-from coupler.schedule import WindowRange, schedule
-from coupler.window import CoupledState, wanted_outputs
+from coupler.schemes.account import EnergyAccount, share_of
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import CoupledState, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf

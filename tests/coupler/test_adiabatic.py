@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.account import EnergyAccount
-from coupler.adiabatic import with_mode
 from coupler.errors import HalfError
-from coupler.half import Block
-from coupler.level import Level, Scheme
-from coupler.window import CoupledState
+from coupler.fmu.half import Block
+from coupler.schemes.account import EnergyAccount
+from coupler.schemes.adiabatic import with_mode
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.window import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

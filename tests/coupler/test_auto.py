@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from contact.messages import decode, encode, kinds_of
-from coupler import auto
-from coupler.auto import SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
-from coupler.iteration import Acceleration, Iteration, Seen, Tolerance, Tolerances
-from coupler.level import Scheme
-from coupler.window import Course, Solved, Verdict, Work
+from coupler.control import auto
+from coupler.control.auto import SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
+from coupler.schemes.iteration import Acceleration, Iteration, Seen, Tolerance, Tolerances
+from coupler.schemes.level import Scheme
+from coupler.schemes.window import Course, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

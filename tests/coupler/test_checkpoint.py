@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from contact.codec import WireError
-from coupler import checkpoint as module
-from coupler.checkpoint import Checkpoint, Origin, from_bytes, read_checkpoint, to_bytes, write_checkpoint
 from coupler.errors import ResultsError
+from coupler.record import checkpoint as module
+from coupler.record.checkpoint import Checkpoint, Origin, from_bytes, read_checkpoint, to_bytes, write_checkpoint
 
 sys.path.insert(0, str(Path(__file__).parent))
 from filled import differences, filled

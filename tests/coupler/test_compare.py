@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from coupler.cli import app
 from coupler.compare import compare
 from coupler.errors import ResultsError
+from coupler.record.results import Results
 from coupler.report.comparison import sentence, write_comparison
-from coupler.results import Results
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, write_run

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control import windows
-from coupler.control_state import ControlState, first
-from coupler.cutting import MAX_TRIES
+from coupler.control.cutting import MAX_TRIES
+from coupler.control.loop import windows
+from coupler.control.plan import Adaptive, OnCycle
+from coupler.control.proposal import propose
+from coupler.control.settings import Settings
+from coupler.control.state import ControlState, first
+from coupler.control.tolerance import ErrorTolerances
 from coupler.errors import CouplingError
-from coupler.iteration import Tolerance
-from coupler.level import Scheme
-from coupler.plan import Adaptive, OnCycle
-from coupler.proposal import propose
-from coupler.rule import Retry, Rule, Stop, Test, When
-from coupler.schedule import Schedule
-from coupler.scheme import thermal_first
-from coupler.settings import Settings
-from coupler.tolerance import ErrorTolerances
-from coupler.window import Span, Verdict, wanted_outputs
+from coupler.rules.model import Retry, Rule, Stop, Test, When
+from coupler.schemes.iteration import Tolerance
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import Schedule
+from coupler.schemes.scheme import thermal_first
+from coupler.schemes.window import Span, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from adaptive_run import END, EXACT_E8, SIZES, ledger_of, plan_to, tries

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.account import EnergyAccount
-from coupler.control import Plan, windows
+from coupler.control.loop import Plan, windows
 from coupler.errors import CouplingError
-from coupler.ledger import Ledger
-from coupler.level import Level, Scheme
 from coupler.outset import what_is_missing, without_checkpoints
-from coupler.schedule import WindowRange, schedule
-from coupler.window import CoupledState, Verdict, wanted_outputs
+from coupler.record.ledger import Ledger
+from coupler.schemes.account import EnergyAccount
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import CoupledState, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import gap_of, lumped, shrinking

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control import Plan, Tried, windows
-from coupler.level import Scheme
-from coupler.plan import OnCycle
-from coupler.schedule import WindowRange, schedule
-from coupler.window import Verdict, wanted_outputs
+from coupler.control.loop import Plan, Tried, windows
+from coupler.control.plan import OnCycle
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

@@ -8,7 +8,7 @@ import pytest
 
 from coupler.demo import SCENARIO, run_demo, shipped_scenarios
 from coupler.errors import ScenarioError
-from coupler.launch import build_halves
+from coupler.fmu.launch import build_halves
 from coupler.scenario import load_scenario
 
 

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from coupler.description import read_description
 from coupler.errors import HalfError
+from coupler.fmu.description import read_description
 
 XML = """<fmiModelDescription fmiVersion="{version}" guid="g" generationTool="by hand">
 {cs}<ModelVariables>{variables}</ModelVariables></fmiModelDescription>"""

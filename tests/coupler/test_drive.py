@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from coupler.drive import begun, driven
-from coupler.rule import Drive, Rule
+from coupler.rules.drive import begun, driven
+from coupler.rules.model import Drive, Rule
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import T_IN, X_OUT, FakeHalf, blocks_of

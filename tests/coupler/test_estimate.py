@@ -14,20 +14,20 @@ from coupled_run import start
 from fake_halves import gap_of, lumped, shrinking
 from true_error import ONE, windows
 
-from coupler import estimate
-from coupler.account import EnergyAccount
-from coupler.attempt import Kept, Way, solve
-from coupler.clock import Clock
-from coupler.control import windows as run_windows
-from coupler.doubling import doubled, halved
-from coupler.estimate import Memory
-from coupler.iteration import Iteration, Tolerance
-from coupler.level import Level, Scheme
-from coupler.plan import Adaptive, Plan
-from coupler.schedule import WindowRange, schedule
-from coupler.settings import Settings
-from coupler.tolerance import ErrorTolerances
-from coupler.window import CoupledState, Solved, Span, Verdict, Work, wanted_outputs
+from coupler.control import estimate
+from coupler.control.doubling import doubled, halved
+from coupler.control.estimate import Memory
+from coupler.control.loop import windows as run_windows
+from coupler.control.plan import Adaptive, Plan
+from coupler.control.settings import Settings
+from coupler.control.tolerance import ErrorTolerances
+from coupler.schemes.account import EnergyAccount
+from coupler.schemes.attempt import Kept, Way, solve
+from coupler.schemes.clock import Clock
+from coupler.schemes.iteration import Iteration, Tolerance
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import CoupledState, Solved, Span, Verdict, Work, wanted_outputs
 
 E8 = 831.7186022526  # K, of E4 from 840 K after 20 s
 

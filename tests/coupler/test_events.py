@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
-from coupler.control import Plan, Tried, windows
-from coupler.crossing import crossing
-from coupler.half import Block
-from coupler.level import Level, Scheme
-from coupler.plan import Locate
-from coupler.schedule import WindowRange, schedule
-from coupler.sights import SLIPPING, Place, Status, changed, places_of, seen
-from coupler.window import wanted_outputs
+from coupler.control.crossing import crossing
+from coupler.control.loop import Plan, Tried, windows
+from coupler.control.plan import Locate
+from coupler.control.sights import SLIPPING, Place, Status, changed, places_of, seen
+from coupler.fmu.half import Block
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from closing_rod import closing_rod

@@ -11,9 +11,9 @@ import pytest
 
 from coupler import Results, Run, ScenarioError, load_scenario, run
 from coupler.errors import CouplingError
+from coupler.record.resume import resume
 from coupler.report.page import render
-from coupler.resume import resume
-from coupler.rule import Rule, Stop, Test, When
+from coupler.rules.model import Rule, Stop, Test, When
 from coupler.scenario import Scenario
 
 sys.path.insert(0, str(Path(__file__).parent))

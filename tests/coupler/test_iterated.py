@@ -12,12 +12,12 @@ import pytest
 
 from coupler import Results, load_scenario, run
 from coupler.console import summary
-from coupler.control import Tried
+from coupler.control.loop import Tried
 from coupler.errors import CouplingError
-from coupler.iteration import Acceleration, Iteration, OnMax, Tolerance, Tolerances
-from coupler.level import Scheme
 from coupler.report.page import render
-from coupler.window import CoupledState, Verdict
+from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Tolerance, Tolerances
+from coupler.schemes.level import Scheme
+from coupler.schemes.window import CoupledState, Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

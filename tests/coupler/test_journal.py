@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.journal import _HEAD, MAGIC, Journal, Mark, being_written, read_journal
+from coupler.record.journal import _HEAD, MAGIC, Journal, Mark, being_written, read_journal
 
 RECORDS = [("run", {"title": "a"}, {"nodes": np.arange(6.0).reshape(3, 2)}),
            ("window", {"t": 1.0}, {"probes": np.array([1.0, 2.0])}),

@@ -14,10 +14,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from coupler import processes as module
-from coupler.children import python
+from coupler.fmu import processes as module
+from coupler.fmu.children import python
+from coupler.record.results import Results
 from coupler.report.page import render
-from coupler.results import Results
 from coupler.runner import Run
 from coupler.scenario import load_scenario
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from coupler.level import Scheme
-from coupler.pilot import Prediction, along
-from coupler.plan import Plan
-from coupler.predict import Feedback, feedback, limits
-from coupler.schedule import WindowRange, schedule
-from coupler.window import Span, wanted_outputs
+from coupler.control.pilot import Prediction, along
+from coupler.control.plan import Plan
+from coupler.control.predict import Feedback, feedback, limits
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import Span, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

@@ -22,10 +22,10 @@ from contact import zenoh_link
 from contact.client import ZenohLink
 from contact.link import ServiceDownError, open_link
 from contact.wire import Project, Registered
-from coupler.children import ChildError, python, start
 from coupler.errors import HalfError
-from coupler.half import Status
-from coupler.processes import Processes, processes
+from coupler.fmu.children import ChildError, python, start
+from coupler.fmu.half import Status
+from coupler.fmu.processes import Processes, processes
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))

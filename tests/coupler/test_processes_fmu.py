@@ -15,7 +15,7 @@ import pytest
 from contact.codec import decode_record
 from contact.link import ServiceDownError
 from coupler.errors import HalfError
-from coupler.processes import processes
+from coupler.fmu.processes import processes
 from coupler.scenario import load_scenario
 
 HERE = Path(__file__).parent

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.beside import journal_of
 from coupler.errors import ResultsError
+from coupler.record.beside import journal_of
+from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.report.curves import eventful
 from coupler.report.frames import choose
@@ -20,7 +21,6 @@ from coupler.report.kinks import spread
 from coupler.report.page import render
 from coupler.report.snapshots import outline
 from coupler.report.units import duration, number, shown
-from coupler.results import Results
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, blocks, record, write_run

@@ -13,13 +13,13 @@ import h5py
 import numpy as np
 import pytest
 
-import coupler.finish as finish_module
-from coupler.beside import journal_of
-from coupler.columns import WINDOW_FIELDS
+import coupler.record.finish as finish_module
 from coupler.errors import ResultsError
-from coupler.finish import finish
-from coupler.results import Results
-from coupler.vtkhdf import FieldReader
+from coupler.record.beside import journal_of
+from coupler.record.columns import WINDOW_FIELDS
+from coupler.record.finish import finish
+from coupler.record.results import Results
+from coupler.record.vtkhdf import FieldReader
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import (

@@ -14,14 +14,14 @@ import pytest
 
 from coupler import Results, run
 from coupler import cli as command_line
-from coupler import keeper as keeper_module
-from coupler.beside import checkpoint_of, journal_of, stopped_of
-from coupler.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes
 from coupler.errors import CouplingError, ResultsError
-from coupler.journal import Journal
-from coupler.keeper import versions
-from coupler.resume import resume, resumed
-from coupler.rule import Change, Rule, Substeps, Test, When
+from coupler.record import keeper as keeper_module
+from coupler.record.beside import checkpoint_of, journal_of, stopped_of
+from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes
+from coupler.record.journal import Journal
+from coupler.record.keeper import versions
+from coupler.record.resume import resume, resumed
+from coupler.rules.model import Change, Rule, Substeps, Test, When
 from coupler.runner import Run
 from coupler.scenario import Scenario, load_scenario
 

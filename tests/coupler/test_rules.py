@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from contact.messages import decode, encode, kinds_of
-from coupler import rules
-from coupler.control import Plan, windows
-from coupler.drive import Driven
+from coupler.control.loop import Plan, windows
+from coupler.control.plan import Adaptive, OnCycle
+from coupler.control.settings import Settings
 from coupler.errors import CouplingError
-from coupler.level import Scheme
-from coupler.plan import Adaptive, OnCycle
-from coupler.rule import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
-from coupler.rules import Memory, Past, fire, fire_failed
-from coupler.schedule import WindowRange, schedule
-from coupler.settings import Settings
-from coupler.window import Verdict, wanted_outputs
+from coupler.rules import engine as rules
+from coupler.rules.drive import Driven
+from coupler.rules.engine import Memory, Past, fire, fire_failed
+from coupler.rules.model import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.window import Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import start

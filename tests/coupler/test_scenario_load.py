@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from contact.half.interface import read_interface
-from coupler.level import Scheme
 from coupler.scenario import load_scenario
-from coupler.schedule import WindowRange
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import WindowRange
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, ROOT, load_text

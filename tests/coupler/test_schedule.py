@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coupler.clock import TICKS, clock_with_marks
-from coupler.schedule import WindowRange, geometric_sizes, schedule
+from coupler.schemes.clock import TICKS, clock_with_marks
+from coupler.schemes.schedule import WindowRange, geometric_sizes, schedule
 
 
 def test_marked_times_come_back_exactly():

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.cycle import Swing, Watch, note, swung, two_cycles
-from coupler.level import Level, Scheme, geometry_at, predicted
-from coupler.window import Verdict
+from coupler.control.cycle import Swing, Watch, note, swung, two_cycles
+from coupler.schemes.level import Level, Scheme, geometry_at, predicted
+from coupler.schemes.window import Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError, ScenarioError
-from coupler.level import Scheme
+from coupler.schemes.level import Scheme
 from coupler.study import grid_of, parse_axis, pool
 from coupler.study.cell import Job
 from coupler.study.chart import draw

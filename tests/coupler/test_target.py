@@ -11,13 +11,13 @@ from types import SimpleNamespace
 import h5py
 import pytest
 
-from coupler.beside import journal_of
 from coupler.errors import ResultsError
-from coupler.journal import Journal
-from coupler.recorder import Recorder
+from coupler.record.beside import journal_of
+from coupler.record.journal import Journal
+from coupler.record.recorder import Recorder
+from coupler.record.results import Results
+from coupler.record.target import check_target
 from coupler.report import write_report
-from coupler.results import Results
-from coupler.target import check_target
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, blocks, record, write_run

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.vtkhdf import FieldReader
+from coupler.record.vtkhdf import FieldReader
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, blocks, level, times_of, write_run

@@ -13,15 +13,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from coupler import estimate
-from coupler.attempt import Kept, Way, solve
-from coupler.doubling import doubled
-from coupler.iteration import Iteration, Tolerance, Tolerances
-from coupler.level import Scheme
-from coupler.schedule import Schedule
-from coupler.settings import Settings
-from coupler.tolerance import ErrorTolerances
-from coupler.window import CoupledState, Halves, Solved, Span
+from coupler.control import estimate
+from coupler.control.doubling import doubled
+from coupler.control.settings import Settings
+from coupler.control.tolerance import ErrorTolerances
+from coupler.schemes.attempt import Kept, Way, solve
+from coupler.schemes.iteration import Iteration, Tolerance, Tolerances
+from coupler.schemes.level import Scheme
+from coupler.schemes.schedule import Schedule
+from coupler.schemes.window import CoupledState, Halves, Solved, Span
 
 ONE = {"thermal": 1, "mechanical": 1}
 PIECES = 64

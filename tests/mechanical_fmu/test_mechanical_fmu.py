@@ -27,8 +27,8 @@ DRIVE = """
 import sys
 from pathlib import Path
 from fmpy.validation import validate_fmu
-from coupler.fmi import load_half
-from coupler.half import Status
+from coupler.fmu.fmi import load_half
+from coupler.fmu.half import Status
 fmu = Path(sys.argv[1])
 assert validate_fmu(str(fmu)) == []
 half = load_half(fmu, None, "mechanical")

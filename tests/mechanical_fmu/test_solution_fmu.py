@@ -23,8 +23,8 @@ DRIVE = """
 import sys
 import numpy as np
 from pathlib import Path
-from coupler.fmi import load_half
-from coupler.half import Status
+from coupler.fmu.fmi import load_half
+from coupler.fmu.half import Status
 half = load_half(Path(sys.argv[1]), None, "mechanical")
 script = np.load(sys.argv[2])
 t, T = script["t"], script["T"]

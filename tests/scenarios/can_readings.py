@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler import Results
-from coupler.vtkhdf import FieldReader
+from coupler.record.vtkhdf import FieldReader
 
 Array = NDArray[np.float64]
 RADIUS, HEIGHT = 0.05, 0.15

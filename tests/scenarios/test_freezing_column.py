@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from coupler import Results, load_scenario, run
-from coupler.vtkhdf import FieldReader
+from coupler.record.vtkhdf import FieldReader
 
 SHRINKAGE = 0.01
 # Soft and slow enough that a cell has the volume it likes: shrinkage alone says it.

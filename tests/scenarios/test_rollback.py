@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from coupler import Run, load_scenario
-from coupler.fmi import FmuHalf
-from coupler.launch import launch
+from coupler.fmu.fmi import FmuHalf
+from coupler.fmu.launch import launch
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = {"bodies.lower.mesh.rectangle.cells": [6, 6], "bodies.upper.mesh.rectangle.cells": [7, 7],

@@ -10,8 +10,8 @@ import numpy as np
 from cases import Case
 from numpy.typing import NDArray
 
-from coupler.iteration import Acceleration, Iteration, OnMax, Seen
-from coupler.level import Scheme
+from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Seen
+from coupler.schemes.level import Scheme
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from coupled_run import couple

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from coupler.account import EnergyAccount
-from coupler.iteration import Acceleration, Iteration, OnMax, Seen, Tolerance, Tolerances
-from coupler.level import Level
-from coupler.window import CoupledState
+from coupler.schemes.account import EnergyAccount
+from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Seen, Tolerance, Tolerances
+from coupler.schemes.level import Level
+from coupler.schemes.window import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

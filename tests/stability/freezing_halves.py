@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
-from coupler.half import Block
+from coupler.fmu.half import Block
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from fake_halves import FakeHalf, blocks_of

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.iteration import Acceleration, OnMax, Seen
-from coupler.level import Scheme
+from coupler.schemes.iteration import Acceleration, OnMax, Seen
+from coupler.schemes.level import Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

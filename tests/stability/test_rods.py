@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from coupler.cycle import two_cycles
-from coupler.iteration import Acceleration, OnMax, Seen, Tolerance
-from coupler.level import Level, Scheme
+from coupler.control.cycle import two_cycles
+from coupler.schemes.iteration import Acceleration, OnMax, Seen, Tolerance
+from coupler.schemes.level import Level, Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

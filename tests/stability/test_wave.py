@@ -14,7 +14,7 @@ import pytest
 from scipy.special import erfc
 
 from coupler import load_scenario, run
-from coupler.vtkhdf import FieldReader
+from coupler.record.vtkhdf import FieldReader
 
 E2 = tomllib.loads((Path(__file__).resolve().parents[1] / "expected.toml").read_text(encoding="utf-8"))["E2"]
 STRAIN = 1e-3  # beta theta_0 over the modulus: small, so that the linear answer holds to this share

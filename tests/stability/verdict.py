@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import CouplingError
-from coupler.iteration import Acceleration, Iteration, OnMax
-from coupler.level import Scheme
+from coupler.schemes.iteration import Acceleration, Iteration, OnMax
+from coupler.schemes.level import Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coupler.fmi import load_half
-from coupler.half import Status
+from coupler.fmu.fmi import load_half
+from coupler.fmu.half import Status
 
 
 def drive(plan: dict) -> None:

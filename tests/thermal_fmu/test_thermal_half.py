@@ -204,7 +204,7 @@ HOST = """
 import sys, json
 import numpy as np
 from pathlib import Path
-from coupler.fmi import load_half
+from coupler.fmu.fmi import load_half
 half = load_half(Path(sys.argv[1]), None, "thermal")
 try:
     n = half.blocks["T"].shape[0]

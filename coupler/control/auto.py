@@ -1,0 +1,231 @@
+"""The scheme `auto`: the cheapest that is safe, window by window, from what iterates already computed tell.
+
+With rho, what plain iteration multiplies a difference by in one window, and R, what is left of a temperature after
+one window on a geometry held still, a zigzag from window to window is multiplied by R - 2 rho f in windows solved once,
+where f is how often the thermal half sees it (coupler.schemes.curve).  So it dies where
+
+    2 rho f < 1 + R.
+
+rho is measured: by every window that is iterated.  R is not: it is at least 0 for backward Euler, and then rho f < 1/2
+is enough.  The closest drawing of x and t_N that keeps this is taken; where none does, the window is iterated.  In
+windows beyond 1/a R may be below 0 (-.2 with sdirk2, -1 with the midpoint rule): then a zigzag that does not die is
+seen by the misses of the prediction, and windows are iterated from there on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.schemes.curve import closest, zigzag
+from coupler.schemes.iteration import Iteration, Seen, Tolerances
+from coupler.schemes.level import Scheme, predicted
+from coupler.schemes.window import CoupledState, Course, Solved
+
+Array = NDArray[np.float64]
+
+# rho f is held below this: the 1/2 of backward Euler, less a tenth, because rho drifts between two measurements.
+SAFE = 0.45
+# The adiabatic split is of first order: it leaves about rho of what one window does.  Beyond this iterating is better.
+SPLITS = 0.15
+# Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
+# follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
+# A ratio below 0 by less than this share of the largest is none that turns round.
+DRIVEN, ALONG = 0.8, 0.1
+# rho is measured again after so many windows, twice as many each time, for it drifts with T and the gap.
+FIRST_REST, LONGEST_REST = 4, 64
+# Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
+ROUGH, ROUGH_REST = 1.5, 2
+# Two successive ratios that differ by less than this share agree.
+SETTLED = 0.05
+# A single ratio may be of a miss that the exchange does not multiply: it lowers rho to this share at most.
+LOWERS = 0.5
+# In a window longer by more than this rho may be more than was found, which is that it grows with H, by at most H: there
+# it is taken to grow with H^2, and is measured anew where that is too much.
+LONGER = 2.0
+# Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
+OTHER_TOUCH = 0.25
+# Misses of the prediction that turn round so many times on end and are at least HOLDS times as long each time, above
+# LEAST_MISS [K], are a zigzag that hardly dies: rho is measured at once.
+TURNS, OPPOSITE, HOLDS, LEAST_MISS = 2, 0.5, 0.8, 1e-4
+# If rho had not been too large, the model does not hold in windows of this size, nor in those longer than this share.
+WARY_FROM = 0.5
+# Where the exchange feeds back less of a zigzag than this, it is the half's own, or a front that goes from node to node:
+# iterating would not end it.  Twice as many turns are waited for then, in case rho has drifted.
+FEEDS = 0.05
+# Iterates of a window that only measures need not agree better than windows solved once do.
+LOOSE = 0.3
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What was measured of the exchange since the last event.
+
+    rho : contraction of plain iteration in windows of H seconds, nan: not known.  driven : what changes drives itself
+    on, instead of turning round.  growth : of ln rho, a window.
+    rest : windows until it is measured again, `since` of them over.  touching : points that touched then.
+    miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
+    zigzag : how often that window saw one.  wary [s] : windows so long did what rho does not foretell; 0: none did.
+    """
+
+    rho: float = math.nan
+    H: float = 0.0
+    driven: bool = False
+    growth: float = 0.0
+    rest: int = FIRST_REST
+    since: int = 0
+    touching: float = 0.0
+    miss: Array = field(default_factory=lambda: np.zeros(0))
+    turns: int = 0
+    zigzag: float = 0.0
+    wary: float = 0.0
+
+
+@dataclass(frozen=True)
+class Choice:
+    """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.schemes.curve).
+
+    loose : the window is iterated to measure; its iterates need only agree loosely.
+    """
+
+    scheme: Scheme
+    reason: str
+    curve: float = 0.0
+    loose: bool = False
+
+
+def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False) -> Choice:
+    """The scheme of a window of H seconds.  freezes : the halves can be run by the scheme `adiabatic`."""
+    if 0.0 < WARY_FROM * memory.wary < H:
+        return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
+    if not state.past or math.isnan(memory.rho):
+        return Choice(Scheme.ITERATED, "the contraction is not known yet")
+    rho = rho_at(memory, H)
+    if freezes and state.accounts["E_M"].made != 0.0 and rho < SPLITS:
+        return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
+    if memory.driven and rho > SAFE and memory.since < memory.rest:
+        return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
+    curve = closest(_times(state), state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
+    if curve is None and H > LONGER * memory.H:
+        return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
+    if curve is None:
+        return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
+    if memory.turns >= (TURNS if memory.rho * memory.zigzag > FEEDS else 2 * TURNS):
+        return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
+    if memory.since >= memory.rest:
+        return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=True)
+    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s", curve)
+
+
+def _times(state: CoupledState) -> list[float]:
+    return [state.now.t, *(level.t for level in state.past[:2])]
+
+
+def rho_at(memory: Memory, H: float) -> float:
+    """The most that rho can be in windows of H seconds: it grows with H, by at most H as far as was seen."""
+    longer = max(H / memory.H, 1.0)
+    return memory.rho * (longer if longer <= LONGER else longer**2)
+
+
+def stable_window(memory: Memory) -> float:
+    """The largest window [s] that can be solved once, as far as is known; nan: unknown.  rho grows by at most H."""
+    return memory.H * SAFE / memory.rho if memory.rho > 0.0 else math.nan if math.isnan(memory.rho) else math.inf
+
+
+def runs_away(course: Course | None) -> bool:
+    """Whether an iterated window lies past where implicit steps follow what drives itself on."""
+    return course is not None and _drives_on(course) and course.contraction > DRIVEN
+
+
+def _drives_on(course: Course) -> bool:
+    """Whether no iterate turned round.  Where fronts move some do and some do not: nothing is to be learnt there."""
+    return min(course.ratios, default=-1.0) > -ALONG * course.contraction
+
+
+def loosened(how: Iteration) -> Iteration:
+    """How a window is iterated that only measures: twice at least, and then loosely."""
+    t = how.tolerance
+    return replace(how, least=2, tolerance=Tolerances(*(
+        replace(q, rtol=max(q.rtol, LOOSE)) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
+
+
+def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: Seen = Seen.MIDDLE) -> Memory:
+    """The memory after a window was taken.  solved.scheme, solved.course : how it was solved.
+
+    seen : of which time iterates gave x to the thermal half.  At the end of the window it feels twice as much of it.
+    """
+    if solved.whole is not None:
+        H *= 0.5  # the window was solved in two, and that answer taken
+    touching = solved.monitors.get("touching", 0.0)
+    if solved.course is not None:
+        return _measured(memory, Measure.of(solved.course, seen), H, touching)
+    memory = _watched(memory, start, solved)
+    if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
+        return replace(memory, rho=math.nan, rest=FIRST_REST)
+    return replace(memory, since=memory.since + 1)
+
+
+def forgotten(memory: Memory) -> Memory:
+    """The memory past a kink or an event."""
+    return Memory()
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What a window that was iterated tells.  rho : nan: nothing.  driven : as in the memory.
+
+    The first ratios are of whatever was missed, the later ones of what the exchange multiplies most: where two agree
+    it is that one, else the largest.  rough : its iterates do not agree on rho.  single : there was one ratio only.
+    """
+
+    rho: float = math.nan
+    driven: bool = False
+    rough: bool = False
+    single: bool = False
+
+    @staticmethod
+    def of(course: Course | None, seen: Seen) -> Measure:
+        """course : of the window.  seen : as of `learn`."""
+        if course is None or math.isnan(course.contraction):
+            return Measure()
+        told = [abs(ratio) for ratio in course.ratios] or [course.contraction]
+        settled = len(told) > 1 and abs(told[-1] - told[-2]) <= SETTLED * told[-1]
+        rho = told[-1] if settled else course.contraction
+        return Measure(rho * (0.5 if seen is Seen.END else 1.0), _drives_on(course), rho > ROUGH * told[-1],
+                       len(told) == 1)
+
+
+def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Memory:
+    """The memory after a window that was iterated; one whose first iterate agrees measures nothing."""
+    rho = measure.rho
+    if math.isnan(rho):
+        return replace(memory, since=0, turns=0, miss=np.zeros(0), touching=touching)
+    known, apart = memory.rho, memory.since + 1
+    if measure.single and known > 0.0:
+        rho = max(rho, LOWERS * rho_at(memory, H))
+    growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and math.isclose(H, memory.H) else 0.0
+    rest = ROUGH_REST if measure.rough else FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
+    if growth > 0.0 and rho < SAFE:
+        # Half of the windows until rho is too large, if it goes on so.
+        rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
+    wary = H if memory.turns >= TURNS and FEEDS < rho * memory.zigzag < SAFE else memory.wary
+    return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0, touching=touching,
+                   turns=0, miss=np.zeros(0), wary=wary)
+
+
+def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:
+    """The memory with the miss of a window solved once: T less T on the line of the last two levels."""
+    if start.before is None or solved.scheme is not Scheme.EXTRAPOLATED:
+        return memory
+    now = solved.state.now
+    memory = replace(memory, zigzag=zigzag(_times(start), now.t, solved.curve))
+    miss, last = now.T - predicted(start.now, start.before, now.t).T, memory.miss
+    if last.size != miss.size:
+        return replace(memory, miss=miss)
+    a2, b2, along = float(last @ last), float(miss @ miss), float(last @ miss)
+    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
+    turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > LEAST_MISS else 0
+    return replace(memory, miss=miss, turns=turns)

@@ -1,0 +1,108 @@
+"""The two-cycle: a quantity that goes up and down from window to window because of the exchange, not of the physics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.schemes.level import Level
+
+Array = NDArray[np.float64]
+
+# So many turns on end are a cycle: two turns are a transient that overshoots once.
+TURNS = 4
+# A turn: the increment points against the one before (cosine below -OPPOSITE) and is at least HOLDS times as long.
+# What shrinks faster dies by itself in a few windows.
+OPPOSITE, HOLDS = 0.9, 0.8
+# Below these an increment is round-off and iteration error: T [K], gap [m], t_N [Pa].
+FLOORS = {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3}
+EXCHANGE = ("the exchange between the halves does that, or a midpoint rule that rings; smaller windows, scheme: "
+            "iterated (acceleration: aitken or iqn_ils) or thermal.method: sdirk2 end it")
+ALONE = ("what the halves tell each other does not go with it, so one half's own method rings; smaller windows or, for "
+         "temperature, thermal.method: sdirk2 end it")
+PHYSICS = "What is still there in windows of half the size is physics"
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The last increment of a quantity, and how many turns on end led to it."""
+
+    increment: Array
+    turns: int = 0
+
+
+@dataclass(frozen=True)
+class Watch:
+    """What is remembered of the exchange.  swings : by quantity.  told : quantities already noted since a kink.
+
+    home : the scheme in use before windows were iterated because of a cycle; "": they are not.  calm : windows on end
+    in which that scheme would have held.  cap [s] : the longest window before they were halved; halved : how often.
+    """
+
+    swings: Mapping[str, Swing] = field(default_factory=dict)
+    told: frozenset[str] = frozenset()
+    home: str = ""
+    calm: int = 0
+    cap: float = math.inf
+    halved: int = 0
+
+    def plus(self, before: Level, now: Level) -> Watch:
+        """After one more window; quantities that are not known (nan) or not there are left out."""
+        # A gap that the mechanical half does not tell is nan: then its coordinates stand for it.
+        known = now.gap.size and math.isfinite(now.gap[0] - before.gap[0])
+        news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
+                "gap": now.gap - before.gap if known else (now.x - before.x).ravel()}
+        swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
+        return Watch(swings, self.told, self.home, self.calm, self.cap, self.halved)
+
+    @property
+    def cycling(self) -> tuple[str, ...]:
+        """Quantities that cycle, where one of them was not told of yet."""
+        if all(s.turns < TURNS or n in self.told for n, s in self.swings.items()):
+            return ()
+        # One may turn a window later than the other.
+        return tuple(n for n, s in self.swings.items() if s.turns >= TURNS - 1)
+
+    def tell(self) -> Watch:
+        """The watch after its finds were told: each quantity once."""
+        return replace(self, told=self.told | set(self.cycling)) if self.cycling else self
+
+
+def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
+    """The swing after one more increment of a quantity : (n,)."""
+    if last is None:
+        return Swing(increment)
+    # Asked first, because most increments point as the one before.
+    along = float(last.increment @ increment)
+    if along >= 0.0:
+        return Swing(increment)
+    a2, b2 = float(last.increment @ last.increment), float(increment @ increment)
+    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
+    return Swing(increment, last.turns + 1 if turned and float(np.abs(increment).max()) > floor else 0)
+
+
+def two_cycles(levels: Sequence[Level]) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """(number of the window, quantities) of every cycle first seen in a recorded exchange, windows from 1.
+
+    levels : at the start and at the end of each window.
+    """
+    watch = Watch()
+    for number in range(1, len(levels)):
+        watch = watch.plus(levels[number - 1], levels[number])
+        if watch.cycling:
+            yield number, watch.cycling
+        watch = watch.tell()
+
+
+def note(watch: Watch, window: int, t: float) -> str:
+    """A sentence on the cycle a watch found.  window : the one that showed it, from 1, ending at t [s]."""
+    units = {"temperature": "K", "gap": "m", "pressure": "Pa"}
+    found = [(name, watch.swings[name]) for name in watch.cycling]
+    sizes = " and ".join(f"{name} by {float(np.abs(s.increment).max()):.3g} {units[name]}" for name, s in found)
+    first = window - max(s.turns for _, s in found)
+    why = EXCHANGE if len(found) > 1 else ALONE
+    return f"windows {first} to {window} (to t = {t:.6g} s) go up and down, {sizes}: {why}. {PHYSICS}"

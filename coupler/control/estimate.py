@@ -1,0 +1,268 @@
+"""The error of one window, quantity by quantity: measured now and then, carried on by second differences in between.
+
+Measured: the window is solved again in two halves (coupler.control.doubling); the difference of the two answers is most
+of its error, whatever makes it.  In between, the error of a quantity v is taken to be
+
+    error = ratio * max |H^2 v''|,   v'' the second divided difference of the last three levels,
+
+with the ratio as it was last measured, times H/H_measured where the window has grown (a method of second order makes an
+error of H^3).  Second and not third differences: a third one is lost where a stiff cell follows its surroundings, and
+sees a wiggle of an old window as its own.  Where two measured ratios agree, the next measurement waits twice as long;
+where they do not, the next window is measured too: a front that freezes node by node is no smooth function of time, and
+only solving again tells.  docs/coupling.md has what that was found to be worth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.control.tolerance import ErrorTolerances
+from coupler.schemes.iteration import Iteration, Tolerance
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.window import CoupledState, Solved, Span
+
+Array = NDArray[np.float64]
+
+# The error over the difference from two halves, which is 4/3 of second order and 2 of first: to overstate is the
+# smaller fault.  The two halves' own answer has 2^-order of it.
+WHOLE = {1: 2.0, 2: 1.5}
+FIRST_ORDER = frozenset((Scheme.STAGGERED, Scheme.MECHANICAL_FIRST, Scheme.PARALLEL))
+# Ratios this near agree.  Measured again after at most so many windows, and when the window has changed by a factor.
+AGREE, MOST, CHANGED = 1.4, 16, 2.5
+# An error of less than this share of its tolerance decides nothing, and is not measured again for its own sake.
+IDLE = 0.02
+MIDPOINT = 1.0 / 12.0  # the constant of the midpoint rule on linear equations, of the third difference
+HEAT = ("heat.contact.slave", "heat.gap.slave")
+QUANTITIES = ("temperature", "gap", "heat", "displacement")
+
+
+@dataclass(frozen=True)
+class Memory:
+    """ratios : quantity -> error over second difference, as last measured, in a window of H [s].
+
+    left : windows until the next measurement.  pause : how many there were between the last two.
+    scheme : by which that window was solved.  rate : heat through contact in the last window [W]; nan: not known.
+    """
+
+    ratios: Mapping[str, float] = field(default_factory=dict)
+    H: float = 0.0
+    left: int = 0
+    pause: int = 0
+    scheme: str = ""
+    rate: float = math.nan
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """shares : quantity -> error in tolerances; splitting, own : its two parts, from the exchange and from the halves'
+    own steps.  order : the local error goes with H^(order + 1).
+
+    errors : the same in K, m, J.  ratios : errors over second differences, where they were measured in this window.
+    size : the share by which the next window is sized: that of a window solved in one, also where the answer of two
+    halves is kept, because the next may be solved in one.
+    """
+
+    shares: Mapping[str, float]
+    splitting: Mapping[str, float]
+    own: Mapping[str, float]
+    order: int = 2
+    errors: Mapping[str, float] = field(default_factory=dict)
+    ratios: Mapping[str, float] = field(default_factory=dict)
+    size: float = 0.0
+
+    @property
+    def error(self) -> float:
+        """The largest share: the window is good where this is at most 1."""
+        return max(self.shares.values(), default=0.0)
+
+    @property
+    def measured(self) -> bool:
+        """Whether the window was solved in two halves too."""
+        return bool(self.ratios)
+
+    @property
+    def words(self) -> str:
+        """The quantity that is worst, and by how much."""
+        worst = max(self.shares, key=lambda n: self.shares[n])
+        return f"error of {worst} is {self.shares[worst]:.3g} tolerances"
+
+
+def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme) -> bool:
+    """Whether a window should be solved in two halves too: nothing is known, or what is known is old."""
+    H = span.end - start.now.t
+    return (not memory.ratios or memory.left <= 0 or not start.past or scheme.value != memory.scheme
+            or not 1.0 / CHANGED <= H / memory.H <= CHANGED)
+
+
+def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: ErrorTolerances,
+             iteration: Iteration) -> Estimate | None:
+    """The error of a window from its start and outcome; None where nothing is known.
+
+    solved.whole : the outcome of the same window in one, where `solved` is that of its two halves.
+    """
+    if solved.whole is None and not memory.ratios:
+        return None
+    levels = (solved.state.now, start.now, *start.past)
+    H, order = levels[0].t - levels[1].t, 1 if solved.scheme in FIRST_ORDER else 2
+    second = _second(levels, memory, solved)
+    left = _left_over(start.now, solved, iteration)
+    if solved.whole is None:
+        grown = _grown(memory, H, order)
+        errors = {n: memory.ratios[n] * grown * d + left.get(n, 0.0) for n, d in second.items() if n in memory.ratios}
+        return replace(_told(errors, (levels, solved), tolerance, _own(levels, errors["temperature"], left)),
+                       order=order)
+    apart = _apart(solved, solved.whole, second)
+    ratios = {n: WHOLE[order] * d / second[n] if second[n] > 0.0 else 0.0 for n, d in apart.items()}
+    whole, kept = ({n: c * WHOLE[order] * d + left.get(n, 0.0) for n, d in apart.items()} for c in (1.0, 0.5**order))
+    own = _own(levels, whole["temperature"], left)
+    return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios,
+                   size=_told(whole, (levels, solved), tolerance, own).error)
+
+
+def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None) -> Memory:
+    """The memory after a window that was taken."""
+    H = solved.state.now.t - start.now.t
+    heat = _heat(solved)
+    rate = math.nan if heat is None else heat / H
+    if found is None or not found.measured:
+        return replace(memory, left=memory.left - 1, rate=rate)
+    if not start.past:  # two levels have no second difference
+        return Memory(rate=rate)
+    pause = min(max(1, 2 * memory.pause), MOST) if _agree(memory, found, H) else 0
+    return Memory(found.ratios, H, pause, pause, "" if solved.scheme is None else solved.scheme.value, rate)
+
+
+def forgotten(memory: Memory) -> Memory:
+    """The memory past a kink or an event."""
+    return Memory()
+
+
+def _agree(memory: Memory, found: Estimate, H: float) -> bool:
+    """Whether the ratios of all quantities that decide are what they would have been taken for."""
+    if not memory.ratios:
+        return False
+    grown = _grown(memory, H, found.order)
+    for name, ratio in found.ratios.items():
+        expected = memory.ratios.get(name, 0.0) * grown
+        if found.shares[name] > IDLE * 0.5**found.order and not expected / AGREE <= ratio <= expected * AGREE:
+            return False
+    return True
+
+
+def _grown(memory: Memory, H: float, order: int) -> float:
+    """What to multiply a ratio by: a second difference goes with H^2, the error of a window of this order with H^3."""
+    return max(H / memory.H, 1.0) ** (order - 1)
+
+
+def _told(errors: Mapping[str, float], window: tuple[Sequence[Level], Solved], tolerance: ErrorTolerances,
+          own: float) -> Estimate:
+    """Errors in tolerances.  own : what part of them is the halves' own; x, gap and heat follow T, so it is one."""
+    levels, solved = window
+    shares = {n: _share(e, _scale(n, levels, solved), getattr(tolerance, n)) for n, e in errors.items()}
+    return Estimate(shares, {n: (1.0 - own) * s for n, s in shares.items()}, {n: own * s for n, s in shares.items()},
+                    errors=errors, size=max(shares.values()))
+
+
+def _own(levels: Sequence[Level], total: float, left: Mapping[str, float]) -> float:
+    """The halves' own part of an error of T [K]: what the midpoint rule would make if T were smooth as it went."""
+    if total == 0.0:
+        return 0.0
+    return min(MIDPOINT * _third(levels), total - left.get("temperature", 0.0)) / total
+
+
+def _share(error: float, scale: float, tolerance: Tolerance) -> float:
+    return error / (tolerance.atol + tolerance.rtol * scale)
+
+
+def _scale(name: str, levels: Sequence[Level], solved: Solved) -> float:
+    """What the relative part of a tolerance is measured by (coupler.control.tolerance)."""
+    now, start = levels[0], levels[1]
+    if name == "temperature":
+        return max(float(now.T.max()), float(start.T.max())) - min(float(now.T.min()), float(start.T.min()))
+    if name == "heat":
+        return abs(_heat(solved) or 0.0)
+    return _largest(_values(name, now, levels) - _values(name, start, levels))
+
+
+def _second(levels: Sequence[Level], memory: Memory, solved: Solved) -> dict[str, float]:
+    """Quantity -> max |H^2 v''|; 0 where there are two levels; quantities that the scene does not have are left out."""
+    t = [level.t for level in levels]
+    H, heat = t[0] - t[1], _heat(solved)
+    found = {n: 0.0 for n in ("temperature", "gap", "displacement") if n != "gap" or _faced(levels).any()}
+    if heat is not None:
+        found["heat"] = 0.0
+    if len(levels) < 3:
+        return found
+    weight = 2.0 * H * H / (t[0] - t[2])
+    for name in found:
+        if name == "heat":
+            found[name] = 0.0 if heat is None or math.isnan(memory.rate) else weight * abs(heat / H - memory.rate)
+            continue
+        a, b, c = (_values(name, level, levels) for level in levels[:3])
+        found[name] = weight * _largest((a - b) / H - (b - c) / (t[1] - t[2]))
+    return found
+
+
+def _third(levels: Sequence[Level]) -> float:
+    """max |H^3 T'''|; where there are three levels the second difference stands for it; 0 of two."""
+    t, T = [level.t for level in levels[:4]], [level.T for level in levels[:4]]
+    n = len(t)
+    if n < 3:
+        return 0.0
+    for k in range(1, n):
+        T = [(T[i] - T[i + 1]) / (t[i] - t[i + k]) for i in range(n - k)]
+    return math.factorial(n - 1) * (t[0] - t[1]) ** (n - 1) * _largest(T[0])
+
+
+def _apart(solved: Solved, whole: Solved, names: Mapping[str, float]) -> dict[str, float]:
+    """Quantity -> how far the answers of the whole window and of its two halves are apart."""
+    a, b = solved.state.now, whole.state.now
+    levels = (a, b)
+    told = {n: _largest(_values(n, a, levels) - _values(n, b, levels)) for n in names if n != "heat"}
+    heat, other = _heat(solved), _heat(whole)
+    if heat is not None and other is not None:
+        told["heat"] = abs(heat - other)
+    return told
+
+
+def _left_over(start: Level, solved: Solved, iteration: Iteration) -> dict[str, float]:
+    """What iterating may have left of T [K]: the tolerance, or the last difference where that is more.
+
+    Not the last difference alone: of a window in two halves it is known of the second only, and where the first guess
+    already agreed it says little of how wrong both are.
+    """
+    if solved.course is None:
+        return {}
+    tolerance = iteration.tolerance.temperature
+    change = _largest(solved.state.now.T - start.T)
+    return {"temperature": max(solved.course.misfits[-1]["temperature"], 1.0)
+            * (tolerance.atol + tolerance.rtol * change)}
+
+
+def _values(name: str, level: Level, levels: Sequence[Level]) -> Array:
+    if name == "temperature":
+        return level.T
+    return level.x if name == "displacement" else level.gap[_faced(levels)]
+
+
+def _faced(levels: Sequence[Level]) -> NDArray[np.bool_]:
+    """Surface nodes wholly faced at the last three levels: a gap that begins or ends is no error of it."""
+    known = np.isfinite(levels[0].gap)
+    for level in levels[:3]:
+        known &= level.covered > 0.999
+    return known
+
+
+def _heat(solved: Solved) -> float | None:
+    """Energy through contact in the window [J]; None where the scene has none."""
+    names = [n for n in HEAT if solved.terms and n in solved.terms[0]]
+    return sum(terms[n] for terms in solved.terms for n in names) if names else None
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))

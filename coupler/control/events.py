@@ -1,0 +1,238 @@
+"""Contact events: where in a window something opens, closes, sticks or slips; the window is made to end there.
+
+A window ends just behind its event, in the new status: a scheme that holds pressure and geometry of its start, or of
+the windows before, then sees the new side of the laws from the first window after it.  An iterated one sees them on the
+way to its end: behind an event where a law jumps it would hold the new side all the way, which then may keep the event
+from happening, and no iterate agrees with itself.  So an iterated window ends just before.  What was found once is not
+found again.
+
+Few tries are needed because what is left of a status (a gap, a pressure) is known at the ends of the windows before:
+where it is about to run out a try ends a little before that, and the next one, from a point so near, just behind it.
+Where nothing is known of it the interval between the last end before and the first end behind is halved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from coupler.control.crossing import MOST
+from coupler.control.plan import Plan
+from coupler.control.search import Reach, Search
+from coupler.control.sights import Sight, Status, changed, seen
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.window import CoupledState, Solved, Span
+
+# An event is located to this share of its window where the scenario does not say: of what the most exact scheme leaves
+# over in a window as a whole, 1e-3 of its change and less, nothing is lost, and copies of a scene agree to 1e-6.
+TOLERANCE = 1e-6
+# A window is not cut shorter than this share of itself: what happens sooner belongs to where it began.
+LEAST = 1e-4
+# An event so near to a kink (shares of a window) is the kink's: halves restart there, and a user put it there.
+NEAR = 0.02
+# A first try of which more than this share is in doubt would be lost as often as not: the whole window is solved.
+TRUST = 0.2
+# After a try that ends a little before its event the next one is at most so much longer.
+LONGER = 0.25
+# Two reckonings of where a try was to end, before it and after it, agree to this share of the window.
+CLOSE = 1e-3
+# What has turned back so often in the window after it turned flutters: it is no longer looked for until it has stayed
+# as it is for so many windows.
+FLUTTERS, STAYS = 3, 10
+# Halving needs 20 tries for 1e-6.
+MAX_TRIES = 40
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What is remembered from window to window, and from try to try while an event is being located.
+
+    trail : at the ends of windows since the last kink or event, newest last, itself the first.  rates : how fast what
+    was left fell before that [unit/s].  tried : at the ends tried since the last of the trail.
+    turned : when each status changed last [s]; -1: never.  aim : the tick at which a try was asked to end; 0: none.
+    due : which are to change at once in this window; coming : in the one after this try.
+    flutters : how often each turned back in the window after it turned; stayed : for how many windows it did not turn.
+    """
+
+    trail: tuple[Sight, ...] = ()
+    rates: tuple[tuple[float, ...], ...] = ()
+    tried: tuple[Sight, ...] = ()
+    turned: tuple[float, ...] = ()
+    aim: int = 0
+    due: tuple[int, ...] = ()
+    coming: tuple[int, ...] = ()
+    flutters: tuple[int, ...] = ()
+    stayed: tuple[int, ...] = ()
+
+    def looked_for(self, i: int, t0: float) -> bool:
+        """Whether a change of status i is located in a window that begins at t0 [s]."""
+        return self.turned[i] != t0 and i not in self.due and self.flutters[i] < FLUTTERS
+
+
+@dataclass(frozen=True)
+class Found:
+    """tick : where the window is to end.  located : it does so already.  text : what happens there, in words."""
+
+    tick: int
+    located: bool
+    text: str
+
+
+def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) -> tuple[Found | None, Memory]:
+    """Whether an event lies in a window that was solved.
+
+    solved.state.now : the level at its end; solved.monitors : touching, mechanical.contact.slipping.
+    Of the two outcomes: None, the window may be taken; located, it may be taken and ends at an event; else both halves
+    are put back and the next try ends at `tick`.  The memory is kept whatever is done with the window.
+    """
+    before = _at(memory, start, plan)
+    sight = seen(plan.locate.places, solved.state.now, solved.monitors)
+    memory = replace(before, tried=(*before.tried, sight), aim=0, coming=())
+    flipped = changed(memory.trail[-1], sight)
+    reach = _reach(before, span, plan, solved.scheme)
+    if not flipped:
+        return _before(before, memory, reach, plan)
+    # What turns back in the first window after it turned is a flutter of the window's size: not cut, only told.
+    fresh = [i for i in flipped if memory.looked_for(i, reach.t0) and not _of_the_kink(memory, i, reach)]
+    if not fresh:
+        back = any(memory.turned[i] == reach.t0 for i in flipped)
+        turned = back or any(memory.flutters[i] >= FLUTTERS for i in flipped)
+        text = f"{_told(sight.status, flipped, plan)} again{' within one window' if back else ', and flutters'}"
+        return (Found(span.k1, True, text) if turned else None), memory
+    text = _told(sight.status, fresh, plan)
+    searches = [s for s in (Search(i, memory.trail, memory.tried, reach) for i in fresh) if not s.done]
+    if not searches or len(memory.tried) >= MAX_TRIES:
+        return Found(span.k1, True, text), memory
+    return _again(min(s.next_end() for s in searches), memory, reach, text)
+
+
+def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan, scheme: Scheme) -> int | None:
+    """Where an event is expected inside a window that is about to be solved: the tick at which to end it.
+
+    scheme : by which it is to be solved; `auto`: not known yet.
+    """
+    if not memory.trail or memory.trail[-1].t != state.now.t:
+        return None
+    end = _aim(memory, _reach(memory, span, plan, scheme))
+    return None if end is None else _inside(end, span)
+
+
+def settled(memory: Memory, start: Level, solved: Solved) -> Memory:
+    """The memory after a window was taken."""
+    sight = next((s for s in memory.tried if s.t == solved.state.now.t), None)
+    if sight is None or not memory.trail:
+        return Memory()
+    flipped, n = changed(memory.trail[-1], sight), range(len(memory.turned))
+    back = [i for i in flipped if memory.turned[i] == start.t]
+    turned = tuple(sight.t if i in flipped else memory.turned[i] for i in n)
+    stayed = tuple(0 if i in flipped else memory.stayed[i] + 1 for i in n)
+    flutters = tuple(0 if stayed[i] >= STAYS else memory.flutters[i] + (i in back) for i in n)
+    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned, due=memory.coming, flutters=flutters,
+                  stayed=stayed)
+
+
+def forgotten(memory: Memory) -> Memory:
+    """The memory past a kink or an event: of the way there only the rates are left."""
+    rates: tuple[tuple[float, ...], ...] = ()
+    if len(memory.trail) > 1:
+        a, b = memory.trail[-2:]
+        rates = tuple(tuple((u - v) / (b.t - a.t) for u, v in zip(a.left[i], b.left[i], strict=False))
+                      if a.status[i] is b.status[i] else () for i in range(len(b.status)))
+    return replace(memory, trail=memory.trail[-1:], rates=rates)
+
+
+def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
+    """The memory with the start of the window at the end of its trail."""
+    if memory.trail and memory.trail[-1].t == start.t:
+        return memory
+    first = seen(plan.locate.places, start, {})
+    n = len(first.status)
+    return Memory((first,), turned=(-1.0,) * n, flutters=(0,) * n, stayed=(0,) * n)
+
+
+def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Reach:
+    t0 = span.clock.seconds(span.k0)
+    t1 = max([span.end, *(s.t for s in memory.tried)])
+    tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
+    near = NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near, scheme)
+
+
+def _aim(memory: Memory, reach: Reach) -> float | None:
+    """The time a first try should end [s]: a little before the next event where that lies inside; None: anywhere."""
+    ends = []
+    for i in range(len(memory.turned)):
+        found = Search(i, memory.trail, memory.tried, reach).ahead()
+        if found is None or not memory.looked_for(i, reach.t0) or found.doubt > TRUST * (found.t - reach.t0):
+            continue
+        # So near to a kink, or to the start, there is nothing to cut.
+        if found.t - reach.t0 <= reach.least or found.t >= reach.t1 - reach.near:
+            continue
+        half = 0.5 * reach.tolerance
+        end = found.t + half if reach.behind and found.doubt <= half else found.t - max(2.0 * found.doubt, half)
+        ends.append(max(end, reach.t0 + reach.least))
+    return min(ends) if ends and min(ends) < reach.t1 else None
+
+
+def _before(before: Memory, memory: Memory, reach: Reach, plan: Plan) -> tuple[Found | None, Memory]:
+    """After a try in which nothing changed: whether it was to end at or before an event, and has to be longer.
+
+    One that was made short for another reason is taken.
+    """
+    if reach.span.k1 >= reach.must_end:
+        return None, memory
+    if before.aim != reach.span.k1:
+        aim = _aim(before, replace(reach, t1=math.inf))
+        if aim is None or abs(aim - reach.end) > CLOSE * (reach.end - reach.t0):
+            return None, memory
+    searches = [Search(i, memory.trail, memory.tried, reach) for i in range(len(memory.turned))
+                if memory.looked_for(i, reach.t0)]
+    due = [s.i for s in searches if s.done]
+    if due:
+        text = _told([NEXT[s] for s in memory.trail[-1].status], due, plan)
+        return Found(reach.span.k1, True, text), replace(memory, coming=tuple(due))
+    ends = [s.next_end() for s in searches if s.nears(LONGER * (reach.end - reach.t0))]
+    if not ends or len(memory.tried) >= MAX_TRIES:
+        return None, memory
+    return _again(min(ends), memory, reach, "just before an event")
+
+
+def _again(end: float, memory: Memory, reach: Reach, text: str) -> tuple[Found, Memory]:
+    tick = min(_inside(end, reach.span), reach.must_end)
+    return Found(tick, False, text), replace(memory, aim=tick)
+
+
+def _inside(end: float, span: Span) -> int:
+    """The tick of a time, after the start of the window."""
+    return max(span.clock.ticks(end), span.k0 + 1)
+
+
+def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
+    """Whether a status changed where its window began: nothing was left of it, or would have been a little later.
+
+    A little later: at a kink, as fast as it went before.  Friction tells nothing; what drives it changes at kinks.
+    """
+    left = memory.trail[-1].left[i]
+    if any(v <= 0.0 for v in left):
+        return True
+    if len(memory.trail) > 1 or not memory.rates:
+        return False
+    if not left:
+        return i == len(memory.turned) - 1
+    return any(v <= rate * NEAR * (reach.t1 - reach.t0) for v, rate in zip(left, memory.rates[i], strict=False)
+               if rate > 0.0)
+
+
+WORDS = {Status.OPEN: "opens", Status.CLOSED: "closes", Status.STICKS: "sticks", Status.SLIPS: "slips",
+         Status.SLIPS_IN_PART: "slips in part"}
+
+
+NEXT = {Status.OPEN: Status.CLOSED, Status.CLOSED: Status.OPEN, Status.STICKS: Status.SLIPS_IN_PART,
+        Status.SLIPS: Status.STICKS, Status.SLIPS_IN_PART: Status.SLIPS, Status.APART: Status.APART}
+
+
+def _told(status: Sequence[Status], which: Sequence[int], plan: Plan) -> str:
+    """What changes, in words.  status : the new one of each."""
+    names = [*(f"pair {p.name}" for p in plan.locate.places), "contact"]
+    return " and ".join(f"{names[i]} {WORDS[status[i]]}" for i in which)

@@ -1,0 +1,184 @@
+"""Whether a window that was solved stands: asked of one plug after the other, and what control remembers then."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from coupler.control import auto, estimate, events, stepsize
+from coupler.control.cutting import Facts, at_least, cut, shorter, tried_again
+from coupler.control.cycle_action import Acted, Shown, acted
+from coupler.control.estimate import Estimate
+from coupler.control.events import Found
+from coupler.control.monitors import failed_monitors, monitors
+from coupler.control.state import ControlState
+from coupler.errors import CouplingError
+from coupler.rules import engine as rules
+from coupler.rules.engine import Firing
+from coupler.schemes.iteration import OnMax
+from coupler.schemes.level import Scheme
+from coupler.schemes.window import Solved, Verdict
+
+# So many windows on end in which hardly anything changes are a steady state.
+SLOW = 2
+
+
+@dataclass(frozen=True)
+class Judged:
+    """solved : with its verdict.  control : of the next try.  error, event, fired : what the plugs found."""
+
+    solved: Solved
+    control: ControlState
+    notes: tuple[str, ...] = ()
+    error: Estimate | None = None
+    event: str = ""
+    fired: tuple[Firing, ...] = ()
+
+
+def judged(facts: Facts) -> Judged:
+    """The verdict.  Raises CouplingError where the window must be tried again and may not."""
+    if not facts.solved.taken:
+        return _failed(facts)
+    found, events_memory = _event(facts)
+    if found is not None and not found.located:
+        control = replace(facts.at.control, aim=found.tick, events=events_memory)
+        return Judged(_put_back(facts.solved, Verdict.EVENT, found.text), tried_again(facts, control, found.text),
+                      event=found.text)
+    solved, adaptive = facts.solved, facts.plan.adaptive
+    if adaptive is None:
+        return _ruled(facts, _Found(None, found, events_memory))
+    error = estimate.estimate(facts.at.control.estimate, facts.at.state, solved, adaptive.tolerance,
+                              facts.at.control.settings.iteration)
+    if error is not None and error.error > 1.0:
+        if not at_least(facts):
+            size = stepsize.rejected(facts.H, error.size, error.order)
+            again = replace(shorter(facts, size, error.words), controller=stepsize.failed(facts.at.control.controller))
+            return Judged(_put_back(solved, Verdict.ERROR, error.words), again, error=error)
+        solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
+                         anyway=True)
+        facts = replace(facts, solved=solved)
+    return _ruled(facts, _Found(error, found, events_memory))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the plugs before the rules found."""
+
+    error: Estimate | None
+    event: Found | None
+    events: events.Memory
+
+
+def _failed(facts: Facts) -> Judged:
+    """A half gave up, or the iteration did: rules that look at failures are heard, then the window is cut."""
+    solved, control, plan = facts.solved, facts.at.control, facts.plan
+    course = solved.course
+    if solved.verdict is Verdict.MAX_ITERATIONS and control.settings.iteration.on_max is OnMax.STOP:
+        assert course is not None
+        raise CouplingError(f"{solved.message}; coupling.iteration.on_max says to stop", t=facts.t,
+                            window=control.number + 1, iteration=len(course.misfits),
+                            residuals=tuple(course.misfits[-1].values()),
+                            remedy="Give smaller windows, another acceleration or more iterations")
+    if not plan.rules:
+        return Judged(solved, cut(facts, 0.5, solved.message))
+    fired = rules.fire_failed(plan.rules, control.rules, failed_monitors(control, facts.span, solved), control.settings)
+    if fired.stop:
+        return Judged(solved, replace(control, stop=fired.stop, settings=fired.settings, rules=fired.memory),
+                      fired=fired.log)
+    again = cut(facts, fired.retry or 0.5, solved.message)
+    return Judged(solved, replace(again, settings=fired.settings, rules=fired.memory), fired=fired.log)
+
+
+def _event(facts: Facts) -> tuple[Found | None, events.Memory]:
+    control = facts.at.control
+    if not facts.plan.locate.on:
+        return None, control.events
+    return events.met(control.events, facts.at.state.now, facts.solved, facts.span, facts.plan)
+
+
+def _ruled(facts: Facts, found: _Found) -> Judged:
+    """The rules, then the cycle; a window that passes both is taken."""
+    plan, control, solved = facts.plan, facts.at.control, facts.solved
+    fired = rules.Fired(control.settings, control.rules)
+    if plan.rules:
+        seen = {**monitors(control, facts.span, solved, found.error), **plan.probed(solved.state.now)}
+        fired = rules.fire(plan.rules, control.rules, seen, control.settings)
+    if fired.retry:
+        why = "; ".join(f"rule {f.rule!r}: {f.text}" for f in fired.log)
+        again = replace(cut(facts, fired.retry, why), settings=fired.settings,
+                        rules=rules.retried(control.rules, fired), stop=fired.stop)
+        return Judged(_put_back(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
+    contraction = math.nan if solved.course is None else solved.course.contraction
+    shown = Shown(control.number + 1, solved.state.now.t, facts.H, not at_least(facts), contraction)
+    watch = control.cycle.plus(facts.at.state.now, solved.state.now)
+    done = acted(watch, fired.settings, plan.on_cycle, shown)
+    if done.cut:
+        # With the window goes what rules changed in it.
+        settings = acted(watch, control.settings, plan.on_cycle, shown).settings
+        again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
+        return Judged(_put_back(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
+    control = _sized(facts, _taken(facts, found, fired, done), found.error)
+    return Judged(solved, control, done.notes, found.error,
+                  found.event.text if found.event else "", fired.log)
+
+
+def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> ControlState:
+    """Control after a window that stands."""
+    plan, control, span, solved = facts.plan, facts.at.control, facts.span, facts.solved
+    start = facts.at.state
+    slow = control.slow + 1 if _is_slow(facts) else 0
+    steady = f"steady: T changes by less than {plan.steady:g} K/s" if slow >= SLOW else ""
+    return replace(
+        control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
+        ends=tuple(e for e in control.ends if e > span.k1), event=span.k1 if found.event else control.event,
+        stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
+        cycle=done.watch,
+        estimate=estimate.after(control.estimate, start, solved, found.error) if plan.adaptive else control.estimate,
+        choice=_learned(facts),
+        events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
+
+
+def _learned(facts: Facts) -> auto.Memory:
+    """What `auto` knows after a window that stands; other schemes pay nothing for it."""
+    control = facts.at.control
+    if control.settings.scheme is not Scheme.AUTO:
+        return control.choice
+    return auto.learn(control.choice, facts.at.state, facts.solved, facts.H, control.settings.iteration.level)
+
+
+def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> ControlState:
+    """With the size of the next window."""
+    adaptive = facts.plan.adaptive
+    if adaptive is None:
+        return control
+    limits = stepsize.Limits(adaptive.least, adaptive.most)
+    size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.size,
+                                     2 if error is None else error.order, limits)
+    size = max(size, _as_planned(facts, error))
+    reason = "no error is known yet" if error is None else error.words
+    return replace(control, size=size, reason=reason, controller=memory)
+
+
+def _as_planned(facts: Facts, error: Estimate | None) -> float:
+    """The size that was planned for a window made shorter to end at a kink or an event, unless its error is large; 0.
+
+    A rest of a microsecond before a kink is no reason to begin with microseconds after it, and its error, mostly that
+    of the iteration, tells nothing of longer ones.
+    """
+    planned = facts.at.control.size
+    return planned if planned > facts.H and (error is None or error.size <= stepsize.AIM) else 0.0
+
+
+def _is_slow(facts: Facts) -> bool:
+    """Whether hardly anything changed, and no kink lies ahead that could change that."""
+    plan = facts.plan
+    if plan.steady == 0.0 or plan.must_end(facts.span.k0) != plan.last:
+        return False
+    change = float(np.abs(facts.solved.state.now.T - facts.at.state.now.T).max())
+    return change < plan.steady * facts.H
+
+
+def _put_back(solved: Solved, verdict: Verdict, message: str) -> Solved:
+    return replace(solved, verdict=verdict, message=message, anyway=False)

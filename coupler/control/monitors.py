@@ -1,0 +1,52 @@
+"""Monitors: what rules look at and a user is shown, by name, of a window that was tried."""
+
+from __future__ import annotations
+
+import math
+
+from coupler.control.estimate import Estimate
+from coupler.control.state import ControlState
+from coupler.record.ledger import PREFIX, Ledger
+from coupler.schemes.sweep import OF_A_SUBSTEP
+from coupler.schemes.window import Solved, Span
+
+
+def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate | None = None) -> dict[str, float]:
+    """Name -> value, SI.  control : before the window.
+
+    t : where it ends.  window : its size [s].  number : of it, from 1.  failures : tries rejected before it.
+    iterations, contraction : of the exchange; contraction is missing where it is not known.  error, error.QUANTITY,
+    splitting.QUANTITY, own.QUANTITY : in tolerances, where known.  imbalance : of its heat.  max_T, max_p, touching.
+    thermal.NAME, mechanical.NAME : scalars the halves told; iterations are sums over the window.  Where it was solved
+    in two halves too, all that depends on the length of a step is of the window in one: a rule means the same then.
+    """
+    one = solved.whole or solved
+    course, work = one.course, one.work
+    found = {"t": span.end, "window": span.end - span.clock.seconds(span.k0), "number": float(control.number + 1),
+             "failures": float(control.failures), "iterations": float(len(course.misfits)) if course else 1.0,
+             **solved.monitors,
+             **{n: v for n, v in one.monitors.items() if n.partition(".")[2].startswith(OF_A_SUBSTEP)},
+             "thermal.iterations": float(work.thermal_iterations),
+             "mechanical.iterations": float(work.mechanical_iterations)}
+    if course is not None and not math.isnan(course.contraction):
+        found["contraction"] = course.contraction
+    if "mechanical.contact.slipping" in found:
+        found["slipping"] = found["mechanical.contact.slipping"]
+    if error is not None:
+        found["error"] = error.error
+        for name, parts in (("error", error.shares), ("splitting", error.splitting), ("own", error.own)):
+            found |= {f"{name}.{n}": v for n, v in parts.items()}
+    ledger = Ledger()
+    for terms in solved.terms:
+        ledger = ledger.plus({n: v for n, v in terms.items() if n.startswith(PREFIX)})
+    return found | {"imbalance": ledger.imbalance}
+
+
+def failed_monitors(control: ControlState, span: Span, solved: Solved) -> dict[str, float]:
+    """Of a window that failed.  t : where it begins.  failures : with this one.  SIDE.status : 1 where it gave up."""
+    t = span.clock.seconds(span.k0)
+    gave_up = solved.verdict.value.removesuffix(" discard")
+    return {"t": t, "window": span.end - t, "number": float(control.number + 1),
+            "failures": float(control.failures + 1), "thermal.status": float(gave_up == "thermal"),
+            "mechanical.status": float(gave_up == "mechanical"),
+            **({"iterations": float(len(solved.course.misfits))} if solved.course else {})}

@@ -1,0 +1,85 @@
+"""The plan of a run: what stays as it is from its first window to its last."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+
+from coupler.control.settings import Settings
+from coupler.control.sights import Place
+from coupler.control.tolerance import ErrorTolerances
+from coupler.rules.model import Rule
+from coupler.schemes.iteration import Iteration
+from coupler.schemes.level import Level, Scheme
+from coupler.schemes.schedule import Schedule
+
+
+class OnCycle(Enum):
+    """What follows when a quantity goes up and down from window to window because of the exchange."""
+
+    NOTE = "note"  # say so
+    ITERATE = "iterate"  # say so, and iterate the windows that follow
+    CUT = "cut"  # put the window back and halve it
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """Windows that find their own size [s].  least : shorter ones only end at a kink or an event."""
+
+    first: float
+    least: float
+    most: float
+    tolerance: ErrorTolerances = field(default_factory=ErrorTolerances)
+
+
+@dataclass(frozen=True)
+class Locate:
+    """Whether windows are ended where contact opens, closes, sticks or slips.
+
+    tolerance [s]: how nearly; 0: as coupler.control.events says.  places : the pairs that are looked at.
+    """
+
+    on: bool = False
+    tolerance: float = 0.0
+    places: tuple[Place, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to run: where windows end, by which scheme, with how many substeps of each half, iterated how.
+
+    adaptive : None where windows end as the schedule says; else its bounds are only those that must be met.
+    steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
+    """
+
+    schedule: Schedule
+    scheme: Scheme
+    substeps: Mapping[str, int]
+    iteration: Iteration = field(default_factory=Iteration)
+    adaptive: Adaptive | None = None
+    locate: Locate = Locate()
+    on_cycle: OnCycle = OnCycle.NOTE
+    steady: float = 0.0
+    rules: Sequence[Rule] = ()
+    probed: Callable[[Level], Mapping[str, float]] = lambda level: {}
+
+    @property
+    def settings(self) -> Settings:
+        """Those of the first window."""
+        return Settings(self.scheme, self.substeps, self.iteration)
+
+    @property
+    def last(self) -> int:
+        """The tick at which the run ends."""
+        return self.schedule.bounds[-1]
+
+    def must_end(self, tick: int) -> int:
+        """The first tick after this one at which a window has to end: a kink, or the end of the run."""
+        return self._stops[bisect_right(self._stops, tick)]
+
+    @cached_property
+    def _stops(self) -> list[int]:
+        return sorted({*self.schedule.kinks, self.last})

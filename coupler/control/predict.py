@@ -1,0 +1,103 @@
+"""How long a window may be: from what a small disturbance does in short windows, before a run or along a coarse one.
+
+A body that is warmer by dT loses a dT more heat by its own slope, and b dT more because its gap or pressure follows
+(both over its heat capacity, 1/s).  An iterated window of H seconds multiplies a difference of guesses by
+-rho, rho = (b H/2)/(1 + theta a H), theta = 1/2 for the midpoint rule and 1 for backward Euler: two sizes tell b and
+theta a.  The limits are those of docs/theory.md.  For one mode they are exact.  For a rod those of the midpoint rule,
+2/b and 1/b, are too (b is the sum over its modes); those of backward Euler come out a sixth too low.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.schemes.attempt import Kept
+from coupler.schemes.level import Level, exchanged, predicted
+from coupler.schemes.scheme import mechanical_first
+from coupler.schemes.window import CoupledState, Halves, Span
+
+Array = NDArray[np.float64]
+
+# The disturbance [K]: far above what solvers leave over, far below what bends a gas law, and taken to both sides, so
+# that its curvature does not count.
+DISTURBANCE = 0.1
+# Turns of the disturbance towards what it comes out as: what is left of other modes shrinks by their ratio each time.
+TURNS = 3
+# The short window is this part of the long one.
+SHORT = 64
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """b [1/s] : > 0 turns against what changed, < 0 drives it on.  damping : theta a [1/s].  at t [s]."""
+
+    t: float
+    b: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The longest stable windows [s]; inf: any.  plain : for which iteration without acceleration converges."""
+
+    staggered: float
+    extrapolated: float
+    plain: float
+
+
+def limits(feedback: Feedback, method: str) -> Limits:
+    """The limits for a method of the thermal half; for others than backward Euler those of the midpoint rule.
+
+    2 rho f = 1 + R with R = (1 - a H/2)/(1 + a H/2) or 1/(1 + a H), f = 1 (staggered) or 2 (extrapolated).
+    Methods between the two, sdirk2 too, are stable for somewhat longer than the midpoint rule.
+    """
+    b, d = feedback.b, max(feedback.damping, 0.0)
+    damped = d if method == "backward_euler" else 0.0
+    return Limits(_least(2.0, b - damped), _least(2.0, 2.0 * b - damped), _least(1.0, abs(b) / 2.0 - d))
+
+
+def _least(over: float, rate: float) -> float:
+    return over / rate if rate > 0.0 else math.inf
+
+
+def feedback(halves: Halves, state: CoupledState, span: Span) -> Feedback:
+    """b and theta a at the start of a window, from it and from a short one; 4 TURNS solves of each half.
+
+    Both halves are put back.  Raises DiscardError where one cannot do such a window, CouplingError where one keeps no
+    states.
+    """
+    first = replace(span, k1=span.k0 + max((span.k1 - span.k0) // SHORT, 1))
+    (H, long), (h, short) = ((s.end - state.now.t, _slope(halves, state, s)) for s in (span, first))
+    # 1/rho = 2/(b H) + 2 theta a/b: a line over 1/H.
+    if short == 0.0 or long == 0.0:
+        return Feedback(state.now.t, -2.0 * short / h, 0.0)
+    b = 2.0 * (1.0 / h - 1.0 / H) / (1.0 / long - 1.0 / short)
+    return Feedback(state.now.t, b, b / 2.0 * (-1.0 / long) - 1.0 / H)
+
+
+def _slope(halves: Halves, state: CoupledState, span: Span) -> float:
+    """What a window makes of a disturbance of its guess, < 0 where it turns it round: -rho."""
+    base = predicted(state.now, state.before, span.end)
+    direction, slope = np.ones_like(base.T), 0.0
+    for _ in range(TURNS):
+        warm, cold = (_outcome(halves, state, span, replace(base, T=base.T + side * DISTURBANCE * direction))
+                      for side in (1.0, -1.0))
+        out = (warm - cold) / (2.0 * DISTURBANCE)
+        slope = float(direction @ out) / float(direction @ direction)
+        largest = float(np.abs(out).max())
+        if largest == 0.0:
+            return 0.0
+        direction = out / largest
+    return slope
+
+
+def _outcome(halves: Halves, state: CoupledState, span: Span, guess: Level) -> Array:
+    """T at the end of a window whose mechanics are given a guess of it."""
+    with Kept(halves, state.now.t, 0) as kept:
+        T = mechanical_first(halves, state, span, exchanged(guess)).level.T
+        kept.put_back("a window is only looked at")
+    return T

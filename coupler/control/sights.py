@@ -1,0 +1,123 @@
+"""What is to be seen of contact at one time: the status of every pair as a whole, and how far it is from changing.
+
+A pair is open while no node of it is under pressure, else closed.  Where there is friction all pairs together stick,
+slip in part, or slip.  Single nodes are not looked at: the edge of a pair that slides changes nodes all the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface, Pair
+from coupler.schemes.level import Level
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+# Positions are good to about this share of the size of the scene; a pressure of the penalty times that is round-off.
+ROUND_OFF = 1e-13
+SLIPPING = "mechanical.contact.slipping"
+
+
+class Status(Enum):
+    """Of a pair, or of all friction."""
+
+    OPEN = "open"
+    CLOSED = "closed"
+    STICKS = "sticks"
+    SLIPS_IN_PART = "slips in part"
+    SLIPS = "slips"
+    APART = "apart"  # nothing touches, so nothing sticks or slips; or nobody told
+
+
+@dataclass(frozen=True)
+class Place:
+    """A pair: nodes : indices s of the surface nodes that tell of it alone.  gap_max [m].
+
+    floor [Pa], touch [m] : pressures and gaps up to them are round-off.
+    """
+
+    name: str
+    nodes: Indices
+    gap_max: float
+    floor: float = 0.0
+    touch: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sight:
+    """At t [s]: status of every pair, then of friction, and what is left of each until that changes.
+
+    left : for each status several quantities > 0 of any unit, the first of which to reach 0 changes it; empty: unknown.
+    OPEN: least gap [m], 0 where that is round-off.  CLOSED: largest pressure [Pa], share of the surface that faces
+    something.  STICKS: 1 - largest |t_T|/(mu p_N).
+    """
+
+    t: float
+    status: tuple[Status, ...]
+    left: tuple[tuple[float, ...], ...]
+
+
+def places_of(interface: Interface) -> tuple[Place, ...]:
+    """The pairs of a scene.  A node of several pairs tells of none of them, unless a pair has no other."""
+    index = {p.name: _nodes(interface, p) for p in interface.pairs}
+    size = float(np.ptp(interface.nodes, axis=0).max())
+    found = []
+    for pair in interface.pairs:
+        others = [nodes for name, nodes in index.items() if name != pair.name]
+        own = np.setdiff1d(index[pair.name], np.concatenate(others)) if others else index[pair.name]
+        found.append(Place(pair.name, own if own.size else index[pair.name], pair.gap_max,
+                           pair.eps_N * ROUND_OFF * size, ROUND_OFF * size))
+    return tuple(found)
+
+
+def looked_at(interface: Interface) -> tuple[str, ...]:
+    """Monitors to ask for besides what is exchanged."""
+    return (SLIPPING,) if any(pair.mu > 0.0 for pair in interface.pairs) else ()
+
+
+def _nodes(interface: Interface, pair: Pair) -> Indices:
+    nodes = np.concatenate([interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
+    return np.unique(np.searchsorted(interface.contact_nodes, nodes)).astype(np.intp)
+
+
+def seen(places: tuple[Place, ...], level: Level, monitors: Mapping[str, float]) -> Sight:
+    """monitors : touching, mechanical.contact.slipping (points), grip (1 - largest |t_T|/(mu p_N)), where told."""
+    pairs = [_pair(place, level) for place in places]
+    friction = _friction(monitors)
+    return Sight(level.t, (*(s for s, _ in pairs), friction[0]), (*(left for _, left in pairs), friction[1]))
+
+
+def _pair(place: Place, level: Level) -> tuple[Status, tuple[float, ...]]:
+    covered = level.covered[place.nodes]
+    told = bool(covered.any())  # a half that does not tell gives zeros
+    p = -level.t_N[place.nodes].min(initial=0.0)
+    if p > place.floor:
+        return Status.CLOSED, (float(p), float(covered.sum())) if told else (float(p),)
+    gap = level.gap[place.nodes]
+    facing = gap[np.isfinite(gap) & (gap < place.gap_max) & ((covered > 0.0) | (not told))]
+    least = float(facing.min(initial=np.inf))
+    return Status.OPEN, (least if least > place.touch else 0.0,) if facing.size else ()
+
+
+def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]:
+    slipping, touching = monitors.get(SLIPPING, np.nan), monitors.get("touching", 0.0)
+    if not touching > 0.0 or np.isnan(slipping):
+        return Status.APART, ()
+    if slipping >= touching:
+        return Status.SLIPS, ()
+    if slipping > 0.0:
+        return Status.SLIPS_IN_PART, ()
+    grip = monitors.get("grip", np.nan)
+    return Status.STICKS, () if np.isnan(grip) else (float(grip),)
+
+
+def changed(before: Sight, now: Sight) -> list[int]:
+    """Which statuses differ.  Friction that begins or ends with touch is the pair's event, not one of its own."""
+    return [i for i, (a, b) in enumerate(zip(before.status, now.status, strict=True))
+            if a is not b and Status.APART not in (a, b)]

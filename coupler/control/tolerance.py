@@ -1,0 +1,25 @@
+"""What error a window may make: one tolerance a quantity, for windows that find their own size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from coupler.schemes.iteration import Tolerance
+
+
+@dataclass(frozen=True)
+class ErrorTolerances:
+    """The error of one window passes if it is at most atol + rtol * scale, quantity by quantity.
+
+    temperature [K], scale the range of T over all nodes and the window: a thousandth of a kelvin says nothing about a
+    casting, and of two bodies in one scene the smaller must not be judged by its own small range.
+    gap [m] and displacement [m], scale their largest change in the window: so the errors of all windows add up to at
+    most rtol of the way gone.  The floor of the gap is a hundredth of a gas layer of 10 um, below which no law of
+    conductance changes by more than 1 %.
+    heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
+    """
+
+    temperature: Tolerance = field(default=Tolerance(0.01, 2e-4))
+    gap: Tolerance = field(default=Tolerance(1e-7, 1e-2))
+    heat: Tolerance = field(default=Tolerance(1e-3, 1e-2))
+    displacement: Tolerance = field(default=Tolerance(1e-7, 1e-2))

@@ -1,0 +1,1 @@
+"""Halves behind FMI: loading them, talking to them in this process or another, keeping them alive."""

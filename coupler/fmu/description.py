@@ -1,0 +1,177 @@
+"""What an FMU says of itself: its modelDescription.xml read in one pass, scalars gathered to blocks, kept beside it.
+
+A full reader makes an object of every scalar: seconds at 1e5 variables.  Here only blocks are kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.errors import HalfError
+from coupler.fmu.half import Block
+
+_CACHE_VERSION = 1
+_INDEXED = re.compile(r"^(.+)\[(\d+(?:,\d+)*)\]$")
+_KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+
+@dataclass(frozen=True)
+class Field:
+    """A block and where it lies.
+
+    references : (size,) value references, last index fastest.  start : as written in the XML, of a scalar only.
+    variability : as in the XML, the standard's default where it is left out.
+    """
+
+    block: Block
+    references: NDArray[np.uint32]
+    start: str | None
+    variability: str
+
+
+@dataclass(frozen=True)
+class Description:
+    """tool : the generator.  can_save, can_serialise : FMU state.  fields : by block name, in the XML's order."""
+
+    guid: str
+    identifier: str
+    tool: str
+    can_save: bool
+    can_serialise: bool
+    fields: dict[str, Field]
+
+
+@dataclass(frozen=True)
+class _Scalar:
+    name: str
+    reference: int
+    causality: str
+    variability: str
+    kind: str
+    unit: str
+    start: str | None
+
+
+def read_description(extracted: Path) -> Description:
+    """The description of an extracted FMU.  Raises HalfError where it is not one of FMI 2.0 co-simulation."""
+    path = extracted / "modelDescription.xml"
+    try:
+        text = path.read_bytes()
+    except OSError as exc:
+        raise HalfError(f"{extracted} holds no FMU: {exc.strerror}") from exc
+    key = f"{_CACHE_VERSION}:{hashlib.sha256(text).hexdigest()}"
+    cache = extracted / "blocks.json"
+    kept = _cached(cache, key)
+    if kept is not None:
+        return kept
+    description = _parse(text, path)
+    # A cache that cannot be written (a folder of another user) costs time only.
+    with contextlib.suppress(OSError):
+        new = cache.with_suffix(f".{os.getpid()}")
+        new.write_text(json.dumps({"key": key, **_to_json(description)}), encoding="utf-8")
+        os.replace(new, cache)
+    return description
+
+
+def _cached(cache: Path, key: str) -> Description | None:
+    """What the cache holds for a key; None where there is none, of another key, or damaged."""
+    try:
+        kept = json.loads(cache.read_text(encoding="utf-8"))
+        return _from_json(kept) if kept["key"] == key else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None  # the description itself is at hand and is read instead
+
+
+def _parse(text: bytes, path: Path) -> Description:
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as exc:
+        raise HalfError(f"{path} is not XML: {exc}") from exc
+    version = root.get("fmiVersion", "")
+    if root.tag != "fmiModelDescription" or version != "2.0":
+        raise HalfError(f"{path}: FMI {version or 'of no version'}; a half must be FMI 2.0 for co-simulation")
+    simulation = root.find("CoSimulation")
+    if simulation is None:
+        raise HalfError(f"{path}: no CoSimulation; a half must be FMI 2.0 for co-simulation")
+    return Description(
+        guid=root.get("guid", ""), identifier=simulation.get("modelIdentifier", ""),
+        tool=root.get("generationTool", ""),
+        can_save=simulation.get("canGetAndSetFMUstate") in ("true", "1"),
+        can_serialise=simulation.get("canSerializeFMUstate") in ("true", "1"),
+        fields=gather([_scalar(node) for node in root.iterfind("ModelVariables/ScalarVariable")]))
+
+
+def _scalar(node: ElementTree.Element) -> _Scalar:
+    value = next(child for child in node if child.tag in _KINDS)
+    return _Scalar(node.attrib["name"], int(node.attrib["valueReference"]), node.get("causality", "local"),
+                   node.get("variability", "continuous" if value.tag == "Real" else "discrete"),
+                   value.tag, value.get("unit", "1"), value.get("start"))
+
+
+def gather(scalars: Sequence[_Scalar]) -> dict[str, Field]:
+    """Scalars a[1], a[2], ... to one block "a"; what does not fill a whole box of 1-based indices stays scalar."""
+    groups: dict[str, list[tuple[tuple[int, ...], _Scalar]]] = {}
+    for scalar in scalars:
+        match = _INDEXED.match(scalar.name)
+        name, index = (match[1], tuple(map(int, match[2].split(",")))) if match else (scalar.name, ())
+        groups.setdefault(name, []).append((index, scalar))
+    fields: dict[str, Field] = {}
+    for name, members in groups.items():
+        field = _block(name, members)
+        if field is not None:
+            fields[name] = field
+        else:
+            fields.update({s.name: _field(s.name, (), [s]) for _, s in members})
+    return fields
+
+
+def _block(name: str, members: list[tuple[tuple[int, ...], _Scalar]]) -> Field | None:
+    indices = [index for index, _ in members]
+    if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for _, s in members}) > 1:
+        return None
+    shape = tuple(max(column) for column in zip(*indices, strict=True))
+    whole = len(set(indices)) == len(members) == math.prod(shape)
+    if not whole or any(min(index, default=1) < 1 for index in indices):
+        return None
+    return _field(name, shape, [scalar for _, scalar in sorted(members, key=lambda m: m[0])])
+
+
+def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar]) -> Field:
+    first = scalars[0]
+    return Field(Block(name, shape, first.unit, first.causality, first.kind),
+                 np.array([s.reference for s in scalars], dtype=np.uint32),
+                 None if shape else first.start, first.variability)
+
+
+def _to_json(description: Description) -> dict[str, Any]:
+    def references(refs: NDArray[np.uint32]) -> list[int] | int:
+        consecutive = (np.diff(refs.astype(np.int64)) == 1).all()
+        return int(refs[0]) if consecutive else [int(r) for r in refs]
+
+    fields = [[f.block.name, list(f.block.shape), f.block.unit, f.block.causality, f.block.kind,
+               references(f.references), f.start, f.variability] for f in description.fields.values()]
+    return {**vars(description), "fields": fields}
+
+
+def _from_json(kept: dict[str, Any]) -> Description:
+    fields = {}
+    for name, shape, unit, causality, kind, refs, start, variability in kept["fields"]:
+        if isinstance(refs, int):
+            refs = np.arange(refs, refs + math.prod(shape))
+        block = Block(name, tuple(shape), unit, causality, kind)
+        fields[name] = Field(block, np.asarray(refs, dtype=np.uint32), start, variability)
+    return Description(kept["guid"], kept["identifier"], kept["tool"], kept["can_save"], kept["can_serialise"],
+                       fields)

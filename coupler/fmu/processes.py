@@ -1,0 +1,145 @@
+"""Each half and the contact service in a process of its own, on this machine's loopback."""
+
+from __future__ import annotations
+
+import re
+import secrets
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from contact.client import Client
+from contact.link import LinkError, ServiceDownError
+from contact.zenoh_link import Session, close_session, open_session
+from coupler.errors import HalfError, indented
+from coupler.fmu.children import Child, ChildError, python, ready_line, reap, start
+from coupler.fmu.host import role_of
+from coupler.fmu.remote import RemoteHalf
+from coupler.fmu.verbs import ANSWERS
+
+CONTACT = "contact"
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+START_DEADLINE = 120.0  # s for all to be ready; a first run compiles kernels
+CALL_DEADLINE = 600.0  # s for one substep of a half; a death is noticed at once, only a hang waits for this
+
+
+@dataclass(frozen=True)
+class Processes:
+    """The processes of a run.
+
+    halves : by name.  contact_link : what to give the halves as parameter `contact.link`, or to open_link.
+    pids : of the halves by name, and of "contact".  asked : what contact was asked so far, contact.tally.Verb by verb;
+    nothing where it cannot say.
+    """
+
+    halves: dict[str, RemoteHalf]
+    contact_link: str
+    pids: dict[str, int]
+    asked: Callable[[], dict[str, Any]]
+
+
+@contextmanager
+def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLINE,
+              call_deadline: float = CALL_DEADLINE, host: Sequence[str] | None = None,
+              service: Sequence[str] | None = None) -> Iterator[Processes]:
+    """Start the contact service and one host for every FMU; end them all on the way out, whatever the way.
+
+    fmus : name of a half (letters, digits, - and _) -> its FMU.  host, service : commands to run instead of
+    `python -m coupler.fmu.host` and `python -m contact.serve`, with the same options.
+    Raises ValueError for another name; HalfError or ServiceDownError naming who did not start, later who died, with
+    the tail of its log.
+    """
+    for name in fmus:
+        if not _NAME.fullmatch(name) or name == CONTACT:
+            raise ValueError(f"{name!r} cannot name a half's process: letters, digits, - and _ only, not {CONTACT!r}")
+    run = secrets.token_hex(4)
+    with ExitStack() as stack:
+        directory = Path(tempfile.mkdtemp(prefix="slideline-"))
+        stack.callback(shutil.rmtree, directory, ignore_errors=True)
+        children: dict[str, Child] = {}
+        sessions: list[Session] = []
+        # Children first: to close a session takes ten seconds while a stopped process is at its other end.
+        stack.callback(_give_back, sessions)
+        stack.callback(lambda: reap(children.values()))
+        try:
+            endpoints, instances = _start(children, fmus, run, directory, time.monotonic() + start_deadline,
+                                          host or [*python(), "-m", "coupler.fmu.host"],
+                                          service or [*python(), "-m", "contact.serve"])
+        except ChildError as exc:
+            raise _named(exc.child, str(exc), exc.log) from exc
+        sessions.append(open_session(connect=endpoints.values()))
+        halves = {name: _remote(name, sessions[0], run, instance, children, call_deadline)
+                  for name, instance in instances.items() if name != CONTACT}
+        pids = {name: child.process.pid for name, child in children.items()}
+        contact = Client(sessions[0], run, CONTACT, {}, instance=instances[CONTACT])
+        yield Processes(halves, f"zenoh:{endpoints[CONTACT]}/{run}", pids, lambda: _asked(contact))
+        for half in halves.values():  # only after a good end: after an error nobody waits for a busy half
+            _close(half)
+
+
+def _start(children: dict[str, Child], fmus: Mapping[str, Path], run: str, directory: Path,
+           until: float, host: Sequence[str],
+           service: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
+    """Start all at once, for each imports for a second; returns endpoint and instance of each."""
+    children[CONTACT] = start(CONTACT, [*service, "--run", run, "--child"], directory)
+    for name, fmu in fmus.items():
+        # Unpacked in the run's directory, which this process removes: a host that is killed cannot clean up.
+        command = [*host, "--name", name, "--fmu", str(fmu.resolve()), "--extracted", str(directory / f"{name}.d"),
+                   "--run", run]
+        children[name] = start(name, command, directory)
+    endpoints: dict[str, str] = {}
+    instances: dict[str, str] = {}
+    for name, child in children.items():
+        _, endpoints[name], instances[name] = ready_line(child, until).split()
+        if name == CONTACT:
+            for other in fmus:
+                children[other].tell(endpoints[CONTACT])
+    return endpoints, instances
+
+
+def _remote(name: str, session: Session, run: str, instance: str, children: Mapping[str, Child],
+            deadline: float) -> RemoteHalf:
+    def blame(patience: float) -> None:
+        """Raise the error that names a dead process, if one dies within `patience` seconds."""
+        until = time.monotonic() + patience
+        while True:
+            for child in children.values():
+                if death := child.death():
+                    raise _named(child.name, death, child.log_tail())
+            if time.monotonic() >= until:
+                return
+            time.sleep(0.02)
+
+    client = Client(session, run, role_of(name), ANSWERS, instance=instance, deadline=deadline,
+                    watch=lambda: blame(0.0))
+    return RemoteHalf(name, client, blame)
+
+
+def _asked(contact: Client) -> dict[str, Any]:
+    try:
+        return {verb: asdict(cost) for verb, cost in contact.tally().verbs.items()}
+    except LinkError:  # it died, which the run has been told, or is stuck: no reason to lose the rest of the totals
+        return {}
+
+
+def _give_back(sessions: list[Session]) -> None:
+    while sessions:
+        close_session(sessions.pop())
+
+
+def _named(child: str, message: str, log: str) -> HalfError | ServiceDownError:
+    if child == CONTACT:
+        quoted = f"\n{indented(log)}" if log.strip() else ""
+        return ServiceDownError(f"contact service: {message}{quoted}")
+    return HalfError(message, half=child, log=log)
+
+
+def _close(half: RemoteHalf) -> None:
+    # Whoever cannot be closed is dead or stuck; reaping, which comes next, ends it.
+    with suppress(HalfError, ServiceDownError):
+        half.close()

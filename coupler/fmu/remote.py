@@ -1,0 +1,113 @@
+"""A half in another process, behind the same protocol as one in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from contact.client import Client
+from contact.codec import WireError
+from contact.link import LinkError
+from coupler.errors import HalfError
+from coupler.fmu.half import Advance, Array, Status
+from coupler.fmu.verbs import (
+    Close,
+    Describe,
+    Described,
+    Deserialise,
+    Done,
+    Failed,
+    Initialise,
+    LogTail,
+    Read,
+    Release,
+    Restore,
+    Save,
+    Serialise,
+    StateBytes,
+    Step,
+    Text,
+    Token,
+    Values,
+    Verb,
+)
+
+CLOSE_DEADLINE = 2.0  # s; after it the process is ended from outside
+LOG_DEADLINE = 2.0  # s; a log is asked for when something is wrong already
+AnswerT = TypeVar("AnswerT")
+
+
+class RemoteHalf:
+    """coupler.fmu.half.Half over a link.
+
+    client : calls the half's process.  blame : asks whether every process lives; raises the error that names
+    the dead one; its argument is how long to wait for a death to show.
+    """
+
+    def __init__(self, name: str, client: Client, blame: Callable[[float], None]) -> None:
+        self.name = name
+        self._client = client
+        self._blame = blame
+        description = self._call(Describe(), Described)
+        self.blocks = {block.name: block for block in description.blocks}
+        self.strings = description.strings
+        self.can_save = description.can_save
+        self.can_serialise = description.can_serialise
+
+    def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str],
+                   inputs: Mapping[str, Array], outputs: Sequence[str]) -> dict[str, Array]:
+        verb = Initialise(t_start, t_end, dict(parameters), _blocks(inputs), tuple(outputs))
+        return self._call(verb, Values).values
+
+    def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
+        done = self._call(Step(t, h, _blocks(inputs), tuple(outputs)), Advance)
+        if done.status is Status.DISCARD:
+            # A half that lost its contact service can only discard; a smaller step would not help it.
+            self._blame(0.0)
+        return done
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        return self._call(Read(tuple(names)), Values).values
+
+    def save(self) -> int:
+        return self._call(Save(), Token).token
+
+    def restore(self, token: int) -> None:
+        self._call(Restore(token), Done)
+
+    def release(self, token: int) -> None:
+        self._call(Release(token), Done)
+
+    def serialise(self, token: int) -> bytes:
+        return self._call(Serialise(token), StateBytes).data
+
+    def deserialise(self, data: bytes) -> int:
+        return self._call(Deserialise(data), Token).token
+
+    def log_tail(self) -> str:
+        return self._call(LogTail(), Text, LOG_DEADLINE).text
+
+    def close(self) -> None:
+        self._call(Close(), Done, CLOSE_DEADLINE)
+
+    def _call(self, verb: Verb, kind: type[AnswerT], deadline: float | None = None) -> AnswerT:
+        """The answer to a verb.  Raises HalfError, or what `blame` raises."""
+        try:
+            answer: Any = self._client.call(verb, deadline)
+        except LinkError as exc:
+            self._blame(1.0)
+            raise HalfError(str(exc), half=self.name) from exc
+        except WireError as exc:
+            raise HalfError(f"{type(verb).__name__} cannot be sent: {exc}", half=self.name) from exc
+        if isinstance(answer, Failed):
+            self._blame(0.0)
+            raise HalfError(answer.message, half=self.name, log=answer.log)
+        if not isinstance(answer, kind):
+            raise HalfError(f"{type(verb).__name__} was answered by {type(answer).__name__}", half=self.name)
+        return answer
+
+
+def _blocks(values: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}

@@ -1,0 +1,1 @@
+"""What a run leaves: journal, checkpoints, results and field files, and how it goes on from them."""

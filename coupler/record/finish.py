@@ -1,0 +1,105 @@
+"""From the journal of a run to run.h5 and its field files, all of them or none."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.errors import ResultsError
+from coupler.record.beside import put_away
+from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.fields import write_field_files
+from coupler.record.gathered import Gathered, gathered
+from coupler.record.journal import read_journal
+from coupler.record.ledger import PREFIX
+
+HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
+
+
+def finish(journal: Path, path: Path) -> None:
+    """Make run.h5 and the field files from a journal, each in one atomic step.
+
+    The journal is removed, or, with the checkpoint of a run that is not complete, kept for resuming it.
+    All are written aside before the first is put in its place: an error, a full disk say, changes nothing.
+    Raises ResultsError if the journal does not hold the beginning of a run, or the files cannot be written.
+    """
+    try:
+        size, free = journal.stat().st_size, shutil.disk_usage(path.parent).free
+        # Asked first, because HDF5 meets a full disk with a page of noise for every open file.
+        if free < size + HDF5_ROOM:
+            raise OSError(f"{free / 1e6:.1f} MB are free on its disk, {(size + HDF5_ROOM) / 1e6:.1f} MB are needed")
+        complete = _make(journal, path)
+    except (OSError, RuntimeError) as exc:  # a full disk is either, by where HDF5 meets it
+        older = ", after the older file is moved away," if path.exists() else ""
+        raise ResultsError(f"{path}: cannot be made from {journal.name} ({reason_of(exc)}). All windows are in the "
+                           f"journal: once this is mended{older} `slideline report {path}` makes the file") from exc
+    put_away(journal, path, complete)
+
+
+def reason_of(exc: Exception) -> str:
+    """What HDF5 means, without its file descriptors and addresses."""
+    found = re.search(r"error message = '([^']*)'", str(exc))
+    return found[1] if found else str(exc)
+
+
+def _make(journal: Path, path: Path) -> bool:
+    """Whether the run is complete."""
+    records = read_journal(journal)
+    header = next(((m, a) for kind, m, a in records if kind == "run"), None)
+    if header is None:
+        raise ResultsError(f"{journal}: the run ended before its first window; nothing to recover")
+    meta, arrays = header
+    meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
+    told = gathered(records)
+    frames = (r for k, r in enumerate(r for r in read_journal(journal) if r[0] == "frame") if k in told.frames)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
+        part = Path(scratch) / path.name
+        parts = write_field_files(Path(scratch), meta, arrays, frames)
+        with h5py.File(part, "w", track_order=True) as f:
+            _write(f, meta, told)
+        for file in (*parts, part):
+            os.replace(file, path.with_name(file.name))
+    return str(told.end["outcome"]) == "completed"
+
+
+def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
+    """The file, from the header and what was gathered of the records after it."""
+    text = h5py.string_dtype("utf-8")
+    f.attrs.update(format=FORMAT, version=FORMAT_VERSION, outcome=told.end["outcome"],
+                   message=told.end["message"], header=json.dumps(meta),
+                   totals=json.dumps({**told.end.get("totals", {}), "rewound": told.rewound}))
+    f.create_dataset("scenario", data=meta["scenario"]["text"], dtype=text)
+    f["t"] = np.array(told.t)
+    f["windows"] = np.array(told.rows, dtype=list(WINDOW_FIELDS))
+    # A dataset, not an attribute: those hold 64 kB at most.
+    f.create_dataset("words", data=json.dumps(told.words), dtype=text)
+    if told.iterates:
+        f["iterates"] = np.array(told.iterates, dtype=list(ITERATE_FIELDS))
+    if told.estimates:
+        f["estimates"] = np.array(told.estimates, dtype=list(ESTIMATE_FIELDS))
+    group = f.create_group("probes", track_order=True)
+    table = np.array(told.probes, dtype=float).reshape(len(told.t), len(meta["probes"]))
+    for i, (name, about) in enumerate(meta["probes"].items()):
+        group[name] = table[:, i]
+        group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
+    _write_rows(f.create_group("ledger", track_order=True), told.terms, PREFIX, 0.0)
+    for data in f["ledger"].values():
+        data.attrs["unit"] = "J"
+    _write_rows(f.create_group("monitors", track_order=True), told.monitors, "", np.nan)
+
+
+def _write_rows(group: h5py.Group, rows: list[Mapping[str, float]], prefix: str, missing: float) -> None:
+    """A dataset a name, a value a row."""
+    for name in dict.fromkeys(n for row in rows for n in row):
+        values: NDArray[np.float64] = np.array([row.get(name, missing) for row in rows])
+        group[name.removeprefix(prefix)] = values

@@ -1,0 +1,157 @@
+"""The recorder: what a run writes to its journal while it runs."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from coupler.control.estimate import Estimate
+from coupler.record.beside import drop, journal_of, take_up
+from coupler.record.columns import ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.finish import finish
+from coupler.record.journal import Journal, Mark
+from coupler.record.ledger import Ledger
+from coupler.record.target import check_target
+from coupler.rules.engine import Firing
+from coupler.schemes.level import Level
+from coupler.schemes.window import Course, Solved
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Words:
+    """What else a window's record holds.  reason : why it had its size and scheme.  event, fired, error : as in Tried.
+
+    monitors : those that rules look at, of a window that was taken.
+    """
+
+    reason: str = ""
+    event: str = ""
+    fired: tuple[Firing, ...] = ()
+    error: Estimate | None = None
+    monitors: Mapping[str, float] = field(default_factory=dict)
+
+
+class Recorder:
+    """Writes the header, each window, frames of fields and the end; finish() makes run.h5 of it.
+
+    header : what is known before the first window (scenario, versions, probes, fields); see Run._header.
+    since : go on with the journal of a run that ended early, behind this place, under the header it has.
+    Raises ResultsError if `out` may not or cannot be written.
+    """
+
+    def __init__(self, out: Path, header: Mapping[str, Any], interface: Interface,
+                 since: Mark | None = None) -> None:
+        check_target(out)
+        self.out = out
+        self._interface = interface
+        self._seconds = 0.0
+        self.rows = 0  # windows recorded so far that stand in the table, rejected ones too
+        if since is not None:
+            take_up(out)
+            self._journal = Journal(journal_of(out), since)
+            return
+        self._journal = Journal(journal_of(out))
+        drop(out)
+        self._journal.write("run", header, {
+            n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")})
+
+    @property
+    def mark(self) -> Mark:
+        """Where the next record goes."""
+        return self._journal.mark
+
+    def sync(self) -> None:
+        """Wait until all records are on the disk.  Raises OSError."""
+        self._journal.sync()
+
+    def start(self, t: float, probes: Array) -> None:
+        """The values before the first window."""
+        self._journal.write("start", {"t_now": t, "terms": {}}, {"probes": probes})
+
+    def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
+               words: Words = Words()) -> None:
+        """One window tried.  facts : t, H, scheme and seconds of it.
+
+        Its recording_seconds are those spent on records since the row before it: a row cannot hold its own.
+        """
+        started = time.perf_counter()
+        self.rows += 1
+        w = solved.work
+        row = {"verdict": solved.verdict.value, "solves": w.thermal_solves + w.mechanical_solves, **vars(w),
+               **{n: solved.monitors.get(n, 0.0) for n in ("touching", "max_T", "max_p")},
+               "taken": solved.taken, **iterated(solved.course), "imbalance": ledger.imbalance,
+               "error": math.nan if words.error is None else words.error.error,
+               "recording_seconds": self._seconds, **facts}
+        meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message, **_told(words)}
+        if solved.course is not None:
+            meta["iterates"] = iterates(solved.course)
+        accepted = solved.taken
+        if accepted:
+            meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
+        self._journal.write("window", meta, {"probes": probes} if accepted else None)
+        self._seconds = time.perf_counter() - started
+
+    def rewind(self, t: float, rows: int) -> None:
+        """What was recorded after the time t [s], where so many rows stood, is no longer so; the journal keeps it."""
+        self._journal.write("rewind", {"t_now": t, "rows": rows})
+        self.rows = rows
+
+    def frame(self, level: Level, more: Mapping[str, Array]) -> None:
+        """The fields of both halves at one time.  more : what else the halves show: sigma_v, sigma, f_s, q."""
+        started = time.perf_counter()
+        n, s = len(level.T), self._interface.contact_nodes
+        p, gap = np.zeros(n), np.full(n, np.nan)
+        p[s], gap[s] = -level.t_N, level.gap
+        self._journal.write("frame", {"t_now": level.t}, {
+            "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **more})
+        self._seconds += time.perf_counter() - started
+
+    def end(self, outcome: str, message: str, totals: Mapping[str, Any]) -> None:
+        """Close the journal with what became of the run and make run.h5 of it."""
+        self._journal.write("end", {"outcome": outcome, "message": message, "totals": dict(totals)})
+        self._journal.close()
+        finish(self._journal.path, self.out)
+
+
+def _told(words: Words) -> dict[str, Any]:
+    """What there is of them, as it goes into the journal."""
+    told: dict[str, Any] = {"reason": words.reason, "event": words.event, "monitors": dict(words.monitors),
+                            "fired": [[f.rule, f.text, dict(f.values)] for f in words.fired]}
+    if words.error is not None:
+        told["estimate"] = estimated(words.error)
+    return {n: v for n, v in told.items() if v}
+
+
+def estimated(error: Estimate) -> list[float]:
+    """A row as in ESTIMATE_FIELDS from the first quantity on; nan for what is not known."""
+    parts = {"": error.shares, "_splitting": error.splitting, "_own": error.own}
+    found = {f"{quantity}{part}": v for part, values in parts.items() for quantity, v in values.items()}
+    return [found.get(n, math.nan) for n, _ in ESTIMATE_FIELDS[1:]]
+
+
+def iterated(course: Course | None) -> dict[str, float | int]:
+    """What a window's row says of its iteration; 0 iterations for a scheme that does not iterate."""
+    if course is None:
+        return {"iterations": 0, "misfit": 0.0, "contraction": math.nan}
+    return {"iterations": len(course.misfits), "misfit": max(course.misfits[-1].values()),
+            "contraction": course.contraction}
+
+
+def iterates(course: Course) -> list[list[float]]:
+    """A row an iterate, as in ITERATE_FIELDS from "iterate" on; nan for what the scene does not have.
+
+    The factor of an iterate is that of the step which led to it.
+    """
+    names = [n for n, _ in ITERATE_FIELDS[2:-1]]
+    return [[k + 1, *(m.get(n, math.nan) for n in names), factor]
+            for k, (m, factor) in enumerate(zip(course.misfits, (math.nan, *course.factors), strict=True))]

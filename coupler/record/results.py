@@ -1,0 +1,193 @@
+"""Results of a run: run.h5, made from the run's journal, and what Python users read from it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.errors import ResultsError
+from coupler.record.beside import journal_of
+from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.finish import finish, reason_of
+from coupler.record.journal import being_written
+from coupler.record.ledger import PREFIX, imbalance
+
+Array = NDArray[np.float64]
+
+UNITS = {"K": (1.0, 0.0), "degC": (1.0, -273.15), "m": (1.0, 0.0), "mm": (1e3, 0.0), "um": (1e6, 0.0),
+         "Pa": (1.0, 0.0), "kPa": (1e-3, 0.0), "MPa": (1e-6, 0.0)}
+_KIND_OF_UNIT = {"K": "K", "degC": "K", "m": "m", "mm": "m", "um": "m", "Pa": "Pa", "kPa": "Pa", "MPa": "Pa"}
+
+
+@dataclass(frozen=True)
+class Firing:
+    """row : of the windows table.  t [s]: where its window began.  rule : its name.  text : what it did.
+
+    values : monitors that made it.
+    """
+
+    row: int
+    t: float
+    rule: str
+    text: str
+    values: Mapping[str, float]
+
+
+class Results:
+    """What a run left in its results file.
+
+    >>> t, T = Results("run.h5").probe("lower.top.left", unit="degC")
+
+    path : the run.h5, or one whose run was killed: it is then made from the journal found beside it.
+    outcome : completed | interrupted | stopped | failed | killed, with its message.
+    header, totals : what the run wrote before its first window and after its last one.
+    t : (n,) [s], the start and the ends of the accepted windows.
+    windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected; reasons : why it had
+    its size and scheme, where that was chosen; events : what happened to contact at its end or inside.
+    iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
+    estimates : one row a window whose error is known (ESTIMATE_FIELDS).  firings : of rules, in order.
+    rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
+    later : the journal of a later, unfinished run to the same file, if there is one.
+    Raises ResultsError if the file is missing, unreadable or not one of ours, or its run still goes on.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        journal = journal_of(self.path)
+        if not self.path.exists() and journal.exists():
+            _recover(journal, self.path)
+        self.later: Path | None = journal if journal.exists() else None
+        if not self.path.exists():
+            raise ResultsError(f"{self.path}: no such results file, and no journal of a run beside it")
+        try:
+            with h5py.File(self.path, "r") as f:
+                self._read(f)
+        except (OSError, KeyError, ValueError) as exc:
+            raise ResultsError(f"{self.path}: not a readable results file ({reason_of(exc)})") from exc
+
+    def _read(self, f: h5py.File) -> None:
+        if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
+            raise ValueError(f"its format is not {FORMAT} {FORMAT_VERSION}")
+        self.outcome: str = str(f.attrs["outcome"])
+        self.message: str = str(f.attrs["message"])
+        self.header: dict[str, Any] = json.loads(f.attrs["header"])
+        self.totals: dict[str, Any] = json.loads(f.attrs["totals"])
+        self.t: Array = f["t"][()]
+        rows = f["windows"][()]
+        text = [(n, k.replace("S", "U")) for n, k in WINDOW_FIELDS]
+        self.windows: np.recarray[Any, Any] = rows.astype(text).view(np.recarray)
+        words: list[dict[str, Any]] = json.loads(f["words"].asstr()[()])
+        self.messages, self.reasons, self.events = (
+            {k: str(row[n]) for k, row in enumerate(words) if n in row} for n in ("message", "reason", "event"))
+        self.firings = tuple(Firing(k, float(self.windows.t[k]), str(rule), str(text), dict(values))
+                             for k, row in enumerate(words) for rule, text, values in row.get("fired", ()))
+        self.iterates: np.recarray[Any, Any] = (
+            f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)
+        self.estimates: np.recarray[Any, Any] = (
+            f["estimates"][()] if "estimates" in f else np.zeros(0, list(ESTIMATE_FIELDS))).view(np.recarray)
+        self.rewound: dict[str, float] = self.totals.get("rewound", {})
+        self._monitors: dict[str, Array] = {n: d[()] for n, d in f["monitors"].items()}
+        self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
+                        for n, d in f["probes"].items()}
+        self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know though it is no error: of the scenario, then of what happened in the run."""
+        return tuple(map(str, (*self.header.get("notes", ()), *self.totals.get("notes", ()))))
+
+    @property
+    def probe_names(self) -> tuple[str, ...]:
+        return tuple(self._probes)
+
+    def probe(self, name: str, unit: str | None = None) -> tuple[Array, Array]:
+        """(t, value) of a probe: times [s] as in `t`; values in SI.
+
+        unit : convert to "degC", "mm", "MPa", ...  Raises ResultsError for an unknown probe or unit.
+        """
+        value, own, _ = self._probe(name)
+        if unit is None or unit == own:
+            return self.t, value
+        if _KIND_OF_UNIT.get(unit) != own:
+            fits = [u for u, k in _KIND_OF_UNIT.items() if k == own]
+            raise ResultsError(f"probe {name!r} is in {own}; it cannot be given in {unit!r}, "
+                               f"only in {', '.join(fits) or own}")
+        factor, shift = UNITS[unit]
+        return self.t, value * factor + shift
+
+    def quantity(self, name: str) -> str:
+        """What a probe measures: T, u_x, u_y, gap or p.  Raises ResultsError for an unknown probe."""
+        return self._probe(name)[2]
+
+    def unit(self, name: str) -> str:
+        """The SI unit of a probe.  Raises ResultsError for an unknown probe."""
+        return self._probe(name)[1]
+
+    def _probe(self, name: str) -> tuple[Array, str, str]:
+        if name not in self._probes:
+            has = ", ".join(self._probes) or "none"
+            raise ResultsError(f"{self.path} has no probe {name!r}; it has {has}")
+        return self._probes[name]
+
+    @property
+    def ledger(self) -> dict[str, float]:
+        """Heat over the whole run [J] by mechanism, into the bodies; `stored.<body>` is what a body kept."""
+        return {n: float(v[-1]) for n, v in self._terms.items() if v.size}
+
+    def ledger_history(self) -> tuple[Array, dict[str, Array]]:
+        """(t, mechanism -> heat so far [J]) at the ends of the accepted windows."""
+        return self.t, dict(self._terms)
+
+    @property
+    def heat_imbalance(self) -> float:
+        """|sum of the ledger's terms| / sum of |terms| over the run."""
+        return imbalance({PREFIX + n: e for n, e in self.ledger.items()})
+
+    @property
+    def seconds_by_part(self) -> dict[str, float]:
+        """Where the wall-clock seconds went; the coupler's are what is left when all others are taken out."""
+        w = self.windows
+        parts = {name: float(w[column].sum()) + self.rewound.get(column, 0.0) for name, column in (
+            ("thermal half", "thermal_seconds"), ("mechanical half", "mechanical_seconds"),
+            ("FMI and transport", "fmi_seconds"), ("recording", "recording_seconds"))}
+        # A killed run left no totals: its windows are then all that is known.
+        total = float(self.totals.get("seconds", w.seconds.sum() + parts["recording"]))
+        return parts | {"coupler": max(total - sum(parts.values()), 0.0),
+                        "set-up": float(self.totals.get("setup_seconds", 0.0))}
+
+    @property
+    def monitors(self) -> dict[str, Array]:
+        """Name -> value at each of `t` : (n,); those that rules of the run look at, nan where one was not known."""
+        return dict(self._monitors)
+
+    @property
+    def field_files(self) -> dict[str, Path]:
+        """The .vtkhdf file of each half."""
+        return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}
+
+
+def iteration_words(results: Results) -> str:
+    """How much the windows iterated, in words; empty for a scheme that does not."""
+    w = results.windows[results.windows.taken & (results.windows.iterations > 0)]
+    if not len(w):
+        return ""
+    known = w.contraction[np.isfinite(w.contraction)]
+    text = f"{w.iterations.mean():.1f} iterations a window, {w.iterations.max()} at most"
+    if len(known):
+        text += f", contraction of plain iteration up to {known.max():.3g}"
+    at_max = int((w.verdict == "max iterations").sum())
+    return text + (f"; {at_max} windows taken though they did not converge" if at_max else "")
+
+
+def _recover(journal: Path, path: Path) -> None:
+    """Make run.h5 from the journal of a killed run."""
+    if being_written(journal):
+        raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")
+    finish(journal, path)

@@ -1,0 +1,160 @@
+"""A rule as data: on which monitors it looks, when it fires, and what it then does.  All in SI and kelvin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from coupler.schemes.level import Scheme
+
+
+class Of(Enum):
+    """What of a monitor is compared."""
+
+    VALUE = "value"
+    CHANGE = "change"  # since the end of the window before
+    RATE = "rate"  # that change a second
+
+
+@dataclass(frozen=True)
+class Test:
+    """above < monitor < below (or its change or rate), in each of so many windows on end."""
+
+    __test__ = False  # not one of pytest's
+
+    monitor: str
+    of: Of = Of.VALUE
+    above: float = -math.inf
+    below: float = math.inf
+    windows: int = 1
+
+    def holds(self, value: float) -> bool:
+        """Whether a value passes; nan never does."""
+        return self.above < value < self.below
+
+
+@dataclass(frozen=True)
+class When:
+    """All of `all`, and where there are groups in `any` all tests of at least one group."""
+
+    all: tuple[Test, ...] = ()
+    any: tuple[tuple[Test, ...], ...] = ()
+
+    def __iter__(self) -> Iterator[Test]:
+        yield from self.all
+        for group in self.any:
+            yield from group
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number set (`to`), or multiplied (`times`; then to is nan), kept in [least, most]."""
+
+    to: float = math.nan
+    times: float = 1.0
+    least: float = -math.inf
+    most: float = math.inf
+
+    def of(self, value: float) -> float:
+        """The number after the change."""
+        wanted = value * self.times if math.isnan(self.to) else self.to
+        return min(max(wanted, self.least), self.most)
+
+
+@dataclass(frozen=True)
+class Retry:
+    """Put the window back and try `window` (< 1) of it, but none shorter than least [s]."""
+
+    window: float = 0.5
+    least: float = 0.0
+
+
+@dataclass(frozen=True)
+class Substeps:
+    """Another number of substeps of a half ("thermal" or "mechanical")."""
+
+    half: str
+    count: Change
+
+
+@dataclass(frozen=True)
+class Give:
+    """Another value of an input of a half from now on: control.method, load.NAME, bc.NAME; start : its value before."""
+
+    half: str
+    name: str
+    value: Change
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class UseScheme:
+    """Another scheme from the next window on."""
+
+    scheme: Scheme
+
+
+@dataclass(frozen=True)
+class Window:
+    """Windows times a factor of what they would be (`times`), or none longer than so many seconds (`to`)."""
+
+    size: Change
+
+
+@dataclass(frozen=True)
+class Stop:
+    """End the run after this window, as completed, and say why."""
+
+    reason: str
+
+
+Action = Retry | Substeps | Give | UseScheme | Window | Stop
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A load (or bc) of a half driven so that a monitor holds a target (coupler.rules.drive).
+
+    half, name : the input, `load.press`.  first : its value at the start.  least, most : its bounds.
+    log : the load moves in its logarithm, else linearly.  gain : change of (ln) load for a change of (ln) monitor,
+    1/slope; nan: measured as the run goes (log only).  rate : largest |change| of (ln) load a second.
+    lag [s] : the time constant with which a monitor that is slow to answer goes to its target.
+    """
+
+    half: str
+    name: str
+    monitor: str
+    target: float
+    first: float
+    least: float
+    most: float
+    log: bool
+    gain: float = math.nan
+    rate: float = math.inf
+    lag: float = 0.0
+
+
+@dataclass(frozen=True)
+class Rule:
+    """when : conditions (none: always).  do : what is done, in order.  drive : and what is driven while they hold.
+
+    once : at most once in a run.  after, until [s] : only windows that end in (after, until].  cooldown : so many
+    windows are let pass after it fired.
+    """
+
+    name: str
+    when: When = When()
+    do: tuple[Action, ...] = ()
+    drive: Drive | None = None
+    once: bool = False
+    after: float = -math.inf
+    until: float = math.inf
+    cooldown: int = 0
+
+    @property
+    def monitors(self) -> frozenset[str]:
+        """All it looks at."""
+        own = {test.monitor for test in self.when}
+        return frozenset(own | {self.drive.monitor} if self.drive else own)

@@ -1,0 +1,124 @@
+"""The iterated window: mechanics and thermal over it again and again, until what they tell each other agrees.
+
+What is guessed, and accelerated, is T (with f_s) at the end of the window; each iterate is mechanics with that T, then
+thermal on the x and t_N that mechanics found.  Guessing x and t_N instead would do as well for one mode, but T is
+smooth where contact is not, every t_N the thermal half sees comes from equilibrium and so is never a tension, and the
+heat mechanics made is delivered to the joule in the iterate that made it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.schemes.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
+from coupler.schemes.convergence import Step, misfits
+from coupler.schemes.iteration import Iteration, OnMax, Seen
+from coupler.schemes.level import Level, Scheme, exchanged, predicted
+from coupler.schemes.scheme import Swept, mechanical_first
+from coupler.schemes.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
+
+Array = NDArray[np.float64]
+
+# Guesses nearer to each other than this many tolerances tell no contraction: round-off of the halves is in them.
+TOO_NEAR = 1e-3
+
+
+@dataclass(frozen=True)
+class _Progress:
+    """The iterates of a window so far.  guess : the next.  former : x and t_N of the iterate before, in a level.
+
+    At first that is the start of the window, where T, x and t_N belong together too.
+    """
+
+    guess: Level
+    former: Level
+    trail: Trail = field(default_factory=Trail)
+    misfits: tuple[dict[str, float], ...] = ()
+    work: Work = field(default_factory=Work)
+
+    @property
+    def course(self) -> Course:
+        return Course(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR),
+                      contractions(self.trail, TOO_NEAR))
+
+    @property
+    def converged(self) -> bool:
+        return max(self.misfits[-1].values()) <= 1.0
+
+    @property
+    def tells_no_more(self) -> bool:
+        """Whether the next guess would be too near to tell a contraction."""
+        return float(np.linalg.norm(self.trail.residual())) <= TOO_NEAR
+
+
+def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iteration,
+                   rollback: Callable[[], None]) -> Solved:
+    """Solve a window by iteration.
+
+    rollback : puts both halves back to the start of the window.  Raises DiscardError.
+    """
+    first = predicted(state.now, state.before, span.end)
+    so_far = _Progress(first, state.now)
+    for k in range(1, how.max_iterations + 1):
+        if k > 1:
+            so_far = _next(so_far, how, state.memory)
+            rollback()
+        swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
+        so_far = _judged(so_far, state.now, swept, how)
+        if so_far.converged and (k >= how.least or so_far.tells_no_more):
+            break
+    solved = swept.solved(state, Scheme.ITERATED, so_far.course)
+    solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))
+    if so_far.converged:
+        return solved
+    return replace(solved, verdict=Verdict.MAX_ITERATIONS, message=_why(so_far, how),
+                   anyway=how.on_max is OnMax.ACCEPT)
+
+
+def _judged(so_far: _Progress, start: Level, swept: Swept, how: Iteration) -> _Progress:
+    """After one more iterate: its residual, and how far each quantity is from agreement."""
+    known = so_far.trail.guesses[-1] if so_far.trail.guesses else _packed(start, how)
+    trail = so_far.trail.plus(_packed(so_far.guess, how), _packed(swept.level, how))
+    step, left = (float(np.linalg.norm(v)) for v in (trail.guesses[-1] - known, trail.residual()))
+    # Where the guess is the one before, nothing tells what the residual would do to x and t_N.
+    share = left / step if step > 0.0 else math.inf if left > 0.0 else 0.0
+    told = misfits(start, Step(so_far.guess, swept.level, so_far.former, share), how.tolerance)
+    return replace(so_far, former=swept.level, trail=trail, misfits=(*so_far.misfits, dict(told)), work=swept.work)
+
+
+def _next(so_far: _Progress, how: Iteration, memory: Memory) -> _Progress:
+    """The next guess; the careful step where acceleration leaves what temperatures can be."""
+    vector, factor = next_guess(how, so_far.trail, memory)
+    guess = _unpacked(vector, so_far.guess, how)
+    if not (np.isfinite(vector).all() and (guess.T > 0.0).all()):
+        vector, factor = relaxed(how, so_far.trail)
+        guess = _unpacked(vector, so_far.guess, how)
+    return replace(so_far, guess=guess, trail=replace(so_far.trail, factors=(*so_far.trail.factors, factor)))
+
+
+def _packed(level: Level, how: Iteration) -> Array:
+    """T and f_s as one vector in units of their floors, so that neither drowns the other."""
+    T = level.T / how.tolerance.temperature.atol
+    return T if level.f_s is None else np.concatenate([T, level.f_s / how.tolerance.solid_fraction.atol])
+
+
+def _unpacked(vector: Array, like: Level, how: Iteration) -> Level:
+    n = len(like.T)
+    T = vector[:n] * how.tolerance.temperature.atol
+    if like.f_s is None:
+        return replace(like, T=T)
+    return replace(like, T=T, f_s=np.clip(vector[n:] * how.tolerance.solid_fraction.atol, 0.0, 1.0))
+
+
+def _why(so_far: _Progress, how: Iteration) -> str:
+    """The message of a window that did not converge."""
+    last = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in so_far.misfits[-1].items())
+    ratio = so_far.course.contraction
+    told = f"; plain iteration multiplies a difference by {ratio:.3g} here" if ratio == ratio else ""
+    return (f"{how.max_iterations} iterations with acceleration {how.acceleration.value} leave differences of "
+            f"{last} tolerances{told}")

@@ -1,0 +1,179 @@
+"""One half taken over a whole window, substep by substep, on what a scheme lets it see of the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.fmu.half import Advance, Half, Status
+from coupler.record.ledger import PREFIX
+from coupler.schemes.account import HEATS, share_of
+from coupler.schemes.level import Slope, between, geometry_at
+from coupler.schemes.window import CoupledState, Halves, Verdict, Work
+
+Array = NDArray[np.float64]
+Sent = Mapping[str, Mapping[str, Array]]
+STORED = PREFIX + "stored."
+
+# Forces and motions of a body: blocks of so many values are told value by value.
+FEW = 3
+# Outputs of which a window has the largest of its substeps.
+OF_A_SUBSTEP = ("max_", "cuts", "substeps", "rejected", "residual", "iterations")
+
+
+class DiscardError(Exception):
+    """A half could not do its substep.  work : what the whole passes before it cost."""
+
+    def __init__(self, verdict: Verdict, message: str, work: Work) -> None:
+        super().__init__(message)
+        self.verdict = verdict
+        self.work = work
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A half taken over a window.  outputs : at its end.  work : of this pass and of those before it in the window.
+
+    terms : the heat terms of each thermal substep [J].  made : block -> energies the mechanical half made [J].
+    told : every other number it was asked for (NAME, NAME[1]).
+    """
+
+    outputs: Mapping[str, Array]
+    sent: Sent
+    work: Work
+    terms: tuple[Mapping[str, float], ...] = ()
+    made: Mapping[str, Array] = field(default_factory=dict)
+    told: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Call:
+    """One substep asked of a half: who, from when to when, with which inputs."""
+
+    half: Half
+    side: str
+    t0: float
+    t1: float
+    inputs: Mapping[str, Array]
+    outputs: tuple[str, ...]
+
+
+class Leading(Protocol):
+    """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.along_heat)."""
+
+    def seen(self, t0: float, t1: float, stored: Array, pace: Array | None) -> tuple[Array, Array]: ...
+
+
+def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
+                 at_end: bool = False) -> Pass:
+    """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once.
+
+    times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
+    done : the work before.  Raises DiscardError.
+    """
+    H, sent, work = times[-1] - times[0], state.sent, done
+    terms: list[dict[str, float]] = []
+    outputs: Mapping[str, Array] = {}
+    told: Mapping[str, float] = {}
+    for t0, t1 in pairwise(times):
+        if slope is None or isinstance(slope, tuple):
+            x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
+        else:
+            x, t_N = slope.seen(t0, t1, *_stored(terms, times))
+        inputs = {**_given(halves, "thermal"),
+                  "x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
+                  "control.event": np.array(float(state.events))}
+        answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
+        if answer.status is not Status.OK:
+            raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done)
+        outputs, work = answer.outputs, work.plus(cost)
+        terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX)})
+        told = _told(told, outputs)
+    return Pass(outputs, sent, work, tuple(terms), told=told)
+
+
+def _stored(terms: list[dict[str, float]], times: list[float]) -> tuple[Array, Array | None]:
+    """Heat stored by each body in the substeps so far [J], and the pace of the last one [W]."""
+    if not terms:
+        return np.zeros(()), None
+    each = np.array([stored(t) for t in terms])
+    k = len(terms)
+    return each.sum(axis=0), each[-1] / (times[k] - times[k - 1])
+
+
+def stored(terms: Mapping[str, float]) -> Array:
+    """(n_bodies,) [J] of the heat terms of a substep, bodies in the order of their names."""
+    return np.array([terms[n] for n in sorted(terms) if n.startswith(STORED)])
+
+
+def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end: Mapping[str, Array],
+                    done: Work) -> Pass:
+    """The mechanical half over the window, T and f_s interpolated to the end of each of its substeps.
+
+    times : of its substeps [s].  end : T, f_s at the end of the window, known or guessed; the very arrays of the
+    start hold them.  done : the work before.  Raises DiscardError.
+    """
+    H, sent, work = times[-1] - times[0], state.sent, done
+    outputs: Mapping[str, Array] = {}
+    made: dict[str, Array] = {}
+    told: Mapping[str, float] = {}
+    for t0, t1 in pairwise(times):
+        inputs = {**_given(halves, "mechanical"),
+                  **between(state.now, end, (t1 - times[0]) / H if t1 != times[-1] else 1.0),
+                  "control.event": np.array(float(state.events))}
+        call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)
+        answer, sent, cost = _advance(call, sent)
+        if answer.status is not Status.OK:
+            raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done)
+        outputs, work = answer.outputs, work.plus(cost)
+        told = _told(told, outputs)
+        for name in HEATS.keys() & outputs.keys():
+            made[name] = made[name] + outputs[name] if name in made else outputs[name]
+    return Pass(outputs, sent, work, made=made, told=told)
+
+
+def _given(halves: Halves, side: str) -> dict[str, Array]:
+    return {n: np.array(v) for n, v in halves.inputs.get(side, {}).items()}
+
+
+def _told(known: Mapping[str, float], outputs: Mapping[str, Array]) -> dict[str, float]:
+    """Numbers that are no heat, and the values of blocks of a few: as they stand, or the largest of the substeps so far
+    of those that tell of a substep."""
+    told: dict[str, float] = {}
+    for n, v in outputs.items():
+        if v.ndim == 0 and not n.startswith(PREFIX):
+            value = float(v)
+            told[n] = max(value, known.get(n, value)) if n.startswith(OF_A_SUBSTEP) else value
+        elif v.ndim == 1 and v.size <= FEW:
+            told |= {f"{n}[{i + 1}]": float(x) for i, x in enumerate(v)}
+    return told
+
+
+def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:
+    """One substep of one half, what it has been sent then, and what it cost."""
+    half, known = call.half, sent.get(call.side, {})
+    fits = {n: v for n, v in call.inputs.items() if n in half.blocks and half.blocks[n].causality == "input"}
+    news = {n: v for n, v in fits.items() if not _same(known.get(n), v)}
+    started = time.perf_counter()
+    answer: Advance = half.advance(call.t0, call.t1 - call.t0, news, call.outputs)
+    seconds = time.perf_counter() - started
+    iterations = int(answer.outputs.get("iterations", np.zeros(())))
+    values = sum([v.size for v in news.values()]) + sum([v.size for v in answer.outputs.values()])
+    fmi = seconds - answer.seconds
+    if call.side == "thermal":
+        cost = Work(thermal_solves=1, thermal_iterations=iterations, thermal_seconds=answer.seconds,
+                    fmi_seconds=fmi, values=values)
+    else:
+        cost = Work(mechanical_solves=1, mechanical_iterations=iterations, mechanical_seconds=answer.seconds,
+                    fmi_seconds=fmi, values=values)
+    return answer, {**sent, call.side: {**known, **news}}, cost
+
+
+def _same(a: Array | None, b: Array) -> bool:
+    return a is not None and (a is b or (a.shape == b.shape and bool((a == b).all())))
