@@ -27,9 +27,9 @@ from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.fmu.launch import build_halves
 from coupler.outset import plan_of
 from coupler.record.results import Results
-from coupler.record.resume import resume, resumed
 from coupler.record.target import check_target
 from coupler.report import write_report
+from coupler.resume import resume, resumed
 from coupler.rules.replay import rules_report
 from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario, parse_override

@@ -27,7 +27,6 @@ from coupler.outset import check_halves, first_state, halves_of, plan_of, what_i
 from coupler.progress import Pace, Progress, Standing, progress
 from coupler.record.checkpoint import Checkpoint, Told
 from coupler.record.keeper import Keeper, put_back, versions
-from coupler.record.ledger import Ledger
 from coupler.record.measure import measure
 from coupler.record.recorder import Recorder, Words
 from coupler.record.results import Results
@@ -37,6 +36,7 @@ from coupler.rules import engine as rules
 from coupler.scenario import Scenario
 from coupler.scenario.output import SAME, Frames
 from coupler.schemes.account import HEATS
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.window import CoupledState
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Run:
 
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
-    since : the checkpoint to go on from (coupler.record.resume.resumed finds it).
+    since : the checkpoint to go on from (coupler.resume.resumed finds it).
     Ctrl-C ends the run after the window in hand; a second one at once.
 
     Between windows: `monitors()` shows the last one tried, `change(...)` changes how the next ones are solved,

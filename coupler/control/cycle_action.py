@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 from coupler.control.cycle import Watch, note
 from coupler.control.plan import OnCycle
-from coupler.control.settings import Settings
 from coupler.schemes.level import Scheme
+from coupler.schemes.settings import Settings
 
 # A contraction of plain iteration up to this, (b dt/2)/(1 + a dt) <= .4, means b dt < 1 where a dt is small: every
 # scheme of one solve a half is stable there (docs/theory.md, limits of stability).

@@ -6,7 +6,7 @@ import math
 
 from coupler.control.estimate import Estimate
 from coupler.control.state import ControlState
-from coupler.record.ledger import PREFIX, Ledger
+from coupler.schemes.ledger import PREFIX, Ledger
 from coupler.schemes.sweep import OF_A_SUBSTEP
 from coupler.schemes.window import Solved, Span
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from coupler.control.settings import Settings
 from coupler.control.sights import Place
 from coupler.control.tolerance import ErrorTolerances
 from coupler.rules.model import Rule
 from coupler.schemes.iteration import Iteration
 from coupler.schemes.level import Level, Scheme
 from coupler.schemes.schedule import Schedule
+from coupler.schemes.settings import Settings
 
 
 class OnCycle(Enum):

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from coupler.control import auto, cycle, estimate, events, stepsize
 from coupler.control.cycle_action import home
 from coupler.control.plan import Plan
-from coupler.control.settings import Settings
 from coupler.rules import engine as rules
+from coupler.schemes.settings import Settings
 from coupler.schemes.window import CoupledState
 
 

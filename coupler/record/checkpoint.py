@@ -22,8 +22,8 @@ from coupler.control.state import Committed
 from coupler.errors import ResultsError
 from coupler.record.beside import part_of
 from coupler.record.journal import Mark
-from coupler.record.ledger import Ledger
 from coupler.rules.model import Rule
+from coupler.schemes.ledger import Ledger
 
 MAGIC = b"SLIDELINE-CHECKPOINT-1\n"
 _HEAD = struct.Struct("<32sQ")

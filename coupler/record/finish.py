@@ -21,7 +21,7 @@ from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITER
 from coupler.record.fields import write_field_files
 from coupler.record.gathered import Gathered, gathered
 from coupler.record.journal import read_journal
-from coupler.record.ledger import PREFIX
+from coupler.schemes.ledger import PREFIX
 
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
 

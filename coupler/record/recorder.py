@@ -18,9 +18,9 @@ from coupler.record.beside import drop, journal_of, take_up
 from coupler.record.columns import ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.finish import finish
 from coupler.record.journal import Journal, Mark
-from coupler.record.ledger import Ledger
 from coupler.record.target import check_target
 from coupler.rules.engine import Firing
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.level import Level
 from coupler.schemes.window import Course, Solved
 

@@ -17,7 +17,7 @@ from coupler.record.beside import journal_of
 from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
-from coupler.record.ledger import PREFIX, imbalance
+from coupler.schemes.ledger import PREFIX, imbalance
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from coupler.compare import Comparison, Difference, compare
-from coupler.record.ledger import PREFIX, mechanism
 from coupler.record.results import Results
 from coupler.report.curves import NAMES
 from coupler.report.page import put_page, template_of
 from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, plain, styled, svg
 from coupler.report.units import Shown, counted, number, shown
+from coupler.schemes.ledger import PREFIX, mechanism
 
 TEMPLATE = "comparison.html.j2"
 HEIGHT = 6.0  # inches, curves and their difference together

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.record.ledger import PREFIX, mechanism
 from coupler.record.results import Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import COLOURS, DASHES, Picture, axes_of, legend_below, new_figure, plain, svg
 from coupler.report.units import Shown, number, shown
+from coupler.schemes.ledger import PREFIX, mechanism
 
 Array = NDArray[np.float64]
 STORED = "stored."

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from coupler.control.settings import Settings
 from coupler.rules.model import Action, Give, Substeps, UseScheme, Window
+from coupler.schemes.settings import Settings
 
 # A rule that fires in every window halves again and again: beyond these a factor of the window is a mistake.
 FACTORS = (2.0**-20, 2.0**20)

@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from coupler.control.monitor_names import outputs, with_rate
-from coupler.control.settings import Settings
 from coupler.rules.actions import applied
 from coupler.rules.drive import Driven, begun, driven
 from coupler.rules.model import Action, Change, Drive, Give, Of, Retry, Rule, Stop, Test
 from coupler.rules.words import did, looked_at
+from coupler.schemes.settings import Settings
 
 __all__ = ["Fired", "Firing", "Memory", "Past", "Rule", "alone", "fire", "fire_failed", "first_loads",
            "first_memory", "first_settings", "retried", "value", "wanted"]

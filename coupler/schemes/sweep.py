@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.fmu.half import Advance, Half, Status
-from coupler.record.ledger import PREFIX
 from coupler.schemes.account import HEATS, share_of
+from coupler.schemes.ledger import PREFIX
 from coupler.schemes.level import Slope, between, geometry_at
 from coupler.schemes.window import CoupledState, Halves, Verdict, Work
 

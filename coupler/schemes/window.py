@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.fmu.half import Half
-from coupler.record.ledger import PREFIX
 from coupler.schemes.acceleration import Memory
 from coupler.schemes.account import HEATS, Accounts
 from coupler.schemes.clock import Clock
+from coupler.schemes.ledger import PREFIX
 from coupler.schemes.level import Level, Scheme
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from fake_halves import FakeHalf, gap_of, lumped, shrinking
 
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Adaptive
-from coupler.record.ledger import Ledger
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.level import Scheme
 from coupler.schemes.schedule import WindowRange, schedule
 from coupler.schemes.window import wanted_outputs

@@ -22,7 +22,7 @@ import numpy as np
 
 from coupler import Results, load_scenario, run
 from coupler.record.beside import can_resume, checkpoint_of
-from coupler.record.resume import resume
+from coupler.resume import resume
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 WALL_CLOCK = {"thermal_seconds", "mechanical_seconds", "fmi_seconds", "seconds", "recording_seconds"}

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from contact.half.interface import Interface, Pair
-from coupler.record.ledger import Ledger
 from coupler.record.recorder import Recorder
 from coupler.record.results import Results
 from coupler.schemes.account import EnergyAccount
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.level import Level
 from coupler.schemes.window import CoupledState, Solved, Verdict, Work
 

@@ -14,7 +14,6 @@ from coupler.control.cutting import MAX_TRIES
 from coupler.control.loop import windows
 from coupler.control.plan import Adaptive, OnCycle
 from coupler.control.proposal import propose
-from coupler.control.settings import Settings
 from coupler.control.state import ControlState, first
 from coupler.control.tolerance import ErrorTolerances
 from coupler.errors import CouplingError
@@ -23,6 +22,7 @@ from coupler.schemes.iteration import Tolerance
 from coupler.schemes.level import Scheme
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.scheme import thermal_first
+from coupler.schemes.settings import Settings
 from coupler.schemes.window import Span, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -19,7 +19,6 @@ from coupler.control.doubling import doubled, halved
 from coupler.control.estimate import Memory
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Adaptive, Plan
-from coupler.control.settings import Settings
 from coupler.control.tolerance import ErrorTolerances
 from coupler.schemes.account import EnergyAccount
 from coupler.schemes.attempt import Kept, Way, solve
@@ -27,6 +26,7 @@ from coupler.schemes.clock import Clock
 from coupler.schemes.iteration import Iteration, Tolerance
 from coupler.schemes.level import Level, Scheme
 from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.settings import Settings
 from coupler.schemes.window import CoupledState, Solved, Span, Verdict, Work, wanted_outputs
 
 E8 = 831.7186022526  # K, of E4 from 840 K after 20 s

@@ -11,8 +11,8 @@ import pytest
 
 from coupler import Results, Run, ScenarioError, load_scenario, run
 from coupler.errors import CouplingError
-from coupler.record.resume import resume
 from coupler.report.page import render
+from coupler.resume import resume
 from coupler.rules.model import Rule, Stop, Test, When
 from coupler.scenario import Scenario
 

@@ -20,7 +20,7 @@ from coupler.record.beside import checkpoint_of, journal_of, stopped_of
 from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes
 from coupler.record.journal import Journal
 from coupler.record.keeper import versions
-from coupler.record.resume import resume, resumed
+from coupler.resume import resume, resumed
 from coupler.rules.model import Change, Rule, Substeps, Test, When
 from coupler.runner import Run
 from coupler.scenario import Scenario, load_scenario

@@ -14,7 +14,7 @@ import pytest
 from coupler import HalfError, Results, load_scenario, run
 from coupler.progress import Progress
 from coupler.record.beside import checkpoint_of
-from coupler.record.resume import resume, resumed
+from coupler.resume import resume, resumed
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).parent))

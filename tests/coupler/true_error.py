@@ -15,12 +15,12 @@ import numpy as np
 
 from coupler.control import estimate
 from coupler.control.doubling import doubled
-from coupler.control.settings import Settings
 from coupler.control.tolerance import ErrorTolerances
 from coupler.schemes.attempt import Kept, Way, solve
 from coupler.schemes.iteration import Iteration, Tolerance, Tolerances
 from coupler.schemes.level import Scheme
 from coupler.schemes.schedule import Schedule
+from coupler.schemes.settings import Settings
 from coupler.schemes.window import CoupledState, Halves, Solved, Span
 
 ONE = {"thermal": 1, "mechanical": 1}

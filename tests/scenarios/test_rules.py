@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 from coupler import Results, load_scenario, run
 from coupler.cli import app
 from coupler.errors import HalfError
-from coupler.record.resume import resume
 from coupler.report import write_report
 from coupler.report.rules import rules_that_fired
+from coupler.resume import resume
 from coupler.rules.replay import replayed, words
 
 sys.path.insert(0, str(Path(__file__).parent))
