@@ -19,13 +19,13 @@ from coupler.advise.advise import Options, advise
 from coupler.advise.coarse import CELLS
 from coupler.advise.show import TrialLine
 from coupler.console import ProgressLine, summary
-from coupler.control.pilot import is_quick
-from coupler.control.pilot import pilot as pilot_run
 from coupler.control.plan import Plan
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.fmu.launch import build_halves
 from coupler.outset import plan_of
+from coupler.pilot import is_quick
+from coupler.pilot import pilot as pilot_run
 from coupler.record.results import Results
 from coupler.record.target import check_target
 from coupler.report import write_report

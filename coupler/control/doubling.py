@@ -13,8 +13,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from coupler.schemes.attempt import Kept, Way
-from coupler.schemes.attempt import solve as solve_window
+from coupler.control.attempt import Kept, Way
+from coupler.control.attempt import solve as solve_window
 from coupler.schemes.window import CoupledState, Course, Halves, Solved, Span
 
 Solve = Callable[[CoupledState, Span], Solved]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from coupler.control import auto, estimate, events
+from coupler.control.attempt import Kept, Way, solve
 from coupler.control.cutting import Facts
 from coupler.control.doubling import doubled
 from coupler.control.estimate import Estimate
@@ -17,7 +18,6 @@ from coupler.control.proposal import propose
 from coupler.control.state import Committed, ControlState, first, opened
 from coupler.rules.engine import Firing
 from coupler.schemes.adiabatic import can_freeze
-from coupler.schemes.attempt import Kept, Way, solve
 from coupler.schemes.level import Scheme
 from coupler.schemes.window import CoupledState, Halves, Solved, Span
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.attempt import Kept
+from coupler.control.attempt import Kept
 from coupler.schemes.level import Level, exchanged, predicted
 from coupler.schemes.scheme import mechanical_first
 from coupler.schemes.window import CoupledState, Halves, Span

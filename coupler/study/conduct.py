@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from coupler.control.pilot import is_quick, pilot
 from coupler.errors import ResultsError
+from coupler.pilot import is_quick, pilot
 from coupler.scenario.document import Document
 from coupler.scenario.reading import read_document
 from coupler.study.cell import Job, Outcome

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coupler.control.pilot import Prediction
 from coupler.control.predict import limits
 from coupler.outset import plan_of
+from coupler.pilot import Prediction
 from coupler.scenario import Scenario
 from coupler.study.plan import Planned
 from coupler.study.score import Point

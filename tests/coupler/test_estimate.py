@@ -15,13 +15,13 @@ from fake_halves import gap_of, lumped, shrinking
 from true_error import ONE, windows
 
 from coupler.control import estimate
+from coupler.control.attempt import Kept, Way, solve
 from coupler.control.doubling import doubled, halved
 from coupler.control.estimate import Memory
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Adaptive, Plan
 from coupler.control.tolerance import ErrorTolerances
 from coupler.schemes.account import EnergyAccount
-from coupler.schemes.attempt import Kept, Way, solve
 from coupler.schemes.clock import Clock
 from coupler.schemes.iteration import Iteration, Tolerance
 from coupler.schemes.level import Level, Scheme

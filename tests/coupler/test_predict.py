@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from coupler.control.pilot import Prediction, along
 from coupler.control.plan import Plan
 from coupler.control.predict import Feedback, feedback, limits
+from coupler.pilot import Prediction, along
 from coupler.schemes.level import Scheme
 from coupler.schemes.schedule import WindowRange, schedule
 from coupler.schemes.window import Span, wanted_outputs

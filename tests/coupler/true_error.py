@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from coupler.control import estimate
+from coupler.control.attempt import Kept, Way, solve
 from coupler.control.doubling import doubled
 from coupler.control.tolerance import ErrorTolerances
-from coupler.schemes.attempt import Kept, Way, solve
 from coupler.schemes.iteration import Iteration, Tolerance, Tolerances
 from coupler.schemes.level import Scheme
 from coupler.schemes.schedule import Schedule

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from coupler import load_scenario
 from coupler.cli import app
-from coupler.control.pilot import pilot
 from coupler.control.predict import limits
+from coupler.pilot import pilot
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP, ROOT, solve
