@@ -31,7 +31,7 @@ PROBES = ("lower.top.left", "lower.top.centre", "lower.top.right")
 TIMES = np.linspace(FROM, END, 125_001)
 BY_HAND = ((2500, 5, 100), (9900, 120, 10), (10000, 10, 0.5), (12500, 1, 100), (12550, 1, 9), (15000, 9, 9))
 FINER = 8  # times shorter than by hand: the reference
-LOOSE = (1024, 256, 64, 16, 4, 1)  # times the default tolerances
+LOOSE = (1024, 256, 64, 16, 4, 1)  # times 2e-4 of T, .01 of the rest
 SIZES = (100, 50, 25, 12.5, 6.25, 3.125)  # s, fixed windows
 
 
@@ -55,7 +55,7 @@ def by_hand(finer: float) -> dict[str, Any]:
 
 
 def adaptive(loose: float) -> dict[str, Any]:
-    """Windows that find their own size, by the default tolerances times a number."""
+    """Windows that find their own size, by tolerances times a number; 5 has the default of T."""
     rtol = {"rtol": 0.01 * loose}
     return {"coupling__adaptive": {"first": 5.0, "least": 0.01, "most": 500.0, "tolerance": {
         "temperature": {"atol": 0.01 * loose, "rtol": 2e-4 * loose}, "gap": rtol, "heat": rtol, "displacement": rtol}}}

@@ -43,8 +43,8 @@ ROUGH, ROUGH_REST = 1.5, 2
 SETTLED = 0.05
 # A single ratio may be of a miss that the exchange does not multiply: it lowers rho to this share at most.
 LOWERS = 0.5
-# In a window longer by more than this rho may be more than was found, which is that it grows with H, by at most H: there
-# it is taken to grow with H^2, and is measured anew where that is too much.
+# rho was found to grow with H, by at most H.  In a window longer by more than this it is taken to grow with H^2, and is
+# measured anew where that is too much.
 LONGER = 2.0
 # Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
 OTHER_TOUCH = 0.25
@@ -53,8 +53,9 @@ OTHER_TOUCH = 0.25
 TURNS, OPPOSITE, HOLDS, LEAST_MISS = 2, 0.5, 0.8, 1e-4
 # If rho had not been too large, the model does not hold in windows of this size, nor in those longer than this share.
 WARY_FROM = 0.5
-# Where the exchange feeds back less of a zigzag than this, it is the half's own, or a front that goes from node to node:
-# iterating would not end it.  Twice as many turns are waited for then, in case rho has drifted.
+# Where the exchange feeds back less of a zigzag than this, it is the half's own, or a front goes from node to node:
+# iterating would not end it.  Twice as many turns are waited for then, in case rho has drifted.  So much, and no more,
+# may it feed back where windows were found not to follow the model.
 FEEDS = 0.05
 # Iterates of a window that only measures need not agree better than windows solved once do.
 LOOSE = 0.3
@@ -99,8 +100,6 @@ class Choice:
 
 def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False) -> Choice:
     """The scheme of a window of H seconds.  freezes : the halves can be run by the scheme `adiabatic`."""
-    if 0.0 < WARY_FROM * memory.wary < H:
-        return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if not state.past or math.isnan(memory.rho):
         return Choice(Scheme.ITERATED, "the contraction is not known yet")
     rho = rho_at(memory, H)
@@ -108,7 +107,10 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
         return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
     if memory.driven and rho > SAFE and memory.since < memory.rest:
         return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
-    curve = closest(_times(state), state.now.t + H, SAFE / rho if rho > 0.0 else math.inf)
+    wary = 0.0 < WARY_FROM * memory.wary < H
+    curve = closest(_times(state), state.now.t + H, (FEEDS if wary else SAFE) / rho if rho > 0.0 else math.inf)
+    if curve is None and wary:
+        return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if curve is None and H > LONGER * memory.H:
         return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     if curve is None:

@@ -71,7 +71,8 @@ def test_strided_views_are_straightened_before_anything_computes_with_them():
     assert kept(np.zeros((4, 4))[:, ::2]).flags.c_contiguous
 
 
-@pytest.mark.parametrize("value", [[1], {1}, object(), np.array([object()]), {1: 2}, len], ids=["list", "set", "object", "array of objects", "dict", "function"])
+@pytest.mark.parametrize("value", [[1], {1}, object(), np.array([object()]), {1: 2}, len],
+                         ids=["list", "set", "object", "array of objects", "dict", "function"])
 def test_what_cannot_be_kept_is_named(value):
     for way in (kept, to_bytes):
         with pytest.raises(StateError, match=r"state\.value"):

@@ -13,7 +13,8 @@ import pytest
 
 from contact.messages import decode, encode, kinds_of
 from coupler.control import auto
-from coupler.control.auto import SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
+from coupler.control.auto import FEEDS, SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
+from coupler.schemes.curve import zigzag
 from coupler.schemes.iteration import Acceleration, Iteration, Seen, Tolerance, Tolerances
 from coupler.schemes.level import Scheme
 from coupler.schemes.window import Course, Solved, Verdict, Work
@@ -151,6 +152,10 @@ def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
     small = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.1, (-0.1,))), 1.0)
     assert (small.wary, choose(small, state, 1.0).scheme) == (1.0, Scheme.ITERATED)
     assert choose(small, state, 0.4).scheme is Scheme.EXTRAPOLATED
+    # What the exchange can hardly feed back is solved once, on the steadiest way that is left.
+    tiny = choose(replace(small, rho=0.04), state, 1.0)
+    assert tiny.scheme is Scheme.EXTRAPOLATED
+    assert 0.04 * zigzag([2.0, 1.0, 0.0], 3.0, tiny.curve) <= FEEDS * (1.0 + 1e-12)
     large = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.4, (-0.4,))), 1.0)
     assert (large.wary, choose(large, state, 1.0).scheme) == (0.0, Scheme.EXTRAPOLATED)
     quick = Memory(rho=0.1, H=1.0)
