@@ -55,7 +55,7 @@ def is_noticed(mutation: Mutation, scratch: Path) -> bool:
     broken_copy(mutation, target)
     env = {**os.environ, "PYTHONPATH": str(target), "SLIDELINE_CACHE": str(target / "cache"),
            "NUMBA_CACHE_DIR": str(scratch / "numba")}
-    done = subprocess.run([sys.executable, "-m", "pytest", "-x", "-q", "-m", "", "-p", "no:cacheprovider",
+    done = subprocess.run([sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-m", "", "-p", "no:cacheprovider",
                            *mutation.tests], cwd=target, env=env, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1):
         raise RuntimeError(f"{mutation.name}: pytest ended with {done.returncode}\n{done.stdout}{done.stderr}")
