@@ -15,9 +15,6 @@ from thermal_fmu.edges import shape_functions
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-# A pressure below this share of its pair's largest is round-off: a node that ends without load has some 1e-11, and
-# being linear along the edges it would close all of the next one.
-FELT = 1e-9
 # A corner node of several pairs tells one pressure: it is that of the pairs whose gap there is the least, but for this
 # share of the pair's gap_max.
 BESIDE = 1e-4
@@ -64,7 +61,7 @@ def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
     pressure = _own(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
-    p = _felt((N_s * pressure).sum(axis=1), facing.pair)
+    p = (N_s * pressure).sum(axis=1)
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
     points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
@@ -88,13 +85,6 @@ def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.b
     least = gap.reshape(len(pairs), n).min(axis=0)
     beside = BESIDE * np.array([pair.gap_max for pair in pairs])
     return np.asarray(gap[of_pair] <= least[slave] + beside[facing.pair][:, None])
-
-
-def _felt(p: Floats, pair: Ints) -> Floats:
-    """p : (n_p,) [Pa], >= 0, with 0 where it is round-off of the pair's largest."""
-    largest = np.zeros(int(pair.max(initial=-1)) + 1)
-    np.maximum.at(largest, pair, p)
-    return np.where(p > FELT * largest[pair], p, 0.0)
 
 
 def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_] | None:

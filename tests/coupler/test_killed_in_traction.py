@@ -101,7 +101,7 @@ def program(tmp_path: Path, number: int, victim: str) -> Iterator[subprocess.Pop
 
 
 def test_a_service_killed_in_a_traction_ends_the_run_by_name(tmp_path):
-    with program(tmp_path, 40, "service") as coupler:
+    with program(tmp_path, 8, "service") as coupler:
         said, _ = coupler.communicate(timeout=200)
     assert "named: contact service: its process was ended by signal 9" in said
     assert "left: []" in said
@@ -112,7 +112,7 @@ def test_a_service_killed_in_a_traction_ends_the_run_by_name(tmp_path):
 
 
 def test_a_coupler_killed_in_a_traction_leaves_nobody(tmp_path):
-    with program(tmp_path, 40, "coupler") as coupler:
+    with program(tmp_path, 8, "coupler") as coupler:
         assert coupler.stdout is not None
         pids = [int(word) for word in coupler.stdout.readline().split()]
         assert len(pids) == 3

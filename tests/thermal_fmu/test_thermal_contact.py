@@ -214,30 +214,6 @@ def test_balance_over_a_long_slide(link):
     assert max(o["iterations"] for o in outputs[1:]) == 1
 
 
-def test_a_node_that_presses_by_round_off_closes_no_further_edge():
-    """Half pressed: the edge of the last loaded node is closed, the next one, of a node with 1e-11 of it, open."""
-    interface = stacked()
-    surfaces = ContactSurfaces(interface)
-    link = DirectLink(ContactService().handle)
-    facing = surfaces.facing(link, interface.nodes)
-    slave = np.flatnonzero(np.isin(interface.contact_nodes, interface.surfaces["b.bottom"]))
-    x = interface.nodes[interface.contact_nodes[slave], 0]
-    loaded, left = 0.05, 0.026  # [m]: nodes at 0, .025 are pressed by 1e7, that at .05 by round-off
-
-    def closed(round_off):
-        t_N = np.zeros(interface.contact_nodes.size)
-        t_N[slave[x < left]] = -1e7
-        t_N[slave[np.isclose(x, loaded)]] = -round_off
-        points = points_of(surfaces, facing, t_N)
-        return interface.nodes[points.nodes[:, :2], 0][points.p > 0.0].max()
-
-    assert closed(1e-4) == pytest.approx(loaded)
-    assert closed(0.1) == pytest.approx(0.075), "a pressure, if a small one"
-    # Where nothing else presses there is nothing it is round-off of.
-    t_N = np.where(np.isin(np.arange(interface.contact_nodes.size), slave), -1e-4, 0.0)
-    assert (points_of(surfaces, facing, t_N).p > 0.0).all()
-
-
 def test_a_corner_that_stands_below_closes_nothing_beside():
     """One node, two pairs: its pressure is that of the face it stands on, not of the wall a millimetre away."""
     pairs = Pair("wall", "a.right", "b.left", 0.01, 1e9), Pair("floor", "a.bottom", "c.top", 0.01, 1e9)
