@@ -15,7 +15,6 @@ from contact.facing import cut_surfaces
 from contact.geometry import frame_of
 from contact.pieces import (
     EPS_N,
-    FIXED,
     GAUSS,
     LAMBDA_1,
     LAMBDA_2,
@@ -26,9 +25,8 @@ from contact.pieces import (
     SLIPS_FORWARD,
     Flags,
     add_stretch,
-    cut_change,
     field_normal,
-    turns,
+    frame_change,
 )
 from contact.surfaces import Surfaces
 from contact.traction import given, parallel, piece_cuts, piece_nodes, points_at
@@ -108,12 +106,7 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
                  scratch: Floats, out: Floats) -> None:
     """Add both points of a piece to out : (6, 4, 5).  The rest as for contact.pieces.piece_stiffness."""
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
-    turns(x, smooth, d_phi)
-    for k in range(2):
-        if int(moves[k]) == FIXED:
-            d_cut[k] = 0.0
-        else:
-            cut_change(x, n, d_phi, int(moves[k]), ends[k], d_cut[k])
+    frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
     for q in range(first, first + 2):
         share = 0.0 if by_node else 2.0 * (q - first) - 1.0
         half = 0.0 if by_node else 0.5

@@ -77,6 +77,18 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
 
 
 @kernel
+def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Floats, d_phi: Floats,
+                 d_cut: Floats) -> None:
+    """How the normals turn and the cuts of a piece move.  d_phi, d_cut : (2, 12) out."""
+    turns(x, smooth, d_phi)
+    for k in range(2):
+        if int(moves[k]) == FIXED:
+            d_cut[k] = 0.0
+        else:
+            cut_change(x, n, d_phi, int(moves[k]), ends[k], d_cut[k])
+
+
+@kernel
 def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node: bool, axisymmetric: bool,
                     moves: Floats, ends: Floats, points: Floats, c: Floats, doing: Floats, first: int, scratch: Floats,
                     force: Floats, block: Floats) -> None:
@@ -90,12 +102,7 @@ def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node
     force[:] = 0.0
     block[:] = 0.0
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
-    turns(x, smooth, d_phi)
-    for k in range(2):
-        if int(moves[k]) == FIXED:
-            d_cut[k] = 0.0
-        else:
-            cut_change(x, n, d_phi, int(moves[k]), ends[k], d_cut[k])
+    frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
     for q in range(first, first + 2):
         if int(doing[q]) == OPEN:
             continue

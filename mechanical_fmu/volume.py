@@ -105,16 +105,6 @@ class Volume:
             out[cells.number] = values
         return out
 
-    def log_theta(self, u: Floats) -> Floats:
-        """(n_cells,) ln(v/V) of every cell in interface order, v its current volume.  Plane stress: of F33 = 1."""
-        out = []
-        for cells in self.kinds:
-            ue = u[cells.nodes]
-            F = np.einsum("eai,eqaj->eqij", ue, cells.B) + np.eye(2)
-            F33 = 1.0 + np.einsum("ea,eqa->eq", ue[:, :, 0], cells.N_over_R)
-            out.append(np.log(np.einsum("eq,eq->e", cells.weight, np.linalg.det(F) * F33) / cells.volume))
-        return self.in_order(out)
-
     def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: Step, tangent: bool = False) -> Internal:
         """Forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.
 
