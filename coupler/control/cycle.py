@@ -13,11 +13,14 @@ from coupler.schemes.level import Level
 
 Array = NDArray[np.float64]
 
-# So many turns on end are a cycle: two turns are a transient that overshoots once.
-TURNS = 4
 # A turn: the increment points against the one before (cosine below -OPPOSITE) and is at least HOLDS times as long.
-# What shrinks faster dies by itself in a few windows.
 OPPOSITE, HOLDS = 0.9, 0.8
+# So many turns on end are a cycle if none of them shrinks: two are a transient that overshoots, and a swing of physics in
+# windows of nearly half its period beats.
+GROWING = 3
+# So many are one that settles: over all of them the increments shrink by no more than a hundredth a window.  What is
+# multiplied by -.98 a window only converges; the increments of a two-cycle are all as long.
+TURNS, LASTING = 4, 0.99
 # Below these an increment is round-off and iteration error: T [K], gap [m], t_N [Pa].
 FLOORS = {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3}
 EXCHANGE = ("the exchange between the halves does that, or a midpoint rule that rings; smaller windows, scheme: "
@@ -29,10 +32,21 @@ PHYSICS = "What is still there in windows of half the size is physics"
 
 @dataclass(frozen=True)
 class Swing:
-    """The last increment of a quantity, and how many turns on end led to it."""
+    """The last increment of a quantity, and how many turns on end led to it.
+
+    ratios : of each of the last TURNS of them, how long the increment was over the one before.
+    """
 
     increment: Array
     turns: int = 0
+    ratios: tuple[float, ...] = ()
+
+    @property
+    def cycles(self) -> bool:
+        """Whether it goes up and down and does not die."""
+        if self.turns >= GROWING and min(self.ratios[-GROWING:]) >= 1.0:
+            return True
+        return self.turns >= TURNS and math.prod(self.ratios) >= LASTING**TURNS
 
 
 @dataclass(frozen=True)
@@ -62,10 +76,10 @@ class Watch:
     @property
     def cycling(self) -> tuple[str, ...]:
         """Quantities that cycle, where one of them was not told of yet."""
-        if all(s.turns < TURNS or n in self.told for n, s in self.swings.items()):
+        if all(n in self.told or not s.cycles for n, s in self.swings.items()):
             return ()
-        # One may turn a window later than the other.
-        return tuple(n for n, s in self.swings.items() if s.turns >= TURNS - 1)
+        # One may turn a window later than the other, or settle from above.
+        return tuple(n for n, s in self.swings.items() if s.cycles or s.turns >= GROWING - 1)
 
     def tell(self) -> Watch:
         """The watch after its finds were told: each quantity once."""
@@ -82,7 +96,9 @@ def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
         return Swing(increment)
     a2, b2 = float(last.increment @ last.increment), float(increment @ increment)
     turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
-    return Swing(increment, last.turns + 1 if turned and float(np.abs(increment).max()) > floor else 0)
+    if not turned or float(np.abs(increment).max()) <= floor:
+        return Swing(increment)
+    return Swing(increment, last.turns + 1, (*last.ratios, math.sqrt(b2 / a2))[-TURNS:])
 
 
 def two_cycles(levels: Sequence[Level]) -> Iterator[tuple[int, tuple[str, ...]]]:

@@ -75,7 +75,7 @@ def test_beyond_its_limit_it_cycles_and_that_is_noticed(factor, cycle):
     told = [(w.number + 1, text) for w in tried for text in w.notes]
     assert len(told) == 1
     number, text = told[0]
-    assert text.startswith(f"windows {number - 4} to {number} (to t = ")
+    assert text.startswith(f"windows {number - 3} to {number} (to t = ")
     assert "temperature by" in text
     assert "gap by" in text
     assert "scheme: iterated" in text
@@ -86,10 +86,18 @@ def test_beyond_its_limit_it_cycles_and_that_is_noticed(factor, cycle):
 
 def test_what_swings_slowly_or_dies_is_no_cycle():
     t = np.arange(40.0)
-    for T in (np.sin(t * 2 * np.pi / 8), (-0.7) ** t, 1e-5 * (-1) ** t, t):
+    for T in (np.sin(t * 2 * np.pi / 8), (-0.6) ** t, (-0.7) ** t, (-0.85) ** t, (-0.98) ** t, 1e-5 * (-1) ** t, t):
         levels = [level(float(k), v) for k, v in zip(t, T, strict=True)]
         assert list(two_cycles(levels)) == []
-    assert list(two_cycles([level(float(k), (-1) ** k) for k in range(40)])) == [(5, ("temperature",))]
+    assert list(two_cycles([level(float(k), (-1) ** k) for k in range(40)])) == [(4, ("temperature",))]
+
+
+def test_what_grows_is_told_a_turn_before_what_settles():
+    growing, settling = ([level(float(k), T) for k, T in enumerate(T)] for T in (
+        np.cumsum((-1.05) ** np.arange(8.0)), (-1.0) ** np.arange(16.0) * (1.0 + 0.5 ** np.arange(16.0))))
+    assert list(two_cycles(growing)) == [(4, ("temperature",))]
+    (number, _), = two_cycles(settling)
+    assert number <= 10
 
 
 def level(t: float, T: float) -> Level:
@@ -97,7 +105,7 @@ def level(t: float, T: float) -> Level:
 
 
 def test_a_temperature_that_rings_alone_is_told_as_such():
-    watch = Watch({"temperature": Swing(np.array([3.0]), 4), "pressure": Swing(np.array([0.0]), 0)})
+    watch = Watch({"temperature": Swing(np.array([3.0]), 4, (1.0,) * 4), "pressure": Swing(np.array([0.0]), 0)})
     assert "one half's own method rings" in note(watch, 9, 4.5)
     assert note(watch, 9, 4.5).startswith("windows 5 to 9 (to t = 4.5 s) go up and down, temperature by 3 K: ")
 
@@ -105,6 +113,8 @@ def test_a_temperature_that_rings_alone_is_told_as_such():
 def test_turns_are_counted_over_opposite_increments_of_lasting_size():
     a, b = np.array([1.0, -2.0]), np.array([-0.9, 1.9])
     assert swung(Swing(a, 2), b, 1e-3).turns == 3
+    assert swung(Swing(a, 5, (1.0, 1.1, 1.2, 1.3)), 2.0 * a - 4.0 * a, 1e-3).ratios == (1.1, 1.2, 1.3, 2.0)
+    assert swung(Swing(a, 2, (1.0, 1.0)), 0.5 * b, 1e-3).ratios == ()
     assert swung(Swing(a, 2), 0.5 * b, 1e-3).turns == 0
     assert swung(Swing(a, 2), a, 1e-3).turns == 0
     assert swung(Swing(a, 2), np.array([2.0, 1.0]), 1e-3).turns == 0
