@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 # A turn: the increment points against the one before (cosine below -OPPOSITE) and is at least HOLDS times as long.
 OPPOSITE, HOLDS = 0.9, 0.8
-# So many turns on end are a cycle if none of them shrinks: two are a transient that overshoots, and a swing of physics in
-# windows of nearly half its period beats.
+# So many turns on end are a cycle if none of them shrinks: two are a transient that overshoots, and a swing of physics
+# in windows of nearly half its period beats.
 GROWING = 3
 # So many are one that settles: over all of them the increments shrink by no more than a hundredth a window.  What is
 # multiplied by -.98 a window only converges; the increments of a two-cycle are all as long.
