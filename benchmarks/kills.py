@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "coupler"))
-from killed_runs import CASES, Case, kill_and_resume
+from killed_runs import CASES, Case, counted, kill_and_resume
 
 
 def main() -> None:
@@ -30,7 +30,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory(dir=options.folder) as folder:
             done = kill_and_resume(Case(case.file, case.overrides, options.kills or case.kills), Path(folder),
                                    options.seed)
-        print(f"{name}: {done.kills} kills in {done.runs} runs: " + (
+        print(f"{name}: {counted(done)} in {done.runs} runs: " + (
             "every file the same to the bit" if not done.different else "\n  ".join(["DIFFERENT", *done.different])))
         different += len(done.different)
     sys.exit(different > 0)

@@ -26,6 +26,11 @@ def part_of(path: Path) -> Path:
     return path.with_name(f".{path.name}.part")
 
 
+def making_of(path: Path) -> Path:
+    """The folder in which a results file and its field files are made before they take their places."""
+    return path.with_name(f".{path.name}.making")
+
+
 def can_resume(path: Path) -> bool:
     """Whether a run to `path` ended early and left what resuming it needs."""
     return checkpoint_of(path).exists() and (stopped_of(path).exists() or journal_of(path).exists())

@@ -6,8 +6,8 @@ import json
 import os
 import re
 import shutil
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
-from coupler.record.beside import put_away
+from coupler.record.beside import making_of, put_away
 from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.fields import write_field_files
 from coupler.record.gathered import Gathered, gathered
@@ -62,14 +62,25 @@ def _make(journal: Path, path: Path) -> bool:
     meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
     told = gathered(records)
     frames = (r for k, r in enumerate(r for r in read_journal(journal) if r[0] == "frame") if k in told.frames)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as scratch:
-        part = Path(scratch) / path.name
-        parts = write_field_files(Path(scratch), meta, arrays, frames)
+    with _folder(making_of(path)) as scratch:
+        part = scratch / path.name
+        parts = write_field_files(scratch, meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
             _write(f, meta, told)
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
     return str(told.end["outcome"]) == "completed"
+
+
+@contextmanager
+def _folder(path: Path) -> Iterator[Path]:
+    """An empty folder, while the block lasts; what a process that was killed left of it goes first."""
+    shutil.rmtree(path, ignore_errors=True)
+    path.mkdir()
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:

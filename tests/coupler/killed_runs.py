@@ -3,6 +3,8 @@
 Every file must be the same to the bit, but for seconds of wall-clock time.  A run is killed again and again until it is
 done; then it is compared, and the next begins.  Every tenth process is a fresh `slideline resume`; the others are forks
 of this one, which have the imports behind them.  A process killed before its run has a checkpoint is started anew.
+
+What a process was doing when it was killed is told from the files it left: `counted` says how many died where.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import h5py
 import numpy as np
 
 from coupler import Results, load_scenario, run
-from coupler.record.beside import can_resume, checkpoint_of
+from coupler.record.beside import can_resume, checkpoint_of, making_of, part_of
 from coupler.resume import resume
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -30,6 +32,9 @@ OF_THE_PROCESS = {"seconds", "setup_seconds", "resumed_at", "started", "processe
 FRESH = 10  # every so many processes is not forked
 SHARE = 0.1  # of the undisturbed run's time: the longest a process is let go on before it is killed
 ANYWHERE = 0.2  # share of kills that may fall into the set-up
+AT_THE_END = 0.15  # share of kills that wait until the results file is being made
+MAKING = 0.1  # s, about what making it takes
+PHASES = ("set-up", "windows", "checkpoint", "end")
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,12 @@ class Case:
 
 
 CASES = {
-    "casting_1d": Case("casting_1d.yaml", {"coupling.end": 60, "output.fields.every": 5, "output.checkpoint": 0}),
+    "casting_1d": Case("casting_1d.yaml", {"coupling.end": 5, "output.fields.every": 5, "output.checkpoint": 0}),
+    "sliding_blocks_elastic": Case("sliding_blocks.yaml", {
+        "bodies.lower.mesh.rectangle.cells": [4, 3], "bodies.upper.mesh.rectangle.cells": [4, 3],
+        "coupling.end": 15000, "output.checkpoint": 0, "coupling.windows": [
+            {"until": 2500, "size": 500}, {"until": 10000, "first": 1000, "last": 50},
+            {"until": 12500, "first": 50, "last": 500}, {"until": 15000, "size": 150}]}, 10),
     "sliding_blocks": Case("sliding_blocks.yaml", {
         "mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [8, 6],
         "bodies.upper.mesh.rectangle.cells": [8, 6], "output.checkpoint": 0.2}, 10),
@@ -51,12 +61,17 @@ CASES = {
 
 @dataclass
 class Count:
-    """kills : in all.  early : of them before the process had written its first checkpoint.  runs : killed and done."""
+    """kills : in all.  phases : how many died in which.  runs : killed and done."""
 
     kills: int = 0
-    early: int = 0
+    phases: dict[str, int] = field(default_factory=lambda: dict.fromkeys(PHASES, 0))
     runs: int = 0
     different: list[str] = field(default_factory=list)
+
+
+def counted(count: Count) -> str:
+    """In words."""
+    return f"{count.kills} kills (" + ", ".join(f"{n} {phase}" for phase, n in count.phases.items()) + ")"
 
 
 def told(line: str) -> None:
@@ -76,8 +91,9 @@ def kill_and_resume(case: Case, folder: Path, seed: int, say: Callable[[str], No
         count.runs += 1
         found = differences(whole, out)
         count.different += [f"{out.name}: {where}" for where in found]
-        say(f"{count.kills} kills ({count.early} before a first checkpoint), {count.runs} runs, "
-            f"{len(count.different)} differences")
+        left = sorted(p.name for p in folder.glob(f".{out.name}*"))
+        count.different += [f"{out.name}: left {name}" for name in left]
+        say(f"{counted(count)}, {count.runs} runs, {len(count.different)} differences")
         for file in folder.glob(f"{out.stem}.*"):
             file.unlink()
     return count
@@ -86,29 +102,49 @@ def kill_and_resume(case: Case, folder: Path, seed: int, say: Callable[[str], No
 def _until_done(case: Case, out: Path, random: np.random.Generator, count: Count, seconds: float) -> None:
     """One run, killed about ten times, or as often as there are kills left."""
     for process in _processes(case, out, count):
+        before = _marks(out)
         if count.kills >= case.kills:
             process.join()
         else:
-            # One kill in five falls anywhere, set-up included; the others where windows are being solved, or the files
-            # made of them: without that a busy machine would be killed in its set-up for ever.
-            before = _written(out)
-            if random.random() > ANYWHERE:
-                _wait(process, lambda was=before: _written(out) != was)
-            process.join(timeout=float(random.uniform(0.0, SHARE * seconds)))
+            # Some fall anywhere, set-up included, some where the results file is made; the others where windows are
+            # being solved: without that a busy machine would be killed in its set-up for ever.
+            where, longest = random.random(), SHARE * seconds
+            if where < AT_THE_END:
+                _wait(process, lambda was=before: _marks(out)[2] != was[2])
+                longest = MAKING
+            elif where > AT_THE_END + ANYWHERE:
+                _wait(process, lambda was=before: _marks(out)[0] != was[0])
+            process.join(timeout=float(random.uniform(0.0, longest)))
         if process.exitcode is None:
             process.kill()
             process.join()
             count.kills += 1
-            count.early += _written(out) == before
+            count.phases[_phase(out, before)] += 1
         elif process.exitcode == 0:
             return
         else:
             raise RuntimeError(f"{out}: ended with exit code {process.exitcode}")
 
 
+def _marks(out: Path) -> tuple[int, int, int]:
+    """When the checkpoint was written, when the one that is not whole, when the results file; 0: there is none."""
+    return (_written(checkpoint_of(out)), _written(part_of(checkpoint_of(out))),
+            max(_written(out), _written(making_of(out))))
+
+
+def _phase(out: Path, before: tuple[int, int, int]) -> str:
+    """What a process was doing when it died, from what stood there before it began and what stands there now."""
+    checkpoint, part, results = _marks(out)
+    if results != before[2]:
+        return "end"
+    if part not in (0, before[1]):
+        return "checkpoint"
+    return "windows" if checkpoint != before[0] else "set-up"
+
+
 def _wait(process: Any, come: Callable[[], bool]) -> None:
     while process.exitcode is None and not come():
-        time.sleep(0.005)
+        time.sleep(0.002)
 
 
 def _processes(case: Case, out: Path, count: Count) -> Iterator[Any]:
@@ -158,9 +194,11 @@ def _resume(out: Path) -> None:
     resume(out)
 
 
-def _written(out: Path) -> int:
-    file = checkpoint_of(out)
-    return file.stat().st_mtime_ns if file.exists() else 0
+def _written(file: Path) -> int:
+    try:
+        return file.stat().st_mtime_ns
+    except FileNotFoundError:
+        return 0
 
 
 def differences(one: Path, other: Path) -> list[str]:
