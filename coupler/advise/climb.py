@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from coupler.advise.coarse import CELLS, cells_of, lean, mesh_factor, meshed, timed, windows_factor
+from coupler.advise.coarse import CELLS, cells_of, mesh_factor, meshed, timed, watched, windows_factor
 from coupler.advise.edit import Edit, at, edited
 from coupler.advise.known import Known, Step, edits_of, picked
 from coupler.advise.ladder import iterated, ladder
 from coupler.advise.rung import Kind, Rung
-from coupler.advise.trial import LateError, StoppedError, Trial, Trials, variant
+from coupler.advise.trial import LateError, Trials, variant
 from coupler.advise.weigh import goals_of, moves, share_of
 from coupler.errors import CouplingError
 from coupler.outset import plan_of
+from coupler.trials.trial import StoppedError, Trial
 
 # Kept back of the time there is, in runs of the base: for the combination and what may have to be put back into it.
 RESERVE = 2.0
@@ -137,8 +138,8 @@ class Climb:
         k = self.known
         done = [t for t in (k.whole, k.top, *(s.trial for s in k.steps)) if t and not t.failed]
         # The first run on a machine compiles for minutes: the quickest start tells what another one takes.
-        start = min((t.wall - t.seconds for t in done), default=0.0)
-        need = start + (dearer + RESERVE) * SHARED * (k.base.seconds if k.base else 0.0)
+        start = min((t.wall - t.processor for t in done), default=0.0)
+        need = start + (dearer + RESERVE) * SHARED * (k.base.processor if k.base else 0.0)
         try:
             return self._trial(name, edits, windows, mesh, need)
         except LateError:
@@ -151,7 +152,7 @@ class Climb:
         k = self.known
         # Pairs, ranges and bodies are those of the scenario as edited: an edit may take some out.
         tree = edited(self._tree, edits)
-        return self._trials.run([*edits, meshed(tree, k.mesh * mesh), timed(tree, k.windows * windows), lean(tree)],
+        return self._trials.run([*edits, meshed(tree, k.mesh * mesh), timed(tree, k.windows * windows), watched(tree)],
                                 lambda: self._tell(name), need)
 
     def _cells(self) -> list[int]:

@@ -7,13 +7,13 @@ from typing import Any
 
 from coupler.advise.edit import Edit, Tree, at
 from coupler.scenario.document import Key
+from coupler.trials.scaled import cells_as, windows_times
 
 # A body of a trial has no more cells than this; shapes and layers stay as they are.
 CELLS = 64
 # Windows are made longer while there are more than this, but never by more than cells are: what bounds a window, heat
 # crossing a cell or an edge passing it, grows with the cell.
 WINDOWS = 400
-NEVER = 1_000_000_000
 OWN = "advise."  # probes of our own begin so
 
 
@@ -29,12 +29,7 @@ def mesh_factor(tree: Tree, cells: int = CELLS) -> float:
 
 def meshed(tree: Tree, factor: float) -> Edit:
     """`factor` times as many cells along every edge.  Even counts stay even, so that midpoints stay nodes."""
-    put: dict[Key, Any] = {}
-    for name, body in tree["bodies"].items():
-        n = at(body, ("mesh", "rectangle", "cells"))
-        if n is not None and factor != 1.0:
-            put["bodies", name, "mesh", "rectangle", "cells"] = [_count(int(k), factor) for k in n]
-    return Edit(put)
+    return Edit(cells_as(tree, lambda n: _count(n, factor)) if factor != 1.0 else {})
 
 
 def _count(n: int, factor: float) -> int:
@@ -56,20 +51,12 @@ def windows_factor(count: int, mesh: float) -> float:
 
 def timed(tree: Tree, factor: float) -> Edit:
     """Windows `factor` times as long, none longer than its range; nothing where windows find their own size."""
-    ranges = at(tree, ("coupling", "windows"))
-    if ranges is None or factor == 1.0:
-        return Edit()
-    start, scaled = 0.0, []
-    for r in ranges:
-        length = r["until"] - start
-        scaled.append({k: v if k == "until" else min(v * factor, length) for k, v in r.items()})
-        start = r["until"]
-    return Edit({("coupling", "windows"): scaled})
+    return Edit(windows_times(tree, factor) if factor != 1.0 else {})
 
 
-def lean(tree: Tree) -> Edit:
-    """No fields, no checkpoints; probes of pressure and place at every pair."""
-    put: dict[Key, Any] = {("output", "fields"): {"every": NEVER}, ("output", "checkpoint"): None}
+def watched(tree: Tree) -> Edit:
+    """Probes of pressure and place at every pair."""
+    put: dict[Key, Any] = {}
     for name, pair in tree.get("contact", {}).items():
         side = pair["slave"]
         for what, probe in (("p.max", {"p": {"max": side}}), ("p.mean", {"p": {"mean": side}}),

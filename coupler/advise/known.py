@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from coupler.advise.edit import Edit
 from coupler.advise.rung import Kind, Rung
-from coupler.advise.trial import Trial
 from coupler.advise.weigh import Goal, Moves, share_of
+from coupler.trials.trial import Trial
 
 # Physics is left out unless a run then takes this much more; a number is changed if that saves this much: half-solves.
 DEARER, WORTH = 0.05, 0.02

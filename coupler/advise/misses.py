@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from coupler.advise.amount import amount, of_range
 from coupler.advise.coarse import OWN
 from coupler.advise.known import Known
-from coupler.advise.trial import Trial
 from coupler.advise.weigh import both, range_of
+from coupler.trials.trial import Trial
 
 # What is told: a probe that moves by this share of its range, a largest pressure this much above the mean.
 TOLD, UNEVEN = 0.01, 1.05

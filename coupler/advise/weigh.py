@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.advise.coarse import OWN
-from coupler.advise.trial import Trial
 from coupler.errors import ScenarioError
 from coupler.record.results import UNITS
 from coupler.scenario.quantity import did_you_mean
+from coupler.trials.trial import Trial
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from coupler.advise.amount import amount, of_range, percent
 from coupler.advise.known import Known, Step
 from coupler.advise.misses import misses
 from coupler.advise.rung import Kind, Rung
-from coupler.advise.trial import Trial
 from coupler.advise.weigh import Goal, Moves, share_of, worst
+from coupler.trials.trial import Trial
 
 HEADS = {Kind.MECHANICS: "mechanics", Kind.HEAT: "heat flow", Kind.SCHEME: "exchange", Kind.EFFECT: "effects",
          Kind.WINDOWS: "windows", Kind.MESH: "mesh"}
@@ -53,7 +53,7 @@ def _coarse(known: Known) -> str:
 
 def cost(trial: Trial) -> str:
     """Half-solves and seconds of processor time."""
-    return f"{trial.half_solves} half-solves, {trial.seconds:.2g} s of processor time"
+    return f"{trial.half_solves} half-solves, {trial.processor:.2g} s of processor time"
 
 
 def _exchange(known: Known) -> Iterator[str]:
@@ -104,7 +104,7 @@ def _saves(step: Step) -> str:
 
 def _time_saved(step: Step) -> float:
     """Share of the processor time; 0 where that tells nothing."""
-    share = 1.0 - step.trial.seconds / step.base.seconds if step.base.seconds > SHORTEST else 0.0
+    share = 1.0 - step.trial.processor / step.base.processor if step.base.processor > SHORTEST else 0.0
     return share if share > NOISE else 0.0
 
 

@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from coupler.errors import ScenarioError
+from coupler.scenario.document import Key, dotted
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.schema_tolerance import ErrorTolerances
 from coupler.schemes.level import Scheme
+from coupler.trials.scaled import Tree, cells_as, windows_times
 
-Tree = Mapping[str, Any]  # a scenario's values, as the file has them
 Sets = dict[str, Any]  # dotted key -> value
 
 # Along these a curve of the chart runs: from coarse and cheap to fine and dear.
@@ -49,16 +50,10 @@ def _factor(axis: str, value: Any) -> float:
 
 def _windows(axis: str, factor: float, tree: Tree) -> Sets:
     """Every fixed window `factor` times as long; none longer than its range."""
-    ranges = tree.get("coupling", {}).get("windows")
-    if not isinstance(ranges, list):
+    if not (scaled := windows_times(tree, factor)):
         raise ScenarioError("the scenario has no fixed windows to make longer or shorter", key=f"grid {axis}",
                             value=factor, remedy="Windows that find their own size go with the axis `tolerance`.")
-    start, scaled = 0.0, []
-    for r in ranges:
-        length = r["until"] - start
-        scaled.append({k: v if k == "until" else min(v * factor, length) for k, v in r.items()})
-        start = r["until"]
-    return {"coupling.windows": scaled}
+    return _dotted(scaled)
 
 
 def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
@@ -74,15 +69,15 @@ def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
 
 def _mesh(axis: str, factor: float, tree: Tree) -> Sets:
     """`factor` times as many cells along every edge; an edge of one cell stands for no direction and stays one."""
-    sets: Sets = {}
     for name, body in tree.get("bodies", {}).items():
-        rectangle = body.get("mesh", {}).get("rectangle")
-        if rectangle is None:
+        if body.get("mesh", {}).get("rectangle") is None:
             raise ScenarioError(f"the mesh of {name!r} is a file, which cannot be refined", key=f"grid {axis}",
                                 value=factor, remedy=f"Give the files: bodies.{name}.mesh.file.path: [a, b].")
-        sets[f"bodies.{name}.mesh.rectangle.cells"] = [
-            1 if n == 1 else max(round(n * factor), 1) for n in rectangle["cells"]]
-    return sets
+    return _dotted(cells_as(tree, lambda n: 1 if n == 1 else max(round(n * factor), 1)))
+
+
+def _dotted(values: Mapping[Key, Any]) -> Sets:
+    return {dotted(key): value for key, value in values.items()}
 
 
 FACTORS: dict[str, Callable[[str, float, Tree], Sets]] = {"windows": _windows, "tolerance": _tolerance, "mesh": _mesh}

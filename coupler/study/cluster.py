@@ -9,15 +9,15 @@ from dataclasses import asdict
 from typing import Any
 
 from coupler.errors import HalfError, ScenarioError
-from coupler.study.cell import FAILED, Job, Outcome, outcome_from, solve
+from coupler.trials.trial import Job, Trial, solve, trial_from
 
 PATIENCE = "30s"  # until a scheduler answers
 # A worker may have several threads; FMUs and the clock of a run want the process for themselves.
 ALONE = threading.Lock()
 
 
-def run_there(jobs: Mapping[str, Job], address: str) -> Generator[tuple[str, Outcome], None, None]:
-    """(name, outcome) of each job as it is done by the cluster whose scheduler is at `address`, tcp://host:port.
+def run_there(jobs: Mapping[str, Job], address: str) -> Generator[tuple[str, Trial], None, None]:
+    """(name, trial) of each job as it is done by the cluster whose scheduler is at `address`, tcp://host:port.
 
     Its workers need the same packages installed, and mesh files at the same paths.
     Raises ScenarioError where Dask is not installed, HalfError where no scheduler answers.
@@ -35,8 +35,8 @@ def run_there(jobs: Mapping[str, Job], address: str) -> Generator[tuple[str, Out
         names = {client.submit(solve_alone, asdict(job), pure=False): name for name, job in jobs.items()}
         for future in distributed.as_completed(names):
             failure = future.exception()
-            yield names[future], (Outcome(FAILED, str(failure), kept=False) if failure is not None
-                                  else outcome_from(future.result()))
+            yield names[future], (Trial(str(failure), kept=False) if failure is not None
+                                  else trial_from(future.result()))
 
 
 def solve_alone(job: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from coupler.errors import ResultsError
 from coupler.pilot import is_quick, pilot
 from coupler.scenario.document import Document
 from coupler.scenario.reading import read_document
-from coupler.study.cell import Job, Outcome
 from coupler.study.cluster import run_there
 from coupler.study.limits import Limit, limits_of
 from coupler.study.plan import Planned, StudyPlan, plan_of, reference_words
@@ -21,7 +20,8 @@ from coupler.study.pool import run_here
 from coupler.study.reference import Reference, from_file, richardson
 from coupler.study.score import Point, Scale, point_of, scale_of
 from coupler.study.show import StudyLine
-from coupler.study.store import Store, sources
+from coupler.trials.store import Store, sources
+from coupler.trials.trial import Job, Trial
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Study:
 
     document: Document
     plan: StudyPlan
-    outcomes: Sequence[Outcome]
+    trials: Sequence[Trial]
     points: Sequence[Point]
     reference: Reference
     scale: Scale
@@ -51,7 +51,7 @@ class Study:
 
 def conduct(path: Path, out: Path, overrides: Mapping[str, Any], options: Mapping[str, Any], how: How,
             show: StudyLine) -> Study:
-    """Run the study of the scenario file `path`; outcomes are kept in out/runs, and what is there is not run again.
+    """Run the study of the scenario file `path`; trials are kept in out/runs, and what is there is not run again.
 
     overrides : dotted key -> value, of every run.  options : keys of `study` in place of the file's own.
     Raises ScenarioError before anything runs, ResultsError for a folder that cannot be used or a reference that
@@ -64,12 +64,12 @@ def conduct(path: Path, out: Path, overrides: Mapping[str, Any], options: Mappin
     answer = from_file(path.parent / plan.spec.reference.file, plan.spec.reference.error) \
         if plan.spec.reference.file else None
     every = {run.key: run for run in (*plan.references, *plan.runs)}
-    outcomes = _run(every, store, how, show)
+    trials = _run(every, store, how, show)
     if answer is None:
         words = reference_words(plan.spec.reference, plan.references)
-        answer = richardson([outcomes[r.key] for r in plan.references], words, plan.spec.measure, plan.span)
+        answer = richardson([trials[r.key] for r in plan.references], words, plan.spec.measure, plan.span)
     scale = scale_of(answer, plan.spec.measure, plan.span)
-    found = [outcomes[run.key] for run in plan.runs]
+    found = [trials[run.key] for run in plan.runs]
     points = [point_of(run.cell.label, run.cell.series, o, answer, scale)
               for run, o in zip(plan.runs, found, strict=True)]
     limits = _limits(plan, points, how)
@@ -83,25 +83,25 @@ def _make(out: Path) -> None:
         raise ResultsError(f"{out}: the folder of the study cannot be made ({exc.strerror})") from exc
 
 
-def _run(every: Mapping[str, Planned], store: Store, how: How, show: StudyLine) -> dict[str, Outcome]:
-    """The outcome of every run, by its key."""
-    outcomes = {key: kept for key in every if (kept := store.get(key)) is not None}
-    left = {key: run.job for key, run in every.items() if key not in outcomes}
+def _run(every: Mapping[str, Planned], store: Store, how: How, show: StudyLine) -> dict[str, Trial]:
+    """The trial of every run, by its key."""
+    trials = {key: kept for key in every if (kept := store.get(key)) is not None}
+    left = {key: run.job for key, run in every.items() if key not in trials}
     try:
-        show.begin(len(every), len(outcomes))
+        show.begin(len(every), len(trials))
         with closing(_running(left, how)) as running:
-            for key, outcome in running:
-                outcomes[key] = outcome
-                if outcome.kept:
-                    store.put(key, outcome)
-                show(every[key].cell.label, outcome)
+            for key, trial in running:
+                trials[key] = trial
+                if trial.kept:
+                    store.put(key, trial)
+                show(every[key].cell.label, trial)
     except KeyboardInterrupt as exc:
-        exc.add_note(f"stopped; {len(outcomes)} of {len(every)} runs are kept, and the same command goes on from them")
+        exc.add_note(f"stopped; {len(trials)} of {len(every)} runs are kept, and the same command goes on from them")
         raise
-    return outcomes
+    return trials
 
 
-def _running(jobs: Mapping[str, Job], how: How) -> Generator[tuple[str, Outcome], None, None]:
+def _running(jobs: Mapping[str, Job], how: How) -> Generator[tuple[str, Trial], None, None]:
     if jobs:
         yield from (run_there(jobs, how.cluster) if how.cluster
                     else run_here(jobs, how.processes or os.cpu_count() or 1, how.limit))

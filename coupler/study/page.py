@@ -90,7 +90,7 @@ def _rows(study: Study) -> list[dict[str, Any]]:
     return [{"label": p.label, "half_solves": p.half_solves, "windows": o.windows, "rejected": o.rejected,
              "seconds": duration(p.seconds), "order": order, "message": p.message, "error": relative(p.error),
              "below": p.below, "errors": [relative(e) for e in (p.by_probe or {}).values()]}
-            for p, o, order in zip(study.points, study.outcomes, _orders(study), strict=True)]
+            for p, o, order in zip(study.points, study.trials, _orders(study), strict=True)]
 
 
 def _orders(study: Study) -> list[str]:
@@ -110,7 +110,7 @@ def _orders(study: Study) -> list[str]:
 
 
 def _summary(study: Study) -> str:
-    failed = sum(not o.done for o in study.outcomes)
+    failed = sum(bool(o.failed) for o in study.trials)
     text = f"{len(study.points)} runs against {study.reference.words}"
     return f"{text}; {failed} failed." if failed else f"{text}; none failed."
 

@@ -13,10 +13,10 @@ from coupler.scenario.document import Document
 from coupler.scenario.load import checked
 from coupler.scenario.override import apply_overrides
 from coupler.scenario.schema_study import Study, StudyReference
-from coupler.study.cell import LEAN, Job
 from coupler.study.grid import Cell, cell_at, cells_of
 from coupler.study.reference import RATIOS
-from coupler.study.store import key_of
+from coupler.trials.store import key_of
+from coupler.trials.trial import LEAN, Job
 
 # Keys of this part change how a scene is solved, not the scene.
 OF_THE_COUPLING = ("coupling", "scheme", "windows", "tolerance", "substeps")

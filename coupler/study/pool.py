@@ -14,18 +14,18 @@ from dataclasses import asdict
 from pathlib import Path
 
 from coupler.fmu.children import environment, python
-from coupler.study.cell import FAILED, Job, Outcome, outcome_from
+from coupler.trials.trial import Job, Trial, trial_from
 
 WORKER = [*python(), "-m", "coupler.study.worker"]
 PATIENCE = 5.0  # s a process has to end once it is not needed
 GLANCE = 1.0  # s between two looks at whether anybody still works
 
 
-Done = tuple[str, Outcome]
+Done = tuple[str, Trial]
 
 
 def run_here(jobs: Mapping[str, Job], processes: int, limit: float | None = None) -> Generator[Done, None, None]:
-    """(name, outcome) of each job as it is done; begun in the order of `jobs`.
+    """(name, trial) of each job as it is done; begun in the order of `jobs`.
 
     limit [s]: a run that takes longer is given up.  However the iteration is left, no process stays behind.
     """
@@ -79,12 +79,12 @@ class _Lane:
                 name, job = self._waiting.get_nowait()
             except queue.Empty:
                 return
-            self._done.put((name, self._outcome(job)))
+            self._done.put((name, self._tried(job)))
 
-    def _outcome(self, job: Job) -> Outcome:
+    def _tried(self, job: Job) -> Trial:
         process = self._standing()
         if process is None:
-            return Outcome(FAILED, "not begun", kept=False)
+            return Trial("not begun", kept=False)
         began = time.monotonic()
         timer = threading.Timer(self._limit, process.kill) if self._limit else None
         if timer:
@@ -101,12 +101,12 @@ class _Lane:
             if timer:
                 timer.cancel()
         if answer.endswith("\n"):
-            return outcome_from(json.loads(answer))
+            return trial_from(json.loads(answer))
         code = process.wait()
         why = f"its process died ({code}): {self._tail()}"
         if self._limit and time.monotonic() - began >= self._limit:
             why = f"took longer than {self._limit:g} s"
-        return Outcome(FAILED, why, kept=False)
+        return Trial(why, kept=False)
 
     def _standing(self) -> subprocess.Popen[str] | None:
         with self._lock:

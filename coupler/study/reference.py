@@ -14,7 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from coupler.errors import ResultsError, ScenarioError
 from coupler.record.results import Results
-from coupler.study.cell import Outcome
+from coupler.trials.trial import Trial
 
 Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
@@ -41,7 +41,7 @@ class Reference:
     words: str
 
 
-def richardson(runs: Sequence[Outcome], words: str, measure: Sequence[str] = (),
+def richardson(runs: Sequence[Trial], words: str, measure: Sequence[str] = (),
                span: tuple[float, float] = (0.0, math.inf)) -> Reference:
     """The reference of three runs, finest first, each with windows twice as long as the one before.
 
@@ -51,8 +51,8 @@ def richardson(runs: Sequence[Outcome], words: str, measure: Sequence[str] = (),
     Raises ResultsError where one of the runs failed.
     """
     for ratio, run in zip(RATIOS, runs, strict=True):
-        if not run.done:
-            raise ResultsError(f"the reference with windows {ratio} times its finest failed: {run.message}; "
+        if run.failed:
+            raise ResultsError(f"the reference with windows {ratio} times its finest failed: {run.failed}; "
                                "give another one (study.reference), or coarser windows")
     t = np.array(runs[0].t)
     values = [_curves(run) for run in runs]
@@ -110,8 +110,8 @@ def _table(path: Path) -> tuple[Array, dict[str, Array]]:
     return table[:, 0], {name: table[:, k] for k, name in enumerate(head) if k}
 
 
-def _curves(run: Outcome) -> dict[str, Curve]:
-    return {name: _curve(np.array(run.t), np.array(v)) for name, v in (run.probes or {}).items()}
+def _curves(run: Trial) -> dict[str, Curve]:
+    return {name: _curve(np.array(run.t), np.array(v)) for name, v in run.probes.items()}
 
 
 def _curve(t: Array, value: Array) -> Curve:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from coupler.errors import ScenarioError
 from coupler.scenario.quantity import did_you_mean
-from coupler.study.cell import Outcome
 from coupler.study.reference import Reference
+from coupler.trials.trial import Trial
 
 Array = NDArray[np.float64]
 
@@ -86,21 +86,20 @@ def _range(values: Array) -> float:
     return found if found > STILL * float(np.abs(values).max()) else 0.0
 
 
-def errors_of(run: Outcome, reference: Reference, scale: Scale) -> dict[str, float]:
+def errors_of(run: Trial, reference: Reference, scale: Scale) -> dict[str, float]:
     """Probe -> relative error: e = sqrt(int (y - y_ref)^2 dt / int dt)/range, by the trapezoidal rule over the window
     ends of the run in the span.
 
     Raises ScenarioError for a run without a measured probe.
     """
-    probes = run.probes or {}
-    missing = [n for n in scale.probes if n not in probes]
+    missing = [n for n in scale.probes if n not in run.probes]
     if missing:
         raise ScenarioError("a run of the grid has no such probe", key="--measure", value=missing[0],
-                            remedy=did_you_mean(missing[0], probes))
+                            remedy=did_you_mean(missing[0], run.probes))
     t = np.array(run.t)
     inside = (t >= scale.span[0]) & (t <= scale.span[1]) & (t <= reference.t[-1])
     at = t[inside]
-    found = {n: _l2(at, np.array(probes[n])[inside] - reference.curves[n](at)) / size
+    found = {n: _l2(at, np.array(run.probes[n])[inside] - reference.curves[n](at)) / size
              for n, size in scale.probes.items()}
     return found
 
@@ -111,10 +110,10 @@ def _l2(t: Array, e: Array) -> float:
     return math.sqrt(float(np.trapezoid(e**2, t)) / float(t[-1] - t[0]))
 
 
-def point_of(label: str, series: str, run: Outcome, reference: Reference, scale: Scale) -> Point:
+def point_of(label: str, series: str, run: Trial, reference: Reference, scale: Scale) -> Point:
     """A run as a point; the worst probe counts."""
-    if not run.done:
-        return Point(label, series, run.half_solves, run.seconds, math.nan, math.nan, run.message)
+    if run.failed:
+        return Point(label, series, run.half_solves, run.seconds, math.nan, math.nan, run.failed)
     found = errors_of(run, reference, scale)
     worst = max(found.values())
     message = "" if math.isfinite(worst) else "it has no window end in the span"

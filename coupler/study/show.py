@@ -9,7 +9,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from coupler.study.cell import Outcome
+from coupler.trials.trial import Trial
 
 
 class StudyLine:
@@ -33,16 +33,16 @@ class StudyLine:
             self._task = self._bar.add_task("runs", total=total, completed=kept)
             self._bar.start()
 
-    def __call__(self, label: str, outcome: Outcome) -> None:
+    def __call__(self, label: str, trial: Trial) -> None:
         """A run is done."""
         self._done += 1
-        if not outcome.done:
-            self._print(f"failed: {label}: {outcome.message}")
+        if trial.failed:
+            self._print(f"failed: {label}: {trial.failed}")
         if self._console.is_terminal:
             self._bar.update(self._task, completed=self._done)
-        elif outcome.done:
+        elif not trial.failed:
             self._print(f"{self._done} of {self._total}, {self._total - self._done} left, "
-                        f"{time.monotonic() - self._began:.0f} s: {label}: {outcome.half_solves} half-solves")
+                        f"{time.monotonic() - self._began:.0f} s: {label}: {trial.half_solves} half-solves")
 
     def _print(self, text: str) -> None:
         if self._console.is_terminal:

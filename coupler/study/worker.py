@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 
-from coupler.study.cell import solve
+from coupler.trials.trial import solve
 
 
 def main() -> None:

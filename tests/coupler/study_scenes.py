@@ -10,8 +10,8 @@ import numpy as np
 
 from coupler.scenario.document import Document
 from coupler.scenario.reading import document_from
-from coupler.study.cell import DONE, FAILED, Outcome
 from coupler.study.score import Point
+from coupler.trials.trial import Trial
 
 ROOT = Path(__file__).resolve().parents[2]
 LUMPED = ROOT / "scenarios/lumped_gap.yaml"
@@ -25,15 +25,15 @@ def document() -> Document:
     return document_from(LUMPED, text[:text.index("\nstudy:")])
 
 
-def decay(H: float, order: int, factor: float = 0.1) -> Outcome:
+def decay(H: float, order: int, factor: float = 0.1) -> Trial:
     """A run of exp(-t) in windows of H [s], off by factor H^order sin(t)."""
     t = np.linspace(0.0, T_END, round(T_END / H) + 1)
     value = np.exp(-t) + factor * H**order * np.sin(t)
-    return Outcome(DONE, "", 2 * (len(t) - 1), 0.01 / H, len(t) - 1, 0, t.tolist(),
-                   {"T": value.tolist(), "still": (0.0 * t + 3.0).tolist()}, {"T": "K", "still": "m"})
+    return Trial("", 2 * (len(t) - 1), 0.01 / H, windows=len(t) - 1, t=t.tolist(),
+                 probes={"T": value.tolist(), "still": (0.0 * t + 3.0).tolist()}, units={"T": "K", "still": "m"})
 
 
-FELL = Outcome(FAILED, "window 3 at t = 1 s: did not converge", 12, 0.1, 2)
+FELL = Trial("window 3 at t = 1 s: did not converge", 12, 0.1, windows=2)
 
 
 def point(label: str, half_solves: int, error: float, floor: float = 1e-6) -> Point:
@@ -50,5 +50,5 @@ for line in sys.stdin:
         sys.exit("no such thing")
     if job["text"] == "sleep":
         time.sleep(60)
-    print(json.dumps({"state": "done", "half_solves": len(job["text"])}), flush=True)
+    print(json.dumps({"half_solves": len(job["text"])}), flush=True)
 """]

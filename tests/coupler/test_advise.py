@@ -10,19 +10,20 @@ import numpy as np
 import pytest
 
 from coupler import load_scenario
-from coupler.advise.coarse import lean, mesh_factor, meshed, timed, windows_factor
+from coupler.advise.coarse import mesh_factor, meshed, timed, watched, windows_factor
 from coupler.advise.edit import Edit, edited
 from coupler.advise.known import Known, Step, picked
 from coupler.advise.ladder import ladder
 from coupler.advise.misses import misses
 from coupler.advise.rung import Kind, Rung
-from coupler.advise.trial import Trial, variant
+from coupler.advise.trial import variant
 from coupler.advise.weigh import Goal, goals_of, moves, parse_goal, share_of, worst
 from coupler.advise.words import advice
 from coupler.advise.write import advised, text_of
 from coupler.errors import ScenarioError
 from coupler.scenario.override import apply_overrides
 from coupler.scenario.reading import document_from, read_document
+from coupler.trials.trial import Trial
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, ROOT
@@ -71,7 +72,7 @@ def test_every_rung_is_a_scenario_that_differs(path: Path) -> None:
         tree = edited(document.tree, [rung.edit])
         edits = [rung.edit, timed(tree, rung.windows)]
         assert edited(document.tree, edits) != document.tree, rung.name
-        found = variant(document, [*edits, meshed(tree, 0.2), lean(tree)])
+        found = variant(document, [*edits, meshed(tree, 0.2), watched(tree)])
         assert len(found.probes) == len(tree["probes"]) + 4, rung.name
 
 
@@ -119,12 +120,12 @@ def test_goals_that_are_none(text: str) -> None:
 
 
 T = np.linspace(0.0, 10.0, 11)
-FULL = Trial("full", 100, 2.0, 3.0, T,
-             {"T": 300 + 10 * T, "g": 1e-6 * T, "still": 0 * T, "advise.f.p.max": 2e6 * (T < 8),
+FULL = Trial("", 100, 2.0, 2.0, 3.0, t=T, scenario="full",
+             probes={"T": 300 + 10 * T, "g": 1e-6 * T, "still": 0 * T, "advise.f.p.max": 2e6 * (T < 8),
               "advise.f.p.mean": 1e6 * (T < 8), "advise.f.u_x": 0 * T,
               "advise.f.u_y": 1e-3 * T + 4e-6 * (T < 8) + 1e-6 * (T == 3)},
-             {"T": "K", "g": "m", "still": "m", "advise.f.p.max": "Pa", "advise.f.p.mean": "Pa", "advise.f.u_x": "m",
-              "advise.f.u_y": "m"})
+             units={"T": "K", "g": "m", "still": "m", "advise.f.p.max": "Pa", "advise.f.p.mean": "Pa",
+                    "advise.f.u_x": "m", "advise.f.u_y": "m"})
 
 
 def moved(**by: float) -> Trial:

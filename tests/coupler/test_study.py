@@ -14,14 +14,14 @@ import pytest
 from coupler.errors import ResultsError, ScenarioError
 from coupler.schemes.level import Scheme
 from coupler.study import grid_of, parse_axis, pool
-from coupler.study.cell import Job
 from coupler.study.chart import draw
 from coupler.study.cluster import run_there
 from coupler.study.grid import cells_of
 from coupler.study.limits import Limit
 from coupler.study.reference import from_file, richardson
 from coupler.study.score import cheapest, errors_of, front, point_of, scale_of
-from coupler.study.store import Store
+from coupler.trials.store import Store
+from coupler.trials.trial import Job
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import FAKE, FELL, T_END, decay, document, point
@@ -131,7 +131,7 @@ def test_a_run_that_failed_is_a_point_without_an_error():
     r = richardson([decay(0.01 * k, 2) for k in (1, 2, 4)], "made up")
     p = point_of("a", "a", FELL, r, scale_of(r, (), (0.0, T_END)))
     assert math.isnan(p.error)
-    assert (p.half_solves, p.message) == (12, FELL.message)
+    assert (p.half_solves, p.message) == (12, FELL.failed)
     assert front([p]) == []
     assert cheapest([p], 1.0) is None
 
@@ -183,7 +183,7 @@ def test_a_chart_of_failures_alone_is_none():
         draw([POINTS[5]], [])
 
 
-def test_an_outcome_comes_back_from_the_store(tmp_path):
+def test_a_trial_comes_back_from_the_store(tmp_path):
     store = Store(tmp_path / "runs")
     assert store.get("a") is None
     store.put("a", decay(0.5, 1))
@@ -191,6 +191,15 @@ def test_an_outcome_comes_back_from_the_store(tmp_path):
     (tmp_path / "runs/a.json").write_text(json.dumps({"verdict": 1}), encoding="utf-8")
     with pytest.raises(ResultsError, match="remove it"):
         store.get("a")
+
+
+def test_a_trial_of_another_version_is_run_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("coupler.trials.store.VERSION", 0)
+    store = Store(tmp_path)
+    store.put("a", decay(0.5, 1))
+    assert store.get("a") is not None
+    monkeypatch.undo()
+    assert store.get("a") is None
 
 
 def jobs(*texts: str) -> dict[str, Job]:
@@ -201,8 +210,7 @@ def test_a_process_that_dies_is_one_failure(monkeypatch):
     monkeypatch.setattr(pool, "WORKER", FAKE)
     done = dict(pool.run_here(jobs("a", "die", "abc", "ab"), 1))
     assert [done[n].half_solves for n in ("0 a", "2 abc", "3 ab")] == [1, 3, 2]
-    assert not done["1 die"].done
-    assert "no such thing" in done["1 die"].message
+    assert "no such thing" in done["1 die"].failed
     assert not done["1 die"].kept
 
 
@@ -211,15 +219,15 @@ def test_a_run_that_takes_too_long_is_given_up(monkeypatch):
     began = time.monotonic()
     done = dict(pool.run_here(jobs("sleep", "a"), 1, limit=0.5))
     assert time.monotonic() - began < 30.0
-    assert "longer than 0.5 s" in done["0 sleep"].message
-    assert done["1 a"].done
+    assert "longer than 0.5 s" in done["0 sleep"].failed
+    assert not done["1 a"].failed
 
 
 def test_leaving_early_ends_every_process(monkeypatch):
     monkeypatch.setattr(pool, "WORKER", FAKE)
     began = time.monotonic()
     running = pool.run_here(jobs("a", "sleep", "sleep"), 2)
-    assert next(running)[1].done
+    assert not next(running)[1].failed
     running.close()
     assert time.monotonic() - began < 30.0
 

@@ -18,7 +18,7 @@ from coupler import load_scenario, run
 from coupler.cli import app
 from coupler.errors import ScenarioError
 from coupler.study import How, Study, StudyLine, conduct, write_study
-from coupler.study.cell import Outcome
+from coupler.trials.trial import Trial
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import E8, LUMPED
@@ -37,7 +37,7 @@ class Told(StudyLine):
         self.told: list[str] = []
         self._stop_after = stop_after
 
-    def __call__(self, label: str, outcome: Outcome) -> None:
+    def __call__(self, label: str, trial: Trial) -> None:
         self.told.append(label)
         if len(self.told) == self._stop_after:
             raise KeyboardInterrupt
@@ -102,7 +102,7 @@ def test_half_solves_are_counted_and_limits_predicted(done):
 
 def test_a_window_that_cannot_be_solved_is_a_failure_with_its_words(done):
     study, out, _, _ = done
-    assert not study.outcomes[4].done
+    assert study.trials[4].failed
     assert "on_max says to stop" in study.points[4].message
     assert "1 failed" in (out / "study.html").read_text(encoding="utf-8")
     assert 'id="failed"' in (out / "study.svg").read_text(encoding="utf-8")
@@ -125,7 +125,7 @@ def test_the_cheapest_setting_is_a_scenario_that_does_what_was_measured(done, tm
     study, out, _, _ = done
     scenario = load_scenario(out / "cheapest_1_percent.yaml")
     results = run(scenario, tmp_path / "run.h5")
-    assert results.probe("T")[1].tolist() == study.outcomes[2].probes["T"]
+    assert results.probe("T")[1].tolist() == study.trials[2].probes["T"]
     assert "study" not in scenario.resolved
 
 

@@ -1,4 +1,4 @@
-"""Outcomes kept by content: a run of the same values by the same sources is never repeated."""
+"""Trials kept by content: one of the same values by the same sources is never run twice."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from coupler.fmu.halves import known_halves
 from coupler.record.beside import part_of
 from coupler.record.keeper import versions
 from coupler.scenario import Scenario
-from coupler.study.cell import Outcome, outcome_from
+from coupler.trials.trial import Trial, trial_from
 
-# Parts of the coupler that change no number of a run.
-APART = ("study", "report")
+FORMAT, VERSION = "slideline.trial", 1
+# Parts of the coupler that change nothing in a trial.
+APART = ("study", "advise", "report", "cli.py")
 
 
 def sources() -> str:
-    """Hash of everything installed that an outcome depends on."""
+    """Hash of everything installed that a trial depends on."""
     packages = {"contact", *(point.module.split(".")[0] for point in known_halves().values())}
     digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
     for name in sorted(packages):
@@ -35,32 +36,36 @@ def sources() -> str:
 
 
 def key_of(scenario: Scenario, packages: str) -> str:
-    """Name of a run: of its resolved values, its meshes and the sources."""
+    """Name of a trial: of its resolved values, its meshes and the sources."""
     return hashlib.sha256(f"{scenario.hash} {packages}".encode()).hexdigest()[:32]
 
 
 class Store:
-    """Outcomes in a folder, a file each, whole or not there."""
+    """Trials in a folder, a file each, whole or not there; one of another version is as if it were not there."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def get(self, key: str) -> Outcome | None:
-        """The outcome kept under a key.  Raises ResultsError for a file that is not one."""
+    def get(self, key: str) -> Trial | None:
+        """The trial kept under a key.  Raises ResultsError for a file that is not one."""
         path = self._folder / f"{key}.json"
         if not path.exists():
             return None
         try:
-            return outcome_from(json.loads(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError) as exc:
-            raise ResultsError(f"{path}: not an outcome of a study ({exc}); remove it, and it is run again") from exc
+            values = json.loads(path.read_text(encoding="utf-8"))
+            if values.pop("format") != FORMAT:
+                raise ValueError("of another format")
+            return trial_from(values) if values.pop("version") == VERSION else None
+        except (OSError, ValueError, TypeError, KeyError, AttributeError) as exc:
+            raise ResultsError(f"{path}: not a trial ({exc}); remove it, and it is run again") from exc
 
-    def put(self, key: str, outcome: Outcome) -> None:
-        """Keep an outcome.  Raises ResultsError where it cannot be written."""
+    def put(self, key: str, trial: Trial) -> None:
+        """Keep a trial.  Raises ResultsError where it cannot be written."""
         path = self._folder / f"{key}.json"
+        whole = {"format": FORMAT, "version": VERSION, **asdict(trial)}
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            part_of(path).write_text(json.dumps(asdict(outcome), allow_nan=False), encoding="utf-8")
+            part_of(path).write_text(json.dumps(whole, allow_nan=False), encoding="utf-8")
             os.replace(part_of(path), path)
         except OSError as exc:
-            raise ResultsError(f"{path}: the outcome cannot be written ({exc.strerror})") from exc
+            raise ResultsError(f"{path}: the trial cannot be written ({exc.strerror})") from exc
