@@ -153,12 +153,20 @@ def _note(ax: Axes, text: str, at: tuple[float, float], offset: tuple[float, flo
 
 
 def _limits(ax: Axes, points: Sequence[Point], limits: Sequence[Limit]) -> None:
+    """A line where the windows of a curve become too long, those to its left; the legend says where it is not shown."""
     names = list(dict.fromkeys(p.series for p in points))
     left, right = ax.get_xlim()
     for limit in limits:
+        style = {"color": line_style(names.index(limit.series))["color"], "linewidth": 1.2, "linestyle": ":",
+                 "zorder": 2, "label": f"{plain(limit.series)}: {_said(limit, left, right)}"}
         if left < limit.half_solves < right:
-            k = names.index(limit.series)
-            colour = line_style(k)["color"]
-            ax.axvline(limit.half_solves, color=colour, linewidth=1.0, linestyle=":", zorder=2)
-            ax.text(limit.half_solves, 0.02, "predicted limit ", transform=ax.get_xaxis_transform(), rotation=90,
-                    ha="right", va="bottom", in_layout=False, color=colour, fontsize=8)
+            ax.axvline(limit.half_solves, gid="limit", **style)
+        else:
+            ax.plot([], [], **style)
+
+
+def _said(limit: Limit, left: float, right: float) -> str:
+    if math.isinf(limit.windows):
+        return "no limit predicted"
+    return "all within the predicted limit" if limit.half_solves <= left else (
+        "all beyond the predicted limit" if limit.half_solves >= right else "predicted limit")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from coupler.errors import ResultsError
+from coupler.errors import ResultsError, ScenarioError
 from coupler.pilot import is_quick, pilot
 from coupler.scenario.document import Document
 from coupler.scenario.reading import read_document
@@ -27,7 +27,10 @@ from coupler.trials.trial import Job, Trial
 @dataclass(frozen=True)
 class How:
     """processes : of this machine, one thread each; 0: as many as it has cores.  cluster : a Dask scheduler's address
-    instead; empty: none.  limit [s] : of wall time for one run.  pilot : predict limits even where it takes time."""
+    instead; empty: none.  limit [s] : of wall time for one run; not with a cluster.
+
+    pilot : predict limits even where it takes time.
+    """
 
     processes: int = 0
     cluster: str = ""
@@ -57,6 +60,9 @@ def conduct(path: Path, out: Path, overrides: Mapping[str, Any], options: Mappin
     Raises ScenarioError before anything runs, ResultsError for a folder that cannot be used or a reference that
     failed.  Ctrl-C leaves a folder from which the same call goes on.
     """
+    if how.cluster and how.limit is not None:
+        raise ScenarioError("a run on a cluster cannot be given up", key="--limit", value=how.limit,
+                            remedy="Leave --limit or --cluster out.")
     document = read_document(path)
     plan = plan_of(document, overrides, options, sources())
     _make(out)
@@ -110,4 +116,4 @@ def _running(jobs: Mapping[str, Job], how: How) -> Generator[tuple[str, Trial], 
 def _limits(plan: StudyPlan, points: Sequence[Point], how: How) -> Sequence[Limit]:
     if plan.base.coupling.adaptive is not None or not (how.pilot or is_quick(plan.base)):
         return ()
-    return limits_of(pilot(plan.base), plan.base, plan.runs, points)
+    return limits_of(pilot(plan.base), plan.runs, points)

@@ -92,6 +92,9 @@ def _said(axis: str, value: Any) -> str:
     if axis in ("scheme", PLAIN["scheme"]):
         return str(value)
     name = axis.removeprefix("coupling.")
+    if axis == "coupling.windows" and isinstance(value, list):
+        sizes = [r.get("size") for r in value if isinstance(r, Mapping)]
+        return f"windows of {sizes[0]} s" if len(value) == len(sizes) == 1 and sizes[0] else f"{len(value)} ranges"
     if isinstance(value, Mapping):
         return f"{name} {{{', '.join(f'{k}: {v}' for k, v in value.items())}}}"
     return f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"

@@ -134,8 +134,9 @@ def _facts(study: Study) -> list[tuple[str, str]]:
             ("span", f"{a:g} to {b:g} s"),
             *((f"range of {name}", f"{number(size, 4)} {study.plan.base.probes[name].unit}"
                if name in study.plan.base.probes else number(size, 4)) for name, size in study.scale.probes.items()),
-            *((f"predicted limit, {x.series}", f"windows of {number(x.windows, 3)} times those of the scenario, about "
-               f"{x.half_solves:.0f} half-solves") for x in study.limits)]
+            *((f"predicted limit, {x.series}", "none" if math.isinf(x.windows) else f"windows of "
+               f"{number(x.windows, 3)} times those of the scenario, about {x.half_solves:.0f} half-solves")
+              for x in study.limits)]
 
 
 def _facts_as_data(study: Study) -> dict[str, Any]:
@@ -143,11 +144,13 @@ def _facts_as_data(study: Study) -> dict[str, Any]:
     return {"title": study.plan.base.title, "scenario": study.document.path.name,
             "reference": {"words": r.words, "order": r.order if math.isfinite(r.order) else None},
             "span": list(study.scale.span), "ranges": dict(study.scale.probes), "notes": list(study.notes),
-            "limits": [vars(x) for x in study.limits]}
+            "limits": [{**vars(x), "windows": x.windows if math.isfinite(x.windows) else None} for x in study.limits]}
 
 
 def _picture(text: str, study: Study) -> Picture:
     src = f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode()}"
     caption = ("Hollow markers at the upper border: runs that failed, or whose error is above 100 %. The pale "
-               "band joins runs that no other beats in cost and error.")
+               "band joins runs that no other beats in cost and error." + (" Dotted lines: the longest stable windows "
+               "of a curve, as a pilot run predicts them; what lies to their left has longer ones." if study.limits
+               else ""))
     return Picture(src, f"Error against half-solves and wall time: {_summary(study)}", caption)

@@ -178,6 +178,22 @@ def test_the_chart_shows_failures_hollow_and_what_is_below_the_floor():
     assert any(list(line.get_ydata()) == [5e-4, 5e-4] for line in left.lines)
 
 
+@pytest.mark.parametrize(("limit", "says"), [
+    (Limit("a", 2.0, 50.0), "a: predicted limit"), (Limit("a", math.inf, 0.0), "a: no limit predicted"),
+    (Limit("a", 9.0, 1.0), "a: all within the predicted limit"),
+    (Limit("a", 0.1, 1e6), "a: all beyond the predicted limit")])
+def test_the_legend_says_what_limit_is_predicted(limit, says):
+    figure = draw(POINTS, [limit])
+    assert says in [text.get_text() for text in figure.legends[0].get_texts()]
+    lines = [line for line in figure.axes[0].lines if line.get_gid() == "limit"]
+    assert [list(line.get_xdata()) for line in lines] == ([[50.0, 50.0]] if limit.half_solves == 50.0 else [])
+
+
+def test_fixed_windows_are_told_by_their_size():
+    cell, = cells_of(document(), [{"coupling.windows": ([{"until": 20, "size": 12.5}],), "windows": (2,)}])
+    assert (cell.series, cell.label) == ("windows of 12.5 s", "windows of 12.5 s, windows 2")
+
+
 def test_a_chart_of_failures_alone_is_none():
     with pytest.raises(ValueError, match="no run"):
         draw([POINTS[5]], [])

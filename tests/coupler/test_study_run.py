@@ -149,6 +149,12 @@ def test_what_is_wrong_is_said_before_anything_runs(tmp_path, options, says):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_limit_of_time_is_refused_where_it_would_not_hold(tmp_path):
+    with pytest.raises(ScenarioError, match="cannot be given up"):
+        conduct(LUMPED, tmp_path / "out", {}, OPTIONS, How(cluster="tcp://127.0.0.1:1", limit=60.0), Told())
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_command_line_says_what_is_wrong(tmp_path):
     said = CliRunner().invoke(app, ["study", str(LUMPED), "-o", str(tmp_path / "out"), "--grid", "shceme=staggered"])
     assert isinstance(said.exception, ScenarioError)
