@@ -2,10 +2,11 @@
 
     python benchmarks/adaptive_blocks.py [--quick] [--cells 8] [--half elastic] [--json FILE] [--chart FILE.svg]
 
-24 x 24 cells a block unless told otherwise, to 15000 s, the rigid half (the elastic one: `docs/study.md`).  The error is that of the left, centre and right probe as they are drawn, straight between window ends,
-in the mean square over 2500 to 15000 s, as a share of the mean square of the probes; the reference has windows four
-times shorter than those chosen by hand in the scenario.  Half-solves count everything: rejected windows, windows solved
-in two halves to measure their error.
+24 x 24 cells a block unless told otherwise, to 15000 s, the rigid half (the elastic one: `docs/study.md`).  The error
+is that of the left, centre and right probe as they are drawn, straight between window ends, in the mean square over
+2500 to 15000 s, as a share of the mean square of the probes; the reference has windows four times shorter than those
+chosen by hand in the scenario.  Half-solves count everything: rejected windows, windows solved in two halves to measure
+their error.
 """
 
 from __future__ import annotations

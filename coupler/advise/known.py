@@ -76,6 +76,17 @@ class Known:
         return self.mesh == 1.0 or share_of(self.fine) > 1.0 or not self.fine
 
     @property
+    def factors(self) -> tuple[float, float]:
+        """(on cells along an edge, on windows) of the advised scenario: a coarse mesh takes the windows of the trials
+        with it, the scenario's own mesh keeps its own."""
+        if self.own_mesh and self.mesh < 1.0:
+            return 1.0, 1.0
+        mesh, windows = self.mesh, self.windows
+        for rung in self.taken:
+            mesh, windows = mesh * rung.mesh, windows * rung.windows
+        return mesh, windows
+
+    @property
     def reference(self) -> Trial:
         """What all is held against."""
         found = self.top or self.whole

@@ -144,11 +144,28 @@ def _end(known: Known, written: str) -> Iterator[str]:
         yield f"no scenario inside the tolerances was found: {why}"
         return
     yield f"advised: {together(known)}"
+    yield _size(known)
     mesh = "" if known.own_mesh or known.mesh == 1.0 else " with the mesh"
     yield (f"all at once it moves {said(known.final, known.goals)}, {known.final_share:.2g} of the tolerance{mesh}, "
            f"and {_saves(Step(NONE, known.combined, known.whole))}: {cost(known.combined)}")
     if written:
         yield f"written to {written}"
+
+
+def _size(known: Known) -> str:
+    """Mesh and windows of the advised scenario, and why they are no coarser."""
+    mesh, windows = known.factors
+    cells = "the scenario's own mesh" if mesh == 1.0 else f"{mesh:.2g} times the scenario's cells along an edge"
+    ends = "its own windows" if windows == 1.0 else f"windows {windows:g} times as long"
+    if mesh != 1.0 and windows == 1.0:
+        ends = "the scenario's own windows"
+    why = ""
+    if known.own_mesh and known.mesh < 1.0:
+        why = (": on the coarser mesh of the trials it would move too far" if known.fine else
+               ": nobody knows how far the coarser mesh of the trials is off")
+        if any(s.good for s in known.steps if s.rung.kind is Kind.WINDOWS):
+            why += "; longer windows were enough there only"
+    return f"it has {cells} and {ends}{why}"
 
 
 def together(known: Known) -> str:

@@ -27,16 +27,9 @@ _SHARED = re.compile(r"<<\s*:|(?:^|[\s\[{,:])[&*][A-Za-z_]", re.MULTILINE)
 
 
 def advised(document: Document, known: Known) -> list[Edit]:
-    """The edits that make a scenario of what was found.
-
-    A coarse mesh takes the windows of the trials with it; the scenario's own mesh keeps its own.
-    """
+    """The edits that make a scenario of what was found."""
     edits = edits_of(known.taken, iterated(document.tree) if known.iterate else None)
-    mesh = windows = 1.0
-    if not known.own_mesh or known.mesh == 1.0:
-        mesh, windows = known.mesh, known.windows
-        for rung in known.taken:
-            mesh, windows = mesh * rung.mesh, windows * rung.windows
+    mesh, windows = known.factors
     tree = edited(document.tree, edits)
     return [*edits, meshed(tree, mesh), timed(tree, windows)]
 

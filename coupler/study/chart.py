@@ -23,6 +23,7 @@ PALE, GREY = "#f0e2a8", "#777777"
 # Errors beyond this are no answers: their markers are hollow, at the upper border.
 MOST = 1.0
 TICKS = 2.5  # decades from which powers of ten are ticks enough
+LETTERS, MARK = 130, 8  # of a row of the legend, and what a marker takes of them
 MARGIN = 2.0  # factor between the outermost points and the border
 
 
@@ -47,7 +48,8 @@ def draw(points: Sequence[Point], limits: Sequence[Limit]) -> Figure:
         _curves(ax, points, cost, high)
     _limits(axes[0], points, limits)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(handles)), frameon=False, fontsize=9)
+    columns = max(1, min(4, len(handles), LETTERS // (max(map(len, labels)) + MARK)))
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
     return figure
 
 
