@@ -36,6 +36,8 @@ FIRST_ORDER = frozenset((Scheme.STAGGERED, Scheme.MECHANICAL_FIRST, Scheme.PARAL
 AGREE, MOST, CHANGED = 1.4, 16, 2.5
 # An error of less than this share of its tolerance decides nothing, and is not measured again for its own sake.
 IDLE = 0.02
+# A solid fraction that changes by more moves a front; less is what Newton leaves.
+FRONT = 1e-6
 MIDPOINT = 1.0 / 12.0  # the constant of the midpoint rule on linear equations, of the third difference
 HEAT = ("heat.contact.slave", "heat.gap.slave")
 QUANTITIES = ("temperature", "gap", "heat", "displacement")
@@ -93,10 +95,10 @@ class Estimate:
 
 
 def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme) -> bool:
-    """Whether a window should be solved in two halves too: nothing is known, or what is known is old."""
+    """Whether a window should be solved in two halves too: nothing is known, what is known is old, or a front moves."""
     H = span.end - start.now.t
     return (not memory.ratios or memory.left <= 0 or not start.past or scheme.value != memory.scheme
-            or not 1.0 / CHANGED <= H / memory.H <= CHANGED)
+            or not 1.0 / CHANGED <= H / memory.H <= CHANGED or _front_moves(start))
 
 
 def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: ErrorTolerances,
@@ -122,6 +124,16 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     own = _own(levels, whole["temperature"], left)
     return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios,
                    size=_told(whole, (levels, solved), tolerance, own).error)
+
+
+def _front_moves(start: CoupledState) -> bool:
+    """Whether anything froze or melted in the window before.
+
+    A node that begins or ends to freeze is a kink of T in time that no window before it announced, however well ratios
+    agreed between two of them.
+    """
+    now, before = start.now.f_s, start.past[0].f_s
+    return now is not None and before is not None and float(np.abs(now - before).max(initial=0.0)) > FRONT
 
 
 def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate | None) -> Memory:

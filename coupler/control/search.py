@@ -87,6 +87,8 @@ class Search:
                 return True
             if r.end == hi and self._stands:
                 return True
+        if r.end == lo and self._at_round_off:
+            return True
         found = self.ahead()
         if found is None:
             return False
@@ -154,6 +156,13 @@ class Search:
         """Whether the end of the window does not matter, because mechanics sees only the T of its start."""
         late = [s.left[self.i] for s in self.behind[:2]]
         return self.reach.holds and len(late) == 2 and late[0] == late[1] != ()
+
+    @property
+    def _at_round_off(self) -> bool:
+        """Whether nothing was left at the end of this try, where something was at the start of the window: it is here,
+        on either side of the event as far as numbers tell."""
+        return any(v <= 0.0 for v in self.before[-1].left[self.i]) and all(
+            v > 0.0 for v in self.trail[-1].left[self.i])
 
     @property
     def _neighbours(self) -> bool:

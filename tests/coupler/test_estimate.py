@@ -174,6 +174,16 @@ def test_when_it_is_measured_again() -> None:
     assert asked(known, 2, at=replace(state, past=()))
 
 
+@pytest.mark.parametrize(("before", "now", "measured"), [
+    ((0.0, 1.0), (0.5, 1.0), True), ((1.0, 1.0), (1.0, 0.9), True), ((0.0, 1.0), (0.0, 1.0), False)])
+def test_while_a_front_moves_every_window_is_measured(before, now, measured: bool) -> None:
+    """However well ratios agreed: the next node that begins or ends to freeze is announced by none of them."""
+    levels = [replace(level(t, 900.0), f_s=np.array(f)) for t, f in ((0.0, now), (-1.0, before))]
+    memory = Memory(RATIOS, 2.0, 16, 16, Scheme.EXTRAPOLATED.value)
+    at = solved_at(levels[0], (levels[1],)).state
+    assert estimate.wanted(memory, at, Span(Clock(16.0), 0, 2**37, ONE), Scheme.EXTRAPOLATED) is measured
+
+
 def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
     levels = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]
     before, solved = solved_at(levels[1], (levels[2],)).state, solved_at(levels[0], tuple(levels[1:]))

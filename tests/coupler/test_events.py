@@ -107,6 +107,17 @@ def test_a_tolerance_that_is_asked_for_is_all_that_is_found():
     assert sum(not w.accepted for w in tried) <= 5
 
 
+def test_an_event_that_is_met_within_round_off_is_told():
+    """Gaps up to 1e-9 m are round-off here, 1e-5 s before the touch: nothing is left, and nothing presses yet."""
+    place = replace(TIP, touch=1e-9)
+    coarse = replace(plan(20.0, 1.3), locate=Locate(True, 0.0, (place,)))
+    tried = solved(*moving(lambda t: 1e-4 * (10.0 - t) - 1e-10 * (t - 10.0) ** 2), coarse)
+    (text, t), = events(tried)
+    assert text == "pair tip closes"
+    assert t == pytest.approx(10.0, abs=2e-5)
+    assert tried[-1].solved.state.events == 1
+
+
 @pytest.mark.parametrize("late", [0.0, -1e-13, 0.01, -0.01])
 def test_what_happens_at_a_kink_is_not_cut_again(late: float):
     """A kink at 10 s in the schedule; the touch is there, or a hundredth of a window beside it."""
