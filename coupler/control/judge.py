@@ -111,16 +111,23 @@ def _ruled(facts: Facts, found: _Found) -> Judged:
                         rules=rules.retried(control.rules, fired), stop=fired.stop)
         return Judged(_put_back(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
     contraction = math.nan if solved.course is None else solved.course.contraction
-    shown = Shown(control.number + 1, solved.state.now.t, facts.H, not at_least(facts), contraction)
     watch = control.cycle.plus(facts.at.state.now, solved.state.now)
+    if not (watch.home or watch.cycling):
+        return _stands(facts, found, fired, Acted(watch, fired.settings))
+    shown = Shown(control.number + 1, solved.state.now.t, facts.H, not at_least(facts), contraction)
     done = acted(watch, fired.settings, plan.on_cycle, shown)
     if done.cut:
         # With the window goes what rules changed in it.
         settings = acted(watch, control.settings, plan.on_cycle, shown).settings
         again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
         return Judged(_put_back(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
+    return _stands(facts, found, fired, done)
+
+
+def _stands(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> Judged:
+    """The window is taken."""
     control = _sized(facts, _taken(facts, found, fired, done), found.error)
-    return Judged(solved, control, done.notes, found.error,
+    return Judged(facts.solved, control, done.notes, found.error,
                   found.event.text if found.event else "", fired.log)
 
 
@@ -132,7 +139,7 @@ def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> Cont
     steady = f"steady: T changes by less than {plan.steady:g} K/s" if slow >= SLOW else ""
     return replace(
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
-        ends=tuple(e for e in control.ends if e > span.k1), event=span.k1 if found.event else control.event,
+        ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,
         estimate=estimate.after(control.estimate, start, solved, found.error) if plan.adaptive else control.estimate,

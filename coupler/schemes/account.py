@@ -28,6 +28,8 @@ class EnergyAccount:
 
     def deliver(self) -> EnergyAccount:
         """The account after the carry was handed to the thermal half."""
+        if not self.carry.any():
+            return self
         return EnergyAccount(np.zeros(self.carry.shape), self.made, self.delivered + float(self.carry.sum()))
 
     def make(self, energy: Array | float) -> EnergyAccount:
@@ -42,7 +44,8 @@ Accounts = Mapping[str, EnergyAccount]
 
 def share_of(accounts: Accounts, share: float, first: bool) -> dict[str, Array]:
     """What a thermal substep is given of each carry: its share of the window, or all of it in the first substep."""
-    return {n: a.carry * (float(first) if n in AT_ONCE else share) for n, a in accounts.items()}
+    shares = {n: float(first) if n in AT_ONCE else share for n in accounts}
+    return {n: a.carry if shares[n] == 1.0 else a.carry * shares[n] for n, a in accounts.items()}
 
 
 def delivered(accounts: Accounts, taken: Container[str]) -> dict[str, EnergyAccount]:

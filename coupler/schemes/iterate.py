@@ -20,7 +20,7 @@ from coupler.schemes.convergence import Step, misfits
 from coupler.schemes.iteration import Iteration, OnMax, Seen
 from coupler.schemes.level import Level, Scheme, exchanged, predicted
 from coupler.schemes.scheme import Swept, mechanical_first
-from coupler.schemes.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
+from coupler.schemes.window import NO_WORK, CoupledState, Course, Halves, Solved, Span, Verdict, Work
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class _Progress:
     former: Level
     trail: Trail = field(default_factory=Trail)
     misfits: tuple[dict[str, float], ...] = ()
-    work: Work = field(default_factory=Work)
+    work: Work = NO_WORK
 
     @property
     def course(self) -> Course:

@@ -12,7 +12,7 @@ from coupler.schemes.account import EnergyAccount, delivered, with_made
 from coupler.schemes.curve import drawn_on
 from coupler.schemes.level import Level, Scheme, Slope, exchanged
 from coupler.schemes.sweep import STORED, Leading, Pass, Sent, mechanical_pass, thermal_pass
-from coupler.schemes.window import CoupledState, Course, Halves, Solved, Span, Verdict, Work
+from coupler.schemes.window import NO_WORK, CoupledState, Course, Halves, Solved, Span, Verdict, Work
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class Swept:
 
 def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | Leading | None) -> Swept:
     """Thermal, then mechanics with the new T.  Heat made in the window is due in the next."""
-    thermal = thermal_pass(halves, state, span.times("thermal"), slope, Work())
+    thermal = thermal_pass(halves, state, span.times("thermal"), slope, NO_WORK)
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  thermal.outputs, thermal.work)
     accounts = with_made(delivered(state.accounts, halves.thermal.blocks), mechanical.made)
@@ -52,7 +52,7 @@ def extrapolated(halves: Halves, state: CoupledState, span: Span, curve: float) 
 
 def parallel(halves: Halves, state: CoupledState, span: Span) -> Swept:
     """Both from the start of the window: x, t_N and T held.  Heat made in the window is due in the next."""
-    thermal = thermal_pass(halves, state, span.times("thermal"), None, Work())
+    thermal = thermal_pass(halves, state, span.times("thermal"), None, NO_WORK)
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  exchanged(state.now), thermal.work)
     accounts = with_made(delivered(state.accounts, halves.thermal.blocks), mechanical.made)
@@ -60,7 +60,7 @@ def parallel(halves: Halves, state: CoupledState, span: Span) -> Swept:
 
 
 def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mapping[str, Array],
-                     done: Work = Work(), at_end: bool = False) -> Swept:  # noqa: B008  (frozen)
+                     done: Work = NO_WORK, at_end: bool = False) -> Swept:
     """Mechanics with a T given at the end, then thermal on the way x and t_N went.  Heat is delivered at once.
 
     at_end : thermal substeps are given x and t_N of their end, not of their middle.

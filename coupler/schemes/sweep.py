@@ -133,7 +133,9 @@ def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end
             raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done)
         outputs, work = answer.outputs, work.plus(cost)
         told = _told(told, outputs)
-        for name in HEATS.keys() & outputs.keys():
+        for name in HEATS:
+            if name not in outputs:
+                continue
             made[name] = made[name] + outputs[name] if name in made else outputs[name]
     return Pass(outputs, sent, work, made=made, told=told)
 
@@ -158,8 +160,8 @@ def _told(known: Mapping[str, float], outputs: Mapping[str, Array]) -> dict[str,
 def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:
     """One substep of one half, what it has been sent then, and what it cost."""
     half, known = call.half, sent.get(call.side, {})
-    fits = {n: v for n, v in call.inputs.items() if n in half.blocks and half.blocks[n].causality == "input"}
-    news = {n: v for n, v in fits.items() if not _same(known.get(n), v)}
+    news = {n: v for n, v in call.inputs.items() if (block := half.blocks.get(n)) is not None
+            and block.causality == "input" and not _same(known.get(n), v)}
     started = time.perf_counter()
     answer: Advance = half.advance(call.t0, call.t1 - call.t0, news, call.outputs)
     seconds = time.perf_counter() - started
@@ -172,8 +174,11 @@ def _advance(call: _Call, sent: Sent) -> tuple[Advance, Sent, Work]:
     else:
         cost = Work(mechanical_solves=1, mechanical_iterations=iterations, mechanical_seconds=answer.seconds,
                     fmi_seconds=fmi, values=values)
-    return answer, {**sent, call.side: {**known, **news}}, cost
+    return answer, {**sent, call.side: {**known, **news}} if news else sent, cost
 
 
 def _same(a: Array | None, b: Array) -> bool:
-    return a is not None and (a is b or (a.shape == b.shape and bool((a == b).all())))
+    if a is None or a is b:
+        return a is b
+    # A plain number is compared as one: that takes a tenth of the time.
+    return a.shape == b.shape and (bool((a == b).all()) if b.ndim else float(a) == float(b))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +48,16 @@ class Work:
 
     def plus(self, other: Work) -> Work:
         """The sum of two."""
+        if self is NO_WORK:
+            return other
         return Work(self.thermal_solves + other.thermal_solves, self.mechanical_solves + other.mechanical_solves,
                     self.thermal_iterations + other.thermal_iterations,
                     self.mechanical_iterations + other.mechanical_iterations,
                     self.thermal_seconds + other.thermal_seconds, self.mechanical_seconds + other.mechanical_seconds,
                     self.fmi_seconds + other.fmi_seconds, self.values + other.values)
+
+
+NO_WORK = Work()
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ class Span:
     k1: int
     substeps: Mapping[str, int]
 
-    @property
+    @cached_property
     def end(self) -> float:
         """The end of the window [s]."""
         return self.clock.seconds(self.k1)
@@ -94,6 +100,8 @@ class Span:
     def times(self, side: str) -> list[float]:
         """Start and ends of a half's substeps [s]."""
         n = self.substeps[side]
+        if n == 1:
+            return [self.clock.seconds(self.k0), self.end]
         return [self.clock.seconds(self.k0 + (self.k1 - self.k0) * i // n) for i in range(n + 1)]
 
 
