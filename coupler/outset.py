@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.control.branches import branches_of
 from coupler.control.monitor_names import outputs
 from coupler.control.plan import Locate, Plan
 from coupler.control.sights import looked_at, places_of
@@ -122,6 +123,9 @@ def plan_of(scenario: Scenario) -> Plan:
     def probed(level: Level) -> dict[str, float]:
         return dict(zip(names, measure(scenario.probes, scenario.interface, level).tolist(), strict=True))
 
-    locate = Locate(c.locate, c.event_tolerance, places_of(scenario.interface) if c.locate else ())
+    interface = scenario.interface
+    places = places_of(interface) if c.locate else ()
+    branches = branches_of(scenario.models["thermal"], interface.pairs, places) if c.locate and c.branches else ()
+    locate = Locate(c.locate, c.event_tolerance, places, branches)
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
                 c.on_cycle, c.steady, scenario.rules, probed)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from coupler.control.crossing import MOST
 from coupler.control.plan import Plan
 from coupler.control.search import Reach, Search
-from coupler.control.sights import Sight, Status, changed, seen
+from coupler.control.sights import Sight, Status, changed
 from coupler.schemes.level import Level, Scheme
 from coupler.schemes.window import CoupledState, Solved, Span
 
@@ -87,7 +87,7 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
     are put back and the next try ends at `tick`.  The memory is kept whatever is done with the window.
     """
     before = _at(memory, start, plan)
-    sight = seen(plan.locate.places, solved.state.now, solved.monitors)
+    sight = plan.locate.seen(solved.state.now, solved.monitors)
     memory = replace(before, tried=(*before.tried, sight), aim=0, coming=())
     flipped = changed(memory.trail[-1], sight)
     reach = _reach(before, span, plan, solved.scheme)
@@ -146,7 +146,7 @@ def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
     """The memory with the start of the window at the end of its trail."""
     if memory.trail and memory.trail[-1].t == start.t:
         return memory
-    first = seen(plan.locate.places, start, {})
+    first = plan.locate.seen(start, {})
     n = len(first.status)
     return Memory((first,), turned=(-1.0,) * n, flutters=(0,) * n, stayed=(0,) * n)
 
@@ -225,14 +225,16 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
 
 
 WORDS = {Status.OPEN: "opens", Status.CLOSED: "closes", Status.STICKS: "sticks", Status.SLIPS: "slips",
-         Status.SLIPS_IN_PART: "slips in part"}
+         Status.SLIPS_IN_PART: "slips in part", Status.BELOW: "is passed downwards",
+         Status.ABOVE: "is passed upwards"}
 
 
 NEXT = {Status.OPEN: Status.CLOSED, Status.CLOSED: Status.OPEN, Status.STICKS: Status.SLIPS_IN_PART,
-        Status.SLIPS: Status.STICKS, Status.SLIPS_IN_PART: Status.SLIPS, Status.APART: Status.APART}
+        Status.SLIPS: Status.STICKS, Status.SLIPS_IN_PART: Status.SLIPS, Status.BELOW: Status.ABOVE,
+        Status.ABOVE: Status.BELOW, Status.APART: Status.APART}
 
 
 def _told(status: Sequence[Status], which: Sequence[int], plan: Plan) -> str:
     """What changes, in words.  status : the new one of each."""
-    names = [*(f"pair {p.name}" for p in plan.locate.places), "contact"]
+    names = plan.locate.names
     return " and ".join(f"{names[i]} {WORDS[status[i]]}" for i in which)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from coupler.control.sights import Place
+from coupler.control.branches import Branch, side
+from coupler.control.sights import Place, Sight, seen
 from coupler.control.tolerance import ErrorTolerances
 from coupler.rules.model import Rule
 from coupler.schemes.iteration import Iteration
@@ -40,11 +41,27 @@ class Locate:
     """Whether windows are ended where contact opens, closes, sticks or slips.
 
     tolerance [s]: how nearly; 0: as coupler.control.events says.  places : the pairs that are looked at.
+    branches : of laws that are looked at too.
     """
 
     on: bool = False
     tolerance: float = 0.0
     places: tuple[Place, ...] = ()
+    branches: tuple[Branch, ...] = ()
+
+    def seen(self, level: Level, monitors: Mapping[str, float]) -> Sight:
+        """All that is looked at: pairs, branches of laws, friction."""
+        sight = seen(self.places, level, monitors)
+        if not self.branches:
+            return sight
+        sides = [side(branch, level) for branch in self.branches]
+        return Sight(level.t, (*sight.status[:-1], *(s for s, _ in sides), sight.status[-1]),
+                     (*sight.left[:-1], *(left for _, left in sides), sight.left[-1]))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what is seen, in words."""
+        return (*(f"pair {p.name}" for p in self.places), *(b.name for b in self.branches), "contact")
 
 
 @dataclass(frozen=True)

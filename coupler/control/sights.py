@@ -32,6 +32,8 @@ class Status(Enum):
     STICKS = "sticks"
     SLIPS_IN_PART = "slips in part"
     SLIPS = "slips"
+    BELOW = "below"  # a branch of a law
+    ABOVE = "above"
     APART = "apart"  # nothing touches, so nothing sticks or slips; or nobody told
 
 

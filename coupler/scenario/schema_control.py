@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from pydantic import StrictBool, model_validator
 
 from coupler.control.plan import Adaptive as Sizes
 from coupler.scenario.base import Part
@@ -38,10 +38,20 @@ class Adaptive(Part):
 
 
 class Events(Part):
-    """locate : end windows where contact opens, closes, sticks or slips.  tolerance [s]: how nearly."""
+    """locate : end windows where contact opens, closes, sticks or slips.  tolerance [s]: how nearly.
+
+    branches : and where a gap or a pressure passes a bend of a law.
+    """
 
     locate: bool | None = None
     tolerance: Positive | None = None
+    branches: StrictBool = False
+
+    @model_validator(mode="after")
+    def _are_located(self) -> Events:
+        if self.branches and self.locate is False:
+            raise problem("branches are events, and events are not located", "Leave locate out.", at=("branches",))
+        return self
 
 
 class Stop(Part):

@@ -31,7 +31,8 @@ class Coupling:
     the chosen halves use.  bends : those of them where only thermal data change slope: no half need restart damped,
     which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
     iteration : of the scheme `iterated`.  adaptive : of windows that find their own size; then windows is one range.
-    locate, event_tolerance [s] : of events; 0: as coupler.control.events says.  steady [K/s]: 0: never stop for that.
+    locate, event_tolerance [s], branches : of events; 0: as coupler.control.events says.
+    steady [K/s]: 0: never stop for that.
     """
 
     scheme: Scheme
@@ -47,6 +48,7 @@ class Coupling:
     event_tolerance: float = 0.0
     on_cycle: OnCycle = OnCycle.NOTE
     steady: float = 0.0
+    branches: bool = False
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
@@ -63,8 +65,9 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
     return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
                     spec.iteration.method, adaptive,
-                    adaptive is not None if spec.events.locate is None else spec.events.locate,
-                    spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0)
+                    adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
+                    spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0,
+                    spec.events.branches)
 
 
 def _on_cycle(spec: CouplingSpec) -> OnCycle:

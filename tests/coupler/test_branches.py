@@ -1,0 +1,92 @@
+"""Bends of the laws of contact as events: each found where it is, once, at little cost."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler.control.branches import Branch, branches_of, side
+from coupler.control.sights import Place, Status, places_of
+from coupler.errors import ScenarioError
+from coupler.outset import plan_of
+from coupler.scenario import load_scenario
+from coupler.schemes.level import Level, Scheme
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenario_text import ROOT
+from test_events import TIP, events, moving, plan, solved
+
+GAP, PRESSURE = Branch(TIP, 4e-4), Branch(TIP, 2e5, pressure=True)
+DOWN, UP = "gap 0.0004 m of pair tip is passed downwards", "gap 0.0004 m of pair tip is passed upwards"
+MORE, LESS = (f"pressure 200000 Pa of pair tip is passed {w}" for w in ("upwards", "downwards"))
+CLOSES, OPENS = "pair tip closes", "pair tip opens"
+
+
+def looked_for(size: float, scheme: Scheme = Scheme.EXTRAPOLATED):
+    both = plan(40.0, size, scheme)
+    return replace(both, locate=replace(both.locate, branches=(GAP, PRESSURE)))
+
+
+@pytest.mark.parametrize("size", [0.37, 1.3, 3.1])
+def test_every_bend_that_is_passed_is_found_once(size: float) -> None:
+    tried = solved(*moving(lambda t: 1e-3 - 1e-4 * t), looked_for(size))
+    found = events(tried)
+    assert [text for text, _ in found] == [DOWN, CLOSES, MORE]
+    assert [t for _, t in found] == pytest.approx([6.0, 10.0, 12.0], abs=3e-6)
+    assert sum(not w.accepted for w in tried) <= 5
+    assert tried[-1].solved.state.events == 3
+
+
+def test_to_and_fro_and_no_chatter() -> None:
+    tried = solved(*moving(lambda t: 1e-3 * np.cos(2.0 * np.pi * t / 30.0)), looked_for(1.3))
+    found = events(tried)
+    gaps = 30.0 * np.arccos(0.4) / (2.0 * np.pi)
+    presses = 30.0 * np.arccos(-0.2) / (2.0 * np.pi)
+    assert [text for text, _ in found] == [DOWN, CLOSES, MORE, LESS, OPENS, UP, DOWN, CLOSES, MORE]
+    assert [t for _, t in found] == pytest.approx(
+        [gaps, 7.5, presses, 30 - presses, 22.5, 30 - gaps, 30 + gaps, 37.5, 30 + presses], abs=3e-6)
+    assert sum(not w.accepted for w in tried) <= 33
+
+
+def test_what_is_not_asked_for_is_not_cut() -> None:
+    both = looked_for(1.3)
+    tried = solved(*moving(lambda t: 1e-3 - 1e-4 * t), replace(both, locate=replace(both.locate, branches=())))
+    assert [text for text, _ in events(tried)] == [CLOSES]
+
+
+def test_on_which_side_a_pair_is() -> None:
+    place = Place("a", np.array([0, 1, 2]), 0.1)
+
+    def at(gap: list[float], t_N: list[float], covered: list[float]) -> Level:
+        return Level(1.0, np.zeros(1), np.zeros((3, 2)), np.array(t_N), np.array(gap), np.array(covered))
+
+    near = at([0.02, 0.01, 0.1], [0.0, -3.0, 0.0], [1.0, 1.0, 0.0])
+    assert side(Branch(place, 0.03), near) == (Status.BELOW, (pytest.approx(0.02),))
+    assert side(Branch(place, 0.004), near) == (Status.ABOVE, (pytest.approx(0.006),))
+    assert side(Branch(place, 5.0, pressure=True), near) == (Status.BELOW, (2.0,))
+    nothing = at([0.1, 0.1, np.nan], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    assert side(Branch(place, 0.03), nothing) == (Status.APART, ())
+
+
+def test_bends_of_a_scenario() -> None:
+    file = ROOT / "scenarios/sliding_blocks.yaml"
+    found = plan_of(load_scenario(file, {"coupling.events.branches": True})).locate
+    assert found.on
+    assert [(b.at, b.pressure) for b in found.branches] == [(1e-3, False), (6e-3, False), (1e7, True)]
+    assert plan_of(load_scenario(file, {"coupling.events.locate": True})).locate.branches == ()
+    with pytest.raises(ScenarioError, match="not located"):
+        load_scenario(file, {"coupling.events": {"branches": True, "locate": False}})
+
+
+def test_bends_of_radiation_and_of_sums() -> None:
+    scenario = load_scenario(ROOT / "scenarios/sliding_blocks.yaml")
+    power = {"law": "power", "h0": 1.0, "h1": 1.0, "p0": 1.0, "exponent": 1.0, "p_max": 3e6}
+    thermal = {"pairs": {"interface": {"radiation": {"d_near": 0.0, "d_far": 2e-3},
+                                       "closed": {"law": "sum", "of": [power, {"law": "constant", "h": 1.0}]}}}}
+    pairs = scenario.interface.pairs
+    found = branches_of(thermal, pairs, places_of(scenario.interface))
+    assert [(b.at, b.pressure) for b in found] == [(2e-3, False), (3e6, True)]
