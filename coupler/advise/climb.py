@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from statistics import median
 
 from coupler.advise.coarse import CELLS, cells_of, mesh_factor, meshed, timed, watched, windows_factor
 from coupler.advise.edit import Edit, at, edited
@@ -18,7 +19,7 @@ from coupler.trials.trial import StoppedError, Trial
 
 # Kept back of the time there is, in runs of the base: for the combination and what may have to be put back into it.
 RESERVE = 2.0
-# Wall time a second of processor time may take, where others use the machine too.
+# Wall time a second of processor time takes at least, where others may come to use the machine.
 SHARED = 2.0
 HALF_MESH, HALF_WINDOWS = 0.5, 0.5
 SHORT_WINDOWS = "windows half as long"
@@ -139,7 +140,9 @@ class Climb:
         done = [t for t in (k.whole, k.top, *(s.trial for s in k.steps)) if t and not t.failed]
         # The first run on a machine compiles for minutes: the quickest start tells what another one takes.
         start = min((t.wall - t.processor for t in done), default=0.0)
-        need = start + (dearer + RESERVE) * SHARED * (k.base.processor if k.base else 0.0)
+        # Where others use the machine too, as much as they did until now.
+        slow = median([t.seconds / t.processor for t in done if t.processor > 0.0] or [SHARED])
+        need = start + (dearer + RESERVE) * max(slow, SHARED) * (k.base.processor if k.base else 0.0)
         try:
             return self._trial(name, edits, windows, mesh, need)
         except LateError:

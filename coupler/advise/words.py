@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator
 from textwrap import shorten
 
+import numpy as np
+
 from coupler.advise.amount import amount, of_range, percent
 from coupler.advise.known import Known, Step
 from coupler.advise.misses import misses
@@ -21,6 +23,7 @@ NONE = Rung("", Kind.EFFECT)
 NOTHING = 1e-6
 # Seconds of runs shorter than this [s] tell nothing, and of others nothing nearer than this share.
 SHORTEST, NOISE = 0.5, 0.05
+RESTS = 0.5  # a probe whose own range is less than this of that which counts
 
 
 def summary(known: Known) -> list[str]:
@@ -39,8 +42,9 @@ def _asked(known: Known) -> Iterator[str]:
     whole = known.whole
     assert whole is not None
     for goal in known.goals:
-        yield f"asked: {goal.probe} within {amount(goal.tolerance, goal.unit)} (it has a range of " \
-              f"{amount(goal.scale, goal.unit)})"
+        rests = float(np.ptp(whole.probes[goal.probe])) < RESTS * goal.scale
+        own = "it hardly changes; taken for its range" if rests else "it has a range of"
+        yield f"asked: {goal.probe} within {amount(goal.tolerance, goal.unit)} ({own} {amount(goal.scale, goal.unit)})"
     yield f"the scene whole: {cost(whole)}{_coarse(known)}"
 
 
@@ -136,7 +140,8 @@ def _end(known: Known, written: str) -> Iterator[str]:
     for name in known.untried:
         yield f"not tried, for lack of time: {name}"
     if known.stopped:
-        yield f"{known.stopped}; what is known is kept, and the same command goes on"
+        yet = "" if known.combined else "nothing is advised yet; "
+        yield f"{known.stopped}; {yet}what is known is kept, and the same command goes on"
     if known.combined is None or known.whole is None:
         return
     if known.final_share > 1.0:

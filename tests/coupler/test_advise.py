@@ -210,7 +210,29 @@ def test_words() -> None:
         "needed" in text
     assert "  latent heat of m: cannot be tried (no such thing)" in text
     assert "not tried, for lack of time: inertia" in text
+    still = Known(goals=(*GOALS, Goal("still", 1.0, 5.0, "m")), whole=FULL, top=FULL, base=FULL, stopped="time is up")
+    assert "asked: T within 2 K (it has a range of 100 K)" in advice(still)
+    assert "asked: still within 1 m (it hardly changes; taken for its range 5 m)" in advice(still)
+    assert advice(still)[-1].startswith("time is up; nothing is advised yet; what is known is kept")
     assert advice(Known(stopped="stopped by Ctrl-C")) == ["nothing is known: stopped by Ctrl-C"]
+
+
+def test_mesh_and_windows_of_the_advised_scenario_are_told() -> None:
+    longer = step("windows 2 times as long", Kind.WINDOWS, 0.1, 50, windows=2.0)
+    own = "it has the scenario's own mesh and "
+    whole = Known(goals=GOALS, whole=FULL, top=FULL, base=FULL, combined=FULL, final=moves(FULL, FULL, GOALS))
+    coarse = replace(whole, mesh=0.5, windows=2.0, steps=(longer,))
+    near, far = (moves(moved(T=by), FULL, GOALS) for by in (1.0, 3.0))
+    only = "; longer windows were enough there only"
+    for known, says in (
+            (whole, f"{own}its own windows"),
+            (replace(whole, taken=(longer.rung,), steps=(longer,)), f"{own}windows 2 times as long"),
+            (coarse, f"{own}its own windows: nobody knows how far the coarser mesh of the trials is off{only}"),
+            (replace(coarse, fine=far), f"{own}its own windows: on the coarser mesh of the trials it would move too "
+                                        f"far{only}"),
+            (replace(coarse, fine=near), "it has 0.5 times the scenario's cells along an edge and windows 2 times as "
+                                         "long")):
+        assert says in advice(known)
 
 
 def test_the_file_that_is_written(tmp_path: Path) -> None:
