@@ -27,15 +27,19 @@ TITLES = {
     "E5": "E5  aluminium given T, steel given heat", "D9": "D9  rod, clearance closes",
     "D13": "D13  rod grows into contact"}
 
+# Their thermal halves tell the heat they store, which the scheme along_heat follows.
+HEATED = ("E4", "E4 midpoint")
+
 
 def cells(names: list[str], quick: bool) -> list[dict[str, object]]:
     """Every cell of the cases, in order, as plain values."""
     from cases import CASES, DISTURBANCES, WINDOWS
-    from verdict import ADIABATIC, AUTO, FIXED, trial
+    from verdict import ADIABATIC, ALONG_HEAT, AUTO, FIXED, trial
 
     found = []
     for name in names:
-        for way in (*FIXED, AUTO, *((ADIABATIC,) if name == "E1" else ())):
+        heated = (ALONG_HEAT,) if name in HEATED else ()
+        for way in (*FIXED, *heated, AUTO, *((ADIABATIC,) if name == "E1" else ())):
             for disturbance in DISTURBANCES:
                 for factor in WINDOWS[::3] if quick else WINDOWS:
                     cell = asdict(trial(CASES[name], way, factor, disturbance))
@@ -109,7 +113,7 @@ def auto_behind(found: list[dict[str, object]]) -> list[tuple[object, ...]]:
     right, behind = {"right", "iterates"}, []
     for c in found:
         if c["way"] == "auto" and c["outcome"] not in right and any(
-                o["outcome"] in right and o["way"] not in ("auto", "adiabatic")
+                o["outcome"] in right and o["way"] not in ("auto", "adiabatic", "along heat")
                 and all(o[k] == c[k] for k in ("case", "factor", "disturbance")) for o in found):
             behind.append((c["case"], c["factor"], c["disturbance"], c["outcome"]))
     return behind

@@ -4,7 +4,7 @@
 
 Nothing is exchanged: a step is one nonlinear system in all unknowns, of the midpoint rule (E1, E4) or of backward Euler
 (D13, casting), differentiated by differences.  tests/scenarios/monolithic.py is the same for bodies in the plane.
-What is printed are numbers of the cases at a time, by step, and of the coupler's small windows.
+What is printed are numbers of the cases at a time, by step, beside those of the page that the coupler is held to.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import TracebackType
 
-from coupler.control.auto import runs_away
+from coupler.control.auto import runs_away, squeezes
 from coupler.errors import CouplingError
 from coupler.schemes.adiabatic import check_adiabatic, with_mode
 from coupler.schemes.along_heat import solve_along_heat
@@ -53,12 +53,14 @@ class Way:
 
     curve : how x and t_N are drawn on where the scheme is `extrapolated` (coupler.schemes.curve).
     may_run_away : a window whose iterates show that what changes drives itself on is solved by `staggered` instead.
+    may_freeze : one whose iterates show that heat of squeezing is all that acts back, by `adiabatic`.
     """
 
     scheme: Scheme
     settings: Settings
     curve: float = 0.0
     may_run_away: bool = False
+    may_freeze: bool = False
 
 
 def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
@@ -75,6 +77,10 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
                 kept.put_back("a window is to be solved once")
                 followed = ONCE[Scheme.STAGGERED](halves, state, span).solved(state, Scheme.STAGGERED, solved.course)
                 return replace(followed, work=solved.work.plus(followed.work))
+            if way.may_freeze and squeezes(solved, way.settings.iteration.level):
+                kept.put_back("a window is to be solved once")
+                split = solve(halves, state, span, replace(way, scheme=Scheme.ADIABATIC), kept)
+                return replace(split, work=solved.work.plus(split.work), course=solved.course)
             return solved
         if way.scheme is Scheme.ALONG_HEAT:
             return solve_along_heat(halves, state, span, lambda: kept.put_back("a first window is solved again"))

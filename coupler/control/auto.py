@@ -20,23 +20,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.curve import closest, zigzag
+from coupler.schemes.curve import STEADIEST, closest, zigzag
 from coupler.schemes.iteration import Iteration, Seen, Tolerances
 from coupler.schemes.level import Scheme, predicted
 from coupler.schemes.window import CoupledState, Course, Solved
 
 Array = NDArray[np.float64]
 
-# rho f is held below this: the 1/2 of backward Euler, less a tenth, because rho drifts between two measurements.
-SAFE = 0.45
-# The adiabatic split is of first order: it leaves about rho of what one window does.  Beyond this iterating is better.
-SPLITS = 0.15
+# On the steadiest way rho f is held below this: the 1/2 of R = 0 and a tenth of it, for where the exchange moves much R
+# is well above 0.
+SAFE = 0.55
+# A closer way must leave at most this share of a zigzag in a window, whatever R >= 0 is: 2 rho f < HOLDS.
+HOLDS = 0.8
+# Heat of squeezing alone feeds back delta/2 at most, however long the window: more is fed back by something else too,
+# which the adiabatic split does not take care of.
+SPLITS = 0.25
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
 # A ratio below 0 by less than this share of the largest is none that turns round.
 DRIVEN, ALONG = 0.8, 0.1
-# rho is measured again after so many windows, twice as many each time, for it drifts with T and the gap.
-FIRST_REST, LONGEST_REST = 4, 64
+# rho is measured again when T, x or t_N have gone so many of the longest steps they took in a window, twice as many
+# each time, for rho drifts with them.  What hardly moves any more needs no measuring.
+FIRST_REST, LONGEST_REST = 1, 64
 # Ratios of iterates of one window that differ by more were taken far from its solution: the measure is rough.
 ROUGH, ROUGH_REST = 1.5, 2
 # Two successive ratios that differ by less than this share agree.
@@ -50,7 +55,9 @@ LONGER = 2.0
 OTHER_TOUCH = 0.25
 # Misses of the prediction that turn round so many times on end and are at least HOLDS times as long each time, above
 # LEAST_MISS [K], are a zigzag that hardly dies: rho is measured at once.
-TURNS, OPPOSITE, HOLDS, LEAST_MISS = 2, 0.5, 0.8, 1e-4
+TURNS, OPPOSITE, LEAST_MISS = 3, 0.5, 1e-4
+# Below this share of what a window changes they are not counted: a zigzag of z is missed by 4 z.
+SHOWS = 0.5
 # If rho had not been too large, the model does not hold in windows of this size, nor in those longer than this share.
 WARY_FROM = 0.5
 # Where the exchange feeds back less of a zigzag than this, it is the half's own, or a front goes from node to node:
@@ -59,6 +66,8 @@ WARY_FROM = 0.5
 FEEDS = 0.05
 # Iterates of a window that only measures need not agree better than windows solved once do.
 LOOSE = 0.3
+# The first window of a run is as long as those solved once after it, and they miss more than this share of a change.
+BEGINS = 0.01
 
 
 @dataclass(frozen=True)
@@ -67,7 +76,8 @@ class Memory:
 
     rho : contraction of plain iteration in windows of H seconds, nan: not known.  driven : what changes drives itself
     on, instead of turning round.  growth : of ln rho, a window.
-    rest : windows until it is measured again, `since` of them over.  touching : points that touched then.
+    rest : windows until it is measured again, `since` of them over, each counted as far as it moved.  longest : steps
+    of T, x and t_N in a window [K, m, Pa].  touching : points that touched when it was measured.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
     zigzag : how often that window saw one.  wary [s] : windows so long did what rho does not foretell; 0: none did.
     """
@@ -77,7 +87,8 @@ class Memory:
     driven: bool = False
     growth: float = 0.0
     rest: int = FIRST_REST
-    since: int = 0
+    since: float = 0.0
+    longest: tuple[float, float, float] = (0.0, 0.0, 0.0)
     touching: float = 0.0
     miss: Array = field(default_factory=lambda: np.zeros(0))
     turns: int = 0
@@ -89,26 +100,26 @@ class Memory:
 class Choice:
     """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.schemes.curve).
 
-    loose : the window is iterated to measure; its iterates need only agree loosely.
+    loose : the share of a change in which iterates need only agree; 0: as the user said.
     """
 
     scheme: Scheme
     reason: str
     curve: float = 0.0
-    loose: bool = False
+    loose: float = 0.0
 
 
 def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False) -> Choice:
     """The scheme of a window of H seconds.  freezes : the halves can be run by the scheme `adiabatic`."""
     if not state.past or math.isnan(memory.rho):
-        return Choice(Scheme.ITERATED, "the contraction is not known yet")
+        return Choice(Scheme.ITERATED, "the contraction is not known yet", loose=BEGINS)
     rho = rho_at(memory, H)
-    if freezes and state.accounts["E_M"].made != 0.0 and rho < SPLITS:
+    wary = 0.0 < WARY_FROM * memory.wary < H
+    if freezes and _makes_heat(state) and rho < SPLITS:
         return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
     if memory.driven and rho > SAFE and memory.since < memory.rest:
         return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
-    wary = 0.0 < WARY_FROM * memory.wary < H
-    curve = closest(_times(state), state.now.t + H, (FEEDS if wary else SAFE) / rho if rho > 0.0 else math.inf)
+    curve = _way_on(memory, _times(state), state.now.t + H, wary)
     if curve is None and wary:
         return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if curve is None and H > LONGER * memory.H:
@@ -118,8 +129,19 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
     if memory.turns >= (TURNS if memory.rho * memory.zigzag > FEEDS else 2 * TURNS):
         return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
-        return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=True)
+        return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=LOOSE)
     return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s", curve)
+
+
+def _way_on(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:
+    """How x and t_N are drawn on to `end` [s]; None where no way is steady enough."""
+    rho = rho_at(memory, end - times[0])
+    if rho == 0.0:
+        return closest(times, end, math.inf)
+    if wary:
+        return closest(times, end, FEEDS / rho)
+    curve = closest(times, end, 0.5 * HOLDS / rho)
+    return STEADIEST if curve is None and zigzag(times, end, STEADIEST) * rho <= SAFE else curve
 
 
 def _times(state: CoupledState) -> list[float]:
@@ -127,7 +149,9 @@ def _times(state: CoupledState) -> list[float]:
 
 
 def rho_at(memory: Memory, H: float) -> float:
-    """The most that rho can be in windows of H seconds: it grows with H, by at most H as far as was seen."""
+    """The most that rho can be in windows of H seconds: it grows, by at most H as far as was seen; nan: unknown."""
+    if math.isnan(memory.rho):
+        return math.nan
     longer = max(H / memory.H, 1.0)
     return memory.rho * (longer if longer <= LONGER else longer**2)
 
@@ -142,16 +166,28 @@ def runs_away(course: Course | None) -> bool:
     return course is not None and _drives_on(course) and course.contraction > DRIVEN
 
 
+def squeezes(solved: Solved, seen: Seen) -> bool:
+    """Whether an iterated window says that the adiabatic split does as well.  seen : as of `learn`."""
+    if solved.course is None or not _makes_heat(solved.state):
+        return False
+    return Measure.of(solved.course, seen, math.nan).rho < SPLITS
+
+
+def _makes_heat(state: CoupledState) -> bool:
+    """Whether the mechanical half has: at frozen entropy all of it is E_S."""
+    return any(account.made != 0.0 for account in state.accounts.values())
+
+
 def _drives_on(course: Course) -> bool:
     """Whether no iterate turned round.  Where fronts move some do and some do not: nothing is to be learnt there."""
     return min(course.ratios, default=-1.0) > -ALONG * course.contraction
 
 
-def loosened(how: Iteration) -> Iteration:
-    """How a window is iterated that only measures: twice at least, and then loosely."""
+def loosened(how: Iteration, share: float) -> Iteration:
+    """How a window is iterated that only measures: twice at least, and then to this share of a change."""
     t = how.tolerance
     return replace(how, least=2, tolerance=Tolerances(*(
-        replace(q, rtol=max(q.rtol, LOOSE)) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
+        replace(q, rtol=max(q.rtol, share)) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
 
 
 def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: Seen = Seen.MIDDLE) -> Memory:
@@ -162,12 +198,22 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
     if solved.whole is not None:
         H *= 0.5  # the window was solved in two, and that answer taken
     touching = solved.monitors.get("touching", 0.0)
+    memory, moved = _moved(memory, start, solved)
     if solved.course is not None:
-        return _measured(memory, Measure.of(solved.course, seen), H, touching)
+        return _measured(memory, Measure.of(solved.course, seen, rho_at(memory, H)), H, (moved, touching))
     memory = _watched(memory, start, solved)
     if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
         return replace(memory, rho=math.nan, rest=FIRST_REST)
-    return replace(memory, since=memory.since + 1)
+    return replace(memory, since=memory.since + moved)
+
+
+def _moved(memory: Memory, start: CoupledState, solved: Solved) -> tuple[Memory, float]:
+    """What the window moved: the largest share of the longest step, of T, x or t_N."""
+    a, b = start.now, solved.state.now
+    steps = [float(np.abs(new - old).max(initial=0.0)) for new, old in ((b.T, a.T), (b.x, a.x), (b.t_N, a.t_N))]
+    T, x, t_N = (max(step, most) for step, most in zip(steps, memory.longest, strict=True))
+    shares = [step / most for step, most in zip(steps, (T, x, t_N), strict=True) if most > 0.0]
+    return replace(memory, longest=(T, x, t_N)), max(shares, default=0.0)
 
 
 def forgotten(memory: Memory) -> Memory:
@@ -179,8 +225,9 @@ def forgotten(memory: Memory) -> Memory:
 class Measure:
     """What a window that was iterated tells.  rho : nan: nothing.  driven : as in the memory.
 
-    The first ratios are of whatever was missed, the later ones of what the exchange multiplies most: where two agree
-    it is that one, else the largest.  rough : its iterates do not agree on rho.  single : there was one ratio only.
+    The first ratios are of whatever was missed, the later ones of what the exchange multiplies most: where two agree,
+    or the last with what was known, it is that one, else the largest.  rough : its iterates do not agree on rho.
+    single : there was one ratio only.
     """
 
     rho: float = math.nan
@@ -189,32 +236,36 @@ class Measure:
     single: bool = False
 
     @staticmethod
-    def of(course: Course | None, seen: Seen) -> Measure:
-        """course : of the window.  seen : as of `learn`."""
-        if course is None or math.isnan(course.contraction):
+    def of(course: Course, seen: Seen, known: float) -> Measure:
+        """course : of the window.  seen : as of `learn`.  known : rho of windows so long, as far as was known."""
+        if math.isnan(course.contraction):
             return Measure()
+        felt = 0.5 if seen is Seen.END else 1.0
         told = [abs(ratio) for ratio in course.ratios] or [course.contraction]
-        settled = len(told) > 1 and abs(told[-1] - told[-2]) <= SETTLED * told[-1]
+        settled = any(abs(told[-1] - other) <= SETTLED * told[-1] for other in (*told[-2:-1], known / felt))
         rho = told[-1] if settled else course.contraction
-        return Measure(rho * (0.5 if seen is Seen.END else 1.0), _drives_on(course), rho > ROUGH * told[-1],
-                       len(told) == 1)
+        return Measure(rho * felt, _drives_on(course), rho > ROUGH * told[-1], len(told) == 1)
 
 
-def _measured(memory: Memory, measure: Measure, H: float, touching: float) -> Memory:
-    """The memory after a window that was iterated; one whose first iterate agrees measures nothing."""
-    rho = measure.rho
+def _measured(memory: Memory, measure: Measure, H: float, window: tuple[float, float]) -> Memory:
+    """The memory after a window that was iterated; one whose first iterate agrees measures nothing.
+
+    window : what it moved, and how many points touch.
+    """
+    rho, (moved, touching) = measure.rho, window
     if math.isnan(rho):
-        return replace(memory, since=0, turns=0, miss=np.zeros(0), touching=touching)
-    known, apart = memory.rho, memory.since + 1
+        return replace(memory, since=0.0, turns=0, miss=np.zeros(0), touching=touching)
+    known, apart = memory.rho, memory.since + moved
     if measure.single and known > 0.0:
         rho = max(rho, LOWERS * rho_at(memory, H))
-    growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and math.isclose(H, memory.H) else 0.0
+    same = apart > 0.0 and math.isclose(H, memory.H)
+    growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and same else 0.0
     rest = ROUGH_REST if measure.rough else FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
     if growth > 0.0 and rho < SAFE:
         # Half of the windows until rho is too large, if it goes on so.
         rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
     wary = H if memory.turns >= TURNS and FEEDS < rho * memory.zigzag < SAFE else memory.wary
-    return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0, touching=touching,
+    return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0.0, touching=touching,
                    turns=0, miss=np.zeros(0), wary=wary)
 
 
@@ -229,5 +280,6 @@ def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:
         return replace(memory, miss=miss)
     a2, b2, along = float(last @ last), float(miss @ miss), float(last @ miss)
     turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
-    turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > LEAST_MISS else 0
+    least = max(LEAST_MISS, SHOWS * float(np.abs(now.T - start.now.T).max()))
+    turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > least else 0
     return replace(memory, miss=miss, turns=turns)

@@ -120,5 +120,6 @@ def _way(halves: Halves, at: Committed, H: float) -> tuple[Way, str]:
     freezes = can_freeze(halves.thermal, halves.mechanical, settings.substeps)
     choice = auto.choose(at.control.choice, at.state, H, freezes)
     if choice.loose:
-        settings = replace(settings, iteration=auto.loosened(settings.iteration))
-    return Way(choice.scheme, settings, choice.curve, may_run_away=True), f"{choice.scheme.value}: {choice.reason}"
+        settings = replace(settings, iteration=auto.loosened(settings.iteration, choice.loose))
+    way = Way(choice.scheme, settings, choice.curve, may_run_away=True, may_freeze=freezes)
+    return way, f"{choice.scheme.value}: {choice.reason}"

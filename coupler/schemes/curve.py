@@ -1,6 +1,7 @@
 """How x and t_N are drawn on past the last levels: one number from -1 to 1, steadier to the left, closer to the right.
 
-    curve  -1  the line through the level two windows back: a zigzag from window to window is not drawn on
+    curve  -1  the line through the level two windows back: a zigzag from window to window is not drawn on; what is now,
+               held, where no level is so far back
             0  the line through the last window (scheme `extrapolated`)
             1  the parabola through three levels
 
@@ -30,7 +31,7 @@ def drawn_on(now: Level, past: Sequence[Level], end: float, curve: float) -> Slo
     """
     if not past:
         return None
-    if len(past) < 2 or curve == 0.0:
+    if curve == 0.0 or (len(past) < 2 and curve > 0.0):
         return past[0], now
     levels = (now, *past[:2])
     w = weights([level.t for level in levels], end, curve)
@@ -46,7 +47,7 @@ def weights(times: Sequence[float], end: float, curve: float) -> tuple[float, ..
     s = (t - t0) / (t0 - times[1])
     line = (1.0 + s, -s, 0.0)
     if len(times) == 2:
-        return line[:2]
+        return line[:2] if curve >= 0.0 else _mixed(line[:2], (1.0, 0.0), -curve)
     t1, t2 = times[1], times[2]
     if curve < 0.0:
         r = (t - t0) / (t0 - t2)
@@ -63,16 +64,14 @@ def zigzag(times: Sequence[float], end: float, curve: float) -> float:
 
 def closest(times: Sequence[float], end: float, most: float) -> float | None:
     """The largest curve that sees a zigzag at most `most` times; None if there is none.  times : as of `weights`."""
-    if len(times) < 3:
-        return 0.0 if zigzag(times, end, 0.0) <= most else None
-    knots = [STEADIEST, 0.0, CLOSEST]
+    knots = [STEADIEST, 0.0, CLOSEST][:len(times)]
     seen = [zigzag(times, end, c) for c in knots]
     if seen[0] > most:
         return None
     for (c0, c1), (f0, f1) in zip(pairwise(knots), pairwise(seen), strict=True):
         if f1 > most:
             return float(c0 + (c1 - c0) * (most - f0) / (f1 - f0))
-    return CLOSEST
+    return knots[-1]
 
 
 def _mixed(a: Sequence[float], b: Sequence[float], share: float) -> tuple[float, ...]:

@@ -63,6 +63,7 @@ FIXED = (
     Way("iterated, aitken", Scheme.ITERATED, Acceleration.AITKEN),
     Way("iterated, iqn-ils", Scheme.ITERATED, Acceleration.IQN_ILS))
 ADIABATIC = Way("adiabatic", Scheme.ADIABATIC)
+ALONG_HEAT = Way("along heat", Scheme.ALONG_HEAT)
 AUTO = Way("auto", Scheme.AUTO, on_max=OnMax.RETRY_SMALLER)
 
 
