@@ -65,6 +65,11 @@ def test_at_equal_error_it_costs_less_than_half_of_aitken_in_every_window():
     assert pairs(all_tried) > 2.5 * pairs(tried)
 
 
+@pytest.mark.parametrize("n", [10, 14, 20])
+def test_a_short_run_pays_its_first_measurement_once(n):
+    assert pairs(run(20.0, n)[1]) <= 1.3 * n
+
+
 @pytest.mark.parametrize("factor", [1.0, 3.0, 10.0, 30.0])
 def test_beyond_the_limit_it_iterates_and_is_right(factor):
     state, tried = run(factor * E4["dt_c"]["backward_euler"] * 20, 20, method="backward_euler")
