@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,13 @@ def casting(**more: object) -> Scenario:
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Results:
     return run(casting(), tmp_path_factory.mktemp("plain") / "run.h5")
+
+
+@pytest.fixture(scope="module")
+def unchanged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    """A run before its first window; whoever takes it leaves it so."""
+    with Run(casting(), tmp_path_factory.mktemp("unchanged") / "run.h5") as r:
+        yield r
 
 
 def same(a: Results, b: Results) -> None:
@@ -131,12 +139,11 @@ def test_changes_hold_from_the_next_window_on_and_are_told(tmp_path: Path) -> No
     ({"scheme": "iterative"}, "iterative"), ({"window_cap": 0.0}, "window_cap"), ({"speed": 2}, "speed"),
     ({"substeps": {"thermal": 0}}, "substeps.thermal"), ({"substeps": {"contact": 2}}, "substeps.contact"),
     ({"inputs": {"thermal": {"load.nothing": 1.0}}}, "load.nothing"), ({"inputs": {"both": {}}}, "inputs.both")])
-def test_what_cannot_be_changed_is_named(changes: dict[str, Any], named: str, tmp_path: Path) -> None:
-    with Run(casting(), tmp_path / "run.h5") as r:
-        settings = r._at.control.settings
-        with pytest.raises(ScenarioError, match=named):
-            r.change(**changes)
-        assert r._at.control.settings is settings
+def test_what_cannot_be_changed_is_named(changes: dict[str, Any], named: str, unchanged: Run) -> None:
+    settings = unchanged._at.control.settings
+    with pytest.raises(ScenarioError, match=named):
+        unchanged.change(**changes)
+    assert unchanged._at.control.settings is settings
 
 
 def test_windows_of_their_own_size_are_recorded_with_reason_error_and_scheme(tmp_path: Path) -> None:

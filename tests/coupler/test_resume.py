@@ -16,7 +16,7 @@ from coupler import Results, run
 from coupler import cli as command_line
 from coupler.errors import CouplingError, ResultsError
 from coupler.record import keeper as keeper_module
-from coupler.record.beside import checkpoint_of, journal_of, stopped_of
+from coupler.record.beside import checkpoint_of, journal_of, making_of, stopped_of
 from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes
 from coupler.record.journal import Journal
 from coupler.record.keeper import versions
@@ -180,7 +180,9 @@ def test_a_killed_run_that_was_looked_at_can_still_be_resumed(whole: Path, stopp
 
 
 def test_a_new_run_forgets_the_one_before(stopped: Path) -> None:
+    making_of(stopped).mkdir()  # left by one that was killed while its results file was made
     run(casting(**{"output.checkpoint": None}), stopped, until=0.1)
+    assert not making_of(stopped).exists()
     with pytest.raises(ResultsError, match="no journal"):
         resume(stopped)
 
