@@ -23,6 +23,7 @@ from coupler.control.plan import Plan
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.fmu.launch import build_halves
+from coupler.init.verb import init_command
 from coupler.outset import plan_of
 from coupler.pilot import is_quick
 from coupler.pilot import pilot as pilot_run
@@ -64,6 +65,9 @@ def _overrides(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[
 
 def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
     return load_scenario(path, overrides=_overrides(sets, swaps))
+
+
+app.command("init")(init_command)
 
 
 @app.command("check")
