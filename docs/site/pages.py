@@ -25,13 +25,14 @@ _CODE = re.compile(r"`[^`]*`")
 
 
 def on_files(files: Files, config: Any, **_: Any) -> Files:
-    """Add the pages from elsewhere, the scenarios, and the style sheet."""
+    """Add the pages from elsewhere, the scenarios, style sheet and script."""
     for source, page in ELSEWHERE.items():
         files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
     for path in sorted((ROOT / "scenarios").glob("*.yaml")):
         files.append(File.generated(config, f"scenarios/{path.name}", content=path.read_text(encoding="utf-8")))
-    style = Path(__file__).with_name("site.css").read_text(encoding="utf-8")
-    files.append(File.generated(config, "site.css", content=style))
+    for name in ("site.css", "search.js"):
+        text = Path(__file__).with_name(name).read_text(encoding="utf-8")
+        files.append(File.generated(config, name, content=text))
     return files
 
 
@@ -40,6 +41,16 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     names = {page: source for source, page in ELSEWHERE.items()}
     source = names.get(page.file.src_uri, f"docs/{page.file.src_uri}")
     return "\n".join(_lines(markdown, posixpath.dirname(source)))
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Our own script in the place of the one that the theme would fetch."""
+    return output.replace("https://unpkg.com/iframe-worker/shim", "search.js")
+
+
+def on_post_template(output_content: str, **_: Any) -> str:
+    """The same for pages that no text of ours stands behind, such as 404.html."""
+    return on_post_page(output_content)
 
 
 def site_link(target: str, folder: str) -> str:
