@@ -23,7 +23,7 @@ Record = tuple[str, dict[str, Any], dict[str, NDArray[Any]]]
 class Gathered:
     """rows : of WINDOW_FIELDS.  words : of each row what there is of message, reason, event and fired.
 
-    t [s], probes, terms (the ledger so far), monitors : at the start and the ends of the windows taken.
+    t [s], probes, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start and the ends of the windows taken.
     frames : numbers of the frames to be kept, from 0.  rewound : windows and what was spent on them.
     """
 
@@ -35,6 +35,7 @@ class Gathered:
     probes: list[NDArray[Any]] = field(default_factory=list)
     terms: list[Mapping[str, float]] = field(default_factory=list)
     monitors: list[Mapping[str, float]] = field(default_factory=list)
+    contact: list[Mapping[str, NDArray[Any]]] = field(default_factory=list)
     frames: dict[int, float] = field(default_factory=dict)
     rewound: dict[str, float] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=lambda: KILLED)
@@ -58,6 +59,7 @@ def gathered(records: Iterable[Record]) -> Gathered:
             told.probes.append(a["probes"])
             told.terms.append(dict(m["terms"]))
             told.monitors.append(dict(m.get("monitors", {})))
+            told.contact.append({n.removeprefix("contact."): v for n, v in a.items() if n.startswith("contact.")})
     return told
 
 
@@ -81,6 +83,6 @@ def _rewind(told: Gathered, t: float, rows: int) -> None:
     told.iterates = [row for row in told.iterates if row[0] < rows]
     told.estimates = [row for row in told.estimates if row[0] < rows]
     kept = int(np.searchsorted(told.t, t, side="right"))
-    for history in (told.t, told.probes, told.terms, told.monitors):
+    for history in (told.t, told.probes, told.terms, told.monitors, told.contact):
         del history[kept:]
     told.frames = {k: at for k, at in told.frames.items() if at <= t}

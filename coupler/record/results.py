@@ -40,6 +40,22 @@ class Firing:
     values: Mapping[str, float]
 
 
+@dataclass(frozen=True)
+class Along:
+    """Contact along the slave surface of a pair, at the times `Results.t`.
+
+    s : (n,) [m] length from the surface's start to each node, X : (n, 2) [m] the node, both in the mesh's own shape.
+    t_N : (n_t, n) [Pa], <= 0.  gap : (n_t, n) [m], gap_max where nothing is faced.  t_T : (n_t, n) [Pa] shear, or None.
+    A node of two pairs' surfaces has what it has of both.
+    """
+
+    s: Array
+    X: Array
+    t_N: NDArray[np.float32]
+    gap: NDArray[np.float32]
+    t_T: NDArray[np.float32] | None = None
+
+
 class Results:
     """What a run left in its results file.
 
@@ -53,6 +69,7 @@ class Results:
     its size and scheme, where that was chosen; events : what happened to contact at its end or inside.
     iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
     estimates : one row a window whose error is known (ESTIMATE_FIELDS).  firings : of rules, in order.
+    contact : pair -> what contact did along its slave surface; empty for a file of an earlier version.
     rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
     later : the journal of a later, unfinished run to the same file, if there is one.
     Raises ResultsError if the file is missing, unreadable or not one of ours, or its run still goes on.
@@ -97,6 +114,7 @@ class Results:
         self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
+        self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
 
     @property
     def notes(self) -> tuple[str, ...]:
