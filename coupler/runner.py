@@ -220,7 +220,8 @@ class Run:
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
             seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen, self._shear() if tried.accepted else None)
+        t_T = self._shear() if tried.accepted else None
+        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen, t_T)
         self._recorder.window(tried.solved, facts, self.ledger, self._probed(), words)
 
     def _frames_from_here(self) -> Frames:

@@ -23,7 +23,8 @@ Record = tuple[str, dict[str, Any], dict[str, NDArray[Any]]]
 class Gathered:
     """rows : of WINDOW_FIELDS.  words : of each row what there is of message, reason, event and fired.
 
-    t [s], probes, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start and the ends of the windows taken.
+    t [s], probes, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start and the ends
+    of the windows taken.
     frames : numbers of the frames to be kept, from 0.  rewound : windows and what was spent on them.
     """
 

@@ -1,4 +1,4 @@
-"""What contact does along the slave surface of each pair, at every window's end: recorded for a picture in space and time."""
+"""Contact along the slave surface of each pair at every window's end: recorded for a picture in space and time."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _pieces(edges: Ints) -> list[Ints]:
 
 
 def contact_row(found: Sequence[Strip], now: Level, t_T: Array | None) -> dict[str, NDArray[np.float32]]:
-    """t_N, gap and, where given, t_T (n_s,) at the strips' nodes, strip after strip; single precision is enough to see."""
+    """t_N, gap and, where given, t_T (n_s,) at the strips' nodes, strip after strip; single precision will do."""
     if not found:
         return {}
     at = np.concatenate([strip.at for strip in found])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from coupler.record.results import Results
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import Picture, axes_of, legend_below, line_style, new_figure, plain, svg
-from coupler.report.units import Shown, counted, number, shown
+from coupler.report.units import Shown, axis_names, counted, number, shown
 
 Array = NDArray[np.float64]
 
@@ -39,6 +39,14 @@ def probe_pictures(results: Results) -> list[Picture]:
     return pictures
 
 
+def name_of(quantity: str, geometry: str) -> str:
+    """What a quantity is called in a scene of this geometry."""
+    name = NAMES.get(quantity, quantity)
+    for own, here in zip(("u_x", "u_y"), axis_names(geometry), strict=True):
+        name = name.replace(own, f"u_{here}")
+    return name
+
+
 def kinks_of(results: Results) -> list[float]:
     """Times [s] of kinks inside the run, as its header names them."""
     end = float(results.header["coupling"]["end"])
@@ -57,7 +65,7 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     values = [_values(results, n) for n in names]
     largest = float(np.nan_to_num(np.abs(np.concatenate(values))).max(initial=0.0))
     scale = shown(results.unit(names[0]), largest, results.header["temperature_unit"])
-    what = NAMES.get(quantity, quantity)
+    what = name_of(quantity, str(results.header["geometry"]))
     figure = new_figure(TALL if quantity == "T" else LOW)
     ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
     for k, (name, value) in enumerate(zip(names, values, strict=True)):

@@ -13,6 +13,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
 from coupler.record.results import Results
+from coupler.report.contact import contact_pictures
 from coupler.report.control import choices, errors_picture, event_rows, short_windows
 from coupler.report.curves import probe_pictures
 from coupler.report.facts import banner, rejected_windows, scenario_facts, summary
@@ -75,7 +76,7 @@ def render(results: Results) -> str:
     parts, (rejected, rejected_count) = shares(results), rejected_windows(results)
     return template.render(
         title=results.header["title"], banner=banner(results), summary=summary(results),
-        facts=scenario_facts(results), probes=probe_pictures(results), fields=fields,
+        facts=scenario_facts(results), probes=probe_pictures(results), fields=fields, contact=contact_pictures(results),
         heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
         choices=choices(results), short=short_windows(results), events=event_rows(results),
         errors=errors_picture(results), windows=windows_picture(results),

@@ -21,7 +21,7 @@ from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import kinks_of
 from coupler.report.frames import choose, progress
 from coupler.report.picture import INK, Picture, new_figure, png
-from coupler.report.units import Shown, number, shown
+from coupler.report.units import Shown, axis_names, number, shown
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
@@ -59,23 +59,25 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
     scale = shown("K", 0.0, results.header["temperature_unit"])
     low, high = min(float(v.min()) for v in T), max(float(v.max()) for v in T)
     limits = (float(scale(np.array(low))), float(scale(np.array(high))))
-    figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]")
+    axes = axis_names(str(results.header["geometry"]))
+    figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]", axes)
     times = ", ".join(f"{number(float(file.times[k]), 6)} s" for k in picks)
     pictures = [png(figure, f"Temperature of the bodies at t = {times}, from {scale.text(low)} to {scale.text(high)}.",
                     "Temperature on the bodies as they stand (deformed, not magnified), one colour scale for all. "
                     "Shown: the first and the last frame, those nearest to the kinks, and where most changes.")]
     if "f_s" in file.point_fields:
-        figure = _frames(file, picks, [file.point_field("f_s", k) for k in picks], (0.0, 1.0), "solid fraction [1]")
+        f_s = [file.point_field("f_s", k) for k in picks]
+        figure = _frames(file, picks, f_s, (0.0, 1.0), "solid fraction [1]", axes)
         pictures.append(png(figure, f"Solid fraction of the bodies at t = {times}.",
                             "Solid fraction at the same times: 1 where all is solid (bodies that do not melt, too)."))
-    return pictures + _flux(file)
+    return pictures + _flux(file, axes)
 
 
 def _frames(file: FieldReader, picks: Sequence[int], values: Sequence[Array], limits: tuple[float, float],
-            label: str) -> Figure:
+            label: str, axes: tuple[str, str]) -> Figure:
     """Values on the bodies at some frames, with one colour scale."""
     points = [file.points(k) for k in picks]
-    figure, panels, length = _panels(points)
+    figure, panels, length = _panels(points, axes)
     for ax, x, value, k in zip(panels, points, values, picks, strict=False):
         image = _paint(ax, length(x), file, value, limits)
         ax.set_title(f"t = {number(float(file.times[k]), 6)} s", fontsize=10, color=INK)
@@ -83,7 +85,7 @@ def _frames(file: FieldReader, picks: Sequence[int], values: Sequence[Array], li
     return figure
 
 
-def _flux(file: FieldReader) -> list[Picture]:
+def _flux(file: FieldReader, axes: tuple[str, str]) -> list[Picture]:
     """The heat flux where it is largest in the mean: its size in colour, its direction in arrows."""
     if "q" not in file.cell_fields:
         return []
@@ -95,7 +97,7 @@ def _flux(file: FieldReader) -> list[Picture]:
     top = float(np.quantile(sizes[k], LOUDEST)) or float(sizes[k].max())
     scale = shown("W/m2", top)
     x = file.points(k)
-    figure, (ax, *_), length = _panels([x])
+    figure, (ax, *_), length = _panels([x], axes)
     image = _paint(ax, length(x), file, scale(sizes[k]), (0.0, float(scale(np.array(top)))))
     _arrows(ax, length(x), file, file.cell_field("q", k)[:, :2])
     figure.colorbar(image, ax=[ax], label=f"heat flux [{scale.unit}]", pad=0.02, extend="max")
@@ -124,7 +126,7 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
     if not highest[k] > 0:
         return []
     scale = shown("Pa", highest[k])
-    figure, panels, length = _panels([file.points(k)])
+    figure, panels, length = _panels([file.points(k)], axis_names(str(results.header["geometry"])))
     stress = scale(file.cell_field("sigma_v", k))
     image = _paint(panels[0], length(file.points(k)), file, stress, (0.0, float(stress.max())))
     figure.colorbar(image, ax=panels, label=f"von Mises stress [{scale.unit}]", pad=0.02)
@@ -134,8 +136,8 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
     return [replace(picture, narrow=True)]
 
 
-def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
-    """Axes of one size and one pair of limits for all frames; lengths in a fitting unit."""
+def _panels(points: Sequence[Array], axes: tuple[str, str]) -> tuple[Figure, list[Axes], Shown]:
+    """Axes of one size and one pair of limits for all frames; lengths in a fitting unit.  axes : their names."""
     everything = np.concatenate(points)
     low, high = everything.min(axis=0), everything.max(axis=0)
     length = shown("m", float(max(np.abs(low).max(), np.abs(high).max(), 1e-3)))
@@ -161,10 +163,10 @@ def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
         ax.tick_params(labelsize=8, colors=INK)
         ax.xaxis.set_major_locator(MaxNLocator(4))
         if k + columns >= len(points):
-            ax.set_xlabel(f"x [{length.unit}]", fontsize=9, color=INK)
+            ax.set_xlabel(f"{axes[0]} [{length.unit}]", fontsize=9, color=INK)
             ax.tick_params(labelbottom=True)
         if k % columns == 0:
-            ax.set_ylabel(f"y [{length.unit}]", fontsize=9, color=INK)
+            ax.set_ylabel(f"{axes[1]} [{length.unit}]", fontsize=9, color=INK)
     return figure, panels[: len(points)], length
 
 

@@ -39,9 +39,9 @@ def test_rows_are_what_the_windows_ended_with(tmp_path: Path) -> None:
     scene = blocks(CASE.n)
     strip = strips(scene)[0]
     assert along.s == pytest.approx(np.linspace(0, L, CASE.n + 1))
-    assert along.X == pytest.approx(np.column_stack([along.s, np.full(CASE.n + 1, L + GAP)]))
+    assert pytest.approx(np.column_stack([along.s, np.full(CASE.n + 1, L + GAP)])) == along.X
     levels = [level(scene, t) for t in times_of(CASE)]
     assert along.t_N == pytest.approx(np.array([now.t_N[strip.at] for now in levels]), rel=1e-6)
     assert along.gap == pytest.approx(np.array([now.gap[strip.at] for now in levels]), rel=1e-6)
     assert along.t_T is None
-    assert END == times_of(CASE)[-1]
+    assert times_of(CASE)[-1] == END
