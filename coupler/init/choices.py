@@ -69,6 +69,7 @@ def _ended(tree: Mapping[str, Any], end: float) -> dict[str, Any]:
     """The end, and the last range of windows drawn out to it; what lies beyond an earlier end is cut off anyway."""
     if not 0 < end < math.inf:
         raise ScenarioError("a scenario ends at a time after 0", key="--end", value=end, remedy="Give seconds")
+    end = int(end) if end == int(end) else end  # written as anybody would write it
     put: dict[str, Any] = {"coupling.end": end}
     windows = tree["coupling"].get("windows", [])
     if windows and windows[-1]["until"] < end:

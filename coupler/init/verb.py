@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -81,17 +81,9 @@ def _from_deck(deck: Path, out: Path) -> None:
     from coupler.deck import convert
 
     check_free(out)
-    converted = convert(deck, out)
-    _tell(converted.not_understood)
-    typer.echo(", ".join(map(str, converted.files)))
+    for line in convert(deck, out).lines:
+        typer.echo(line)
     _next(out)
-
-
-def _tell(not_understood: Sequence[str]) -> None:
-    if not_understood:
-        typer.echo("not understood, and left out:", err=True)
-    for line in not_understood:
-        typer.echo(f"  {line}", err=True)
 
 
 def _next(out: Path) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.representer import RoundTripRepresenter
 
 from coupler.errors import ScenarioError
 from coupler.init.choices import Choices, named, overrides_of
@@ -21,6 +23,24 @@ from coupler.scenario.reading import document_from
 from coupler.scenario.scenario import Scenario
 
 WIDTH = 120
+LARGE = 1e5  # from here on numbers are easier read with an exponent
+
+
+class _Words(RoundTripRepresenter):
+    """Writes null as a word (ruamel leaves its place empty), and large numbers with an exponent."""
+
+    def represent_none(self, data: None) -> Any:
+        return self.represent_scalar("tag:yaml.org,2002:null", "null")
+
+    def represent_float(self, data: float) -> Any:
+        if abs(data) < LARGE:
+            return super().represent_float(data)
+        text = next(text for digits in range(1, 18) if float(text := f"{data:.{digits}e}") == data)
+        return self.represent_scalar("tag:yaml.org,2002:float", text)
+
+
+_Words.add_representer(type(None), _Words.represent_none)
+_Words.add_representer(float, _Words.represent_float)
 
 
 def new_scenario(template: Template, choices: Choices, out: Path) -> Scenario:
@@ -55,15 +75,16 @@ def check_free(out: Path) -> None:
 
 
 def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping[str, Material]) -> str:
-    """The text of a document with values put in place, comments kept, and the source of each named material beside it."""
+    """The text of a document with values put in place, comments kept, and the source of each named material."""
     yaml = YAML()
+    yaml.Representer = _Words
     yaml.width = WIDTH
     yaml.indent(mapping=2, sequence=4, offset=2)
     commented = Document(document.path, document.text, yaml.load(document.text), document.lines)
     tree = _in_style(apply_overrides(commented, overrides).tree)
     for name, material in materials.items():
         tree["materials"].yaml_set_comment_before_after_key(
-            name, before=f"{name}: {material.about}. {material.source}.", indent=2)
+            name, before="\n".join(wrap(f"{name}: {material.about}. {material.source}.", WIDTH - 4)), indent=2)
     out = io.StringIO()
     yaml.dump(tree, out)
     return out.getvalue()
