@@ -34,6 +34,7 @@ from coupler.resume import resume, resumed
 from coupler.rules.replay import rules_report
 from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario, parse_override
+from coupler.verify.verb import verify_half_command
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
 
@@ -68,6 +69,7 @@ def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | Non
 
 
 app.command("init")(init_command)
+app.command("verify-half")(verify_half_command)
 
 
 @app.command("check")
