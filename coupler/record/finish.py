@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
 from coupler.record.beside import put_away
-from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.fields import write_field_files
 from coupler.record.gathered import Gathered, gathered
 from coupler.record.journal import read_journal
@@ -89,6 +89,10 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
         f["iterates"] = np.array(told.iterates, dtype=list(ITERATE_FIELDS))
     if told.estimates:
         f["estimates"] = np.array(told.estimates, dtype=list(ESTIMATE_FIELDS))
+    if told.errors:
+        f["errors"] = np.array(told.errors, dtype=list(ERROR_FIELDS))
+    if told.max_T is not None:
+        f.attrs["max_T"] = told.max_T
     group = f.create_group("probes", track_order=True)
     table = np.array(told.probes, dtype=float).reshape(len(told.t), len(meta["probes"]))
     for i, (name, about) in enumerate(meta["probes"].items()):

@@ -26,12 +26,15 @@ class Gathered:
     t [s], probes, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start and the ends
     of the windows taken.
     frames : numbers of the frames to be kept, from 0.  rewound : windows and what was spent on them.
+    max_T : [K] at the start.
     """
 
     rows: list[tuple[Any, ...]] = field(default_factory=list)
     words: list[dict[str, Any]] = field(default_factory=list)
     iterates: list[tuple[Any, ...]] = field(default_factory=list)
     estimates: list[tuple[Any, ...]] = field(default_factory=list)
+    errors: list[tuple[Any, ...]] = field(default_factory=list)
+    max_T: float | None = None
     t: list[float] = field(default_factory=list)
     probes: list[NDArray[Any]] = field(default_factory=list)
     terms: list[Mapping[str, float]] = field(default_factory=list)
@@ -46,6 +49,8 @@ def gathered(records: Iterable[Record]) -> Gathered:
     """What the records after the header tell."""
     told, frames = Gathered(), 0
     for kind, m, a in records:
+        if kind == "start":
+            told.max_T = m.get("max_T")
         if kind == "frame":
             told.frames[frames] = float(m["t_now"])
             frames += 1
@@ -70,6 +75,8 @@ def _window(told: Gathered, m: Mapping[str, Any]) -> None:
     told.iterates += [(number, *row) for row in m.get("iterates", ())]
     if m.get("estimate"):
         told.estimates.append((number, *m["estimate"]))
+    if m.get("errors"):
+        told.errors.append((number, *m["errors"]))
     told.rows.append(tuple(m[n].encode() if k.startswith("S") else m[n] for n, k in WINDOW_FIELDS))
 
 
@@ -83,6 +90,7 @@ def _rewind(told: Gathered, t: float, rows: int) -> None:
     del told.rows[rows:], told.words[rows:]
     told.iterates = [row for row in told.iterates if row[0] < rows]
     told.estimates = [row for row in told.estimates if row[0] < rows]
+    told.errors = [row for row in told.errors if row[0] < rows]
     kept = int(np.searchsorted(told.t, t, side="right"))
     for history in (told.t, told.probes, told.terms, told.monitors, told.contact):
         del history[kept:]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.control.estimate import Estimate
 from coupler.record.beside import drop, journal_of, take_up
-from coupler.record.columns import ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.finish import finish
 from coupler.record.journal import Journal, Mark
 from coupler.record.strips import contact_row, strips
@@ -80,7 +80,7 @@ class Recorder:
 
     def start(self, now: Level, probes: Array, t_T: Array | None = None) -> None:
         """The values before the first window.  t_T : as in Words."""
-        self._journal.write("start", {"t_now": now.t, "terms": {}},
+        self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
                             {"probes": probes, **contact_row(self._strips, now, t_T)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
@@ -103,8 +103,10 @@ class Recorder:
         accepted = solved.taken
         if accepted:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
-        now = {"probes": probes, **contact_row(self._strips, solved.state.now, words.t_T)} if accepted else None
-        self._journal.write("window", meta, now)
+        arrays: dict[str, NDArray[Any]] = {}
+        if accepted:
+            arrays = {"probes": probes, **contact_row(self._strips, solved.state.now, words.t_T)}
+        self._journal.write("window", meta, arrays)
         self._seconds = time.perf_counter() - started
 
     def rewind(self, t: float, rows: int) -> None:
@@ -135,6 +137,7 @@ def _told(words: Words) -> dict[str, Any]:
                             "fired": [[f.rule, f.text, dict(f.values)] for f in words.fired]}
     if words.error is not None:
         told["estimate"] = estimated(words.error)
+        told["errors"] = [words.error.errors.get(n, math.nan) for n, _ in ERROR_FIELDS[1:]]
     return {n: v for n, v in told.items() if v}
 
 

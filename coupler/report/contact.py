@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from coupler.record.results import Along, Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
-from coupler.report.picture import COLOURS, INK, Picture, axes_of, new_figure, plain, png
+from coupler.report.picture import COLOURS, INK, Picture, new_figure, plain, png
 from coupler.report.units import Shown, axis_names, number, shown
 
 Array = NDArray[np.float64]
@@ -66,14 +66,14 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
     length = shown("m", float(along.s[-1]))
     gap = _gaps(along, code)
     scale = shown("m", float(np.nanmax(gap, initial=0.0)))
-    panels = [axes_of(figure, "time [s]", "")] if near is None else list(figure.subplots(2, 1))
+    panels = [figure.subplots()] if near is None else list(figure.subplots(2, 1))
     for ax, limits in zip(panels, (None, near), strict=False):
         _paint(ax, (results.t, length(along.s)), code, scale(gap))
         ax.set_xlim(*(limits or (float(results.t[0]), float(results.t[-1]))))
         ax.set_xlabel("time [s]", color=INK)
+        ax.set_ylabel(f"along {plain(str(pair['slave']))}\n[{length.unit}]", color=INK)
         ax.tick_params(colors=INK, labelsize=9)
         draw_kinks(ax, kinks_of(results) if limits is None else [])
-    figure.supylabel(f"place along {plain(str(pair['slave']))} [{length.unit}]", color=INK, fontsize=10)
     _legend(figure, panels, code, (scale, float(np.nanmax(scale(gap), initial=0.0))))
     alt = f"Contact of pair {name} over time along {pair['slave']}: {_shares(results.t, code)}."
     return png(figure, alt, _caption(results, pair, along, near, code))
@@ -82,7 +82,7 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
 def closer(t: Array, code: Codes) -> tuple[float, float] | None:
     """The range of time [s] in which all changes lie, with a margin; None if it is much of the run or there is none."""
     changed = np.flatnonzero((code[1:] != code[:-1]).any(axis=1))
-    if not len(changed):
+    if len(changed) < 3:  # the picture of all of the run tells as much
         return None
     low, high = float(t[changed[0]]), float(t[changed[-1] + 1])
     if high - low >= ZOOM_BELOW * (t[-1] - t[0]):
@@ -137,8 +137,12 @@ def _caption(results: Results, pair: Mapping[str, Any], along: Along, near: tupl
     def at(place: Array) -> str:
         return f"{x} {number(float(unit(place[0])))}, {y} {number(float(unit(place[1])))} {unit.unit}"
 
-    text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {pair['master']}, as found at the end "
-            f"of each window; lengths in the mesh's own shape, from ({at(a)}) up to ({at(b)}).")
+    # A node has one pressure and one gap, whatever it faces.
+    against = [pair["master"]] + [f"{p['master'] if p['slave'] == pair['slave'] else p['slave']} (pair {p['name']})"
+                                  for p in results.header["pairs"]
+                                  if p["name"] != pair["name"] and pair["slave"] in (p["slave"], p["master"])]
+    text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {' or '.join(against)}, as found "
+            f"at the end of each window; lengths in the mesh's own shape, from ({at(a)}) up to ({at(b)}).")
     if (code >= STICKS).any():
         text += f" It slips where the shear is at Coulomb's bound, {number(float(pair['mu']))} times the pressure."
     if near is not None:
