@@ -93,7 +93,6 @@ def bodies_of(outline: Outline, mesh: Mesh, names: Names, log: Log) -> list[Body
 
 def _sections(outline: Outline, mesh: Mesh, log: Log) -> dict[int, _Section]:
     found: dict[int, _Section] = {}
-    instances = {part: name for name, part in mesh.parts.items()}
     for scoped in outline.mesh:
         block, part = scoped.block, scoped.part
         if block.word != "SOLID SECTION":
@@ -106,7 +105,8 @@ def _sections(outline: Outline, mesh: Mesh, log: Log) -> dict[int, _Section]:
         if thickness <= 0.0:
             raise wrong(block.data[0], "a thickness is greater than zero")
         cells = mesh.cells_at(named(block, "ELSET"), block.row, part)
-        label = instances[part] if part else mesh.spelled.get((part, block.option("ELSET")), block.option("ELSET"))
+        elset = block.option("ELSET")
+        label = outline.spelled[part] if part else mesh.spelled.get((part, elset), elset)
         for i in cells:
             if i in found and found[i].material != material:
                 raise wrong(block.row, "elements of this section have another section already")

@@ -51,10 +51,10 @@ class Course:
     def signal(self) -> Signal:
         """As a scenario has it: a number, or a table without what says nothing."""
         held = (self.points[0], *self.points, self.points[-1])
-        kept = [now for i, (before, now, later) in enumerate(zip(held, held[1:], held[2:], strict=False))
-                if i == 0 or now[1] != before[1] or later[1] != now[1]]
-        if all(v == kept[0][1] for _, v in kept):
-            return kept[0][1]
+        kept = [now for before, now, later in zip(held, held[1:], held[2:], strict=False)
+                if now[1] != before[1] or later[1] != now[1]]
+        if not kept:
+            return self.last
         return {"t": [t for t, _ in kept], "value": [v for _, v in kept]}
 
 

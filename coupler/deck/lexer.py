@@ -10,6 +10,7 @@ from pathlib import Path
 from coupler.errors import ScenarioError
 
 MAX_BYTES = 200_000_000  # of the deck with all it includes, files counted as often as they are included
+MAX_FILES = 1_000  # included, counted as often
 MAX_DEPTH = 20  # of includes within includes
 MAX_NAME = 200  # no file name and no set name is longer
 SHOWN = 90  # of a line, in messages
@@ -94,11 +95,12 @@ def is_whole(text: str) -> bool:
 
 @dataclass
 class _Files:
-    """What may be read: files in the deck's folder, so many bytes."""
+    """What may be read: files in the deck's folder, so many bytes and files.  shown : the folder, as given."""
 
     folder: Path
     shown: Path
     left: int = MAX_BYTES
+    files: int = MAX_FILES
 
 
 def blocks_of(path: Path) -> list[Block]:
@@ -188,7 +190,9 @@ def _text(path: Path, files: _Files, asked: Row) -> str:
         raise refuse(f"cannot be read ({exc.strerror})") from exc
     if size > files.left:
         raise refuse(f"decks may have {MAX_BYTES} bytes with all they include", "Thin the mesh out.")
-    files.left -= size
+    files.left, files.files = files.left - size, files.files - 1
+    if files.files < 0:  # small files that include each other twice are a great many
+        raise refuse(f"more than {MAX_FILES} files are included")
     if b"\0" in raw:
         raise refuse("is not a text file, or in UTF-16", "Save it as UTF-8 or ASCII text.")
     try:

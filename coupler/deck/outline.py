@@ -32,12 +32,13 @@ class Owner:
 
 @dataclass(frozen=True)
 class Outline:
-    """mesh : blocks of meshes.  parts : instance -> part, in capitals.  shifts : part -> translation.
-    model : blocks outside of all that.  materials, interactions : in capitals -> owner."""
+    """mesh : blocks of meshes.  parts : instance -> part, in capitals.  spelled : part -> instance as written.
+    shifts : part -> translation.  model : blocks outside of all that.  materials, interactions : in capitals -> owner."""
 
     title: str
     mesh: Sequence[Scoped]
     parts: Mapping[str, str]
+    spelled: Mapping[str, str]
     shifts: Mapping[str, tuple[float, float]]
     materials: Mapping[str, Owner]
     interactions: Mapping[str, Owner]
@@ -56,6 +57,7 @@ class _Sorting:
     title: str = ""
     mesh: list[Scoped] = field(default_factory=list)
     parts: dict[str, str] = field(default_factory=dict)
+    spelled: dict[str, str] = field(default_factory=dict)
     shifts: dict[str, tuple[float, float]] = field(default_factory=dict)
     materials: dict[str, Owner] = field(default_factory=dict)
     interactions: dict[str, Owner] = field(default_factory=dict)
@@ -114,7 +116,7 @@ class _Sorting:
             raise wrong(block.row, f"part {part} has two instances", "Write the deck flat, or copy the part.")
         if len(block.data) > 1:
             raise wrong(block.data[1], "an instance may be moved, but not turned", "Turn the part's own mesh.")
-        self.parts[name] = part
+        self.parts[name], self.spelled[part] = part, block.options["NAME"]
         if block.data:
             x, y, z = (number(block.data[0], i, "a translation", 0.0) for i in range(3))
             if z:
@@ -140,7 +142,7 @@ def outline_of(blocks: Sequence[Block]) -> Outline:
         if scoped.part and scoped.part not in s.parts.values():
             raise wrong(scoped.block.row, f"part {scoped.part} has no instance",
                         "Add *INSTANCE to the assembly, or take the part out.")
-    return Outline(s.title, s.mesh, s.parts, s.shifts, s.materials, s.interactions, s.steps, s.model)
+    return Outline(s.title, s.mesh, s.parts, s.spelled, s.shifts, s.materials, s.interactions, s.steps, s.model)
 
 
 def scope_of(reference: str, part: str, parts: Mapping[str, str], row: Row) -> tuple[str, str]:
