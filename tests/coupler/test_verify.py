@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,9 +18,6 @@ from coupler.verify.face import face_findings, role_of
 from coupler.verify.finding import Finding, Verdict
 from coupler.verify.verb import table_of, verdict_words
 from coupler.verify.verify import verify_half
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "contact"))
-from toy_halves import build, fresh
 
 N = 3
 
@@ -304,38 +299,6 @@ def test_the_table_holds_reason_and_remedy():
     assert table_of("leaking.fmu", findings).row_count == len(findings)
     assert "leaking.fmu does not keep to the border" in verdict_words("leaking.fmu", findings)
     assert "keeps to the border: 21 passed" in verdict_words("x", found(Honest).values())
-
-
-VERIFY = """
-import json, sys, tempfile
-from pathlib import Path
-from coupler.verify.finding import Verdict
-from coupler.verify.subject import fmu_of
-from coupler.verify.verify import verify_fmu
-
-told = {}
-for half in sys.argv[1:]:
-    with tempfile.TemporaryDirectory() as scratch:
-        fmu = fmu_of(half, None, Path(scratch) / "half")
-        told[half] = {f.check: [f.verdict.name, f.reason] for f in verify_fmu(fmu, Path(scratch), 1.0)}
-print(json.dumps(told))
-"""
-
-
-def test_an_fmu_that_leaks_on_restore_is_caught_and_one_that_does_not_passes(tmp_path: Path) -> None:
-    good, leaky = str(build(tmp_path / "good")), str(build(tmp_path / "leaky", leak=1e-9))
-    told = json.loads(fresh(VERIFY, good, leaky))
-    assert {verdict for verdict, _ in told[good].values()} == {"PASS", "NOT_APPLICABLE"}
-    assert told[good]["heat terms close"][0] == "NOT_APPLICABLE"
-    assert told[leaky][RESTORE][0] == "FAIL"
-    assert "gives another T" in told[leaky][RESTORE][1]
-
-
-def test_our_own_halves_keep_to_the_border():
-    told = json.loads(fresh(VERIFY, "lumped", "thermal_rod", "thermal", "elastic", "mechanical_rod", "rigid"))
-    for half, findings in told.items():
-        assert not [check for check, (verdict, _) in findings.items() if verdict == "FAIL"], half
-        assert findings[RESTORE][0] == findings["hot and cold caches, same bits"][0] == "PASS", half
 
 
 @pytest.mark.parametrize(("arguments", "text"), [
