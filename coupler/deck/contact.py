@@ -11,11 +11,13 @@ import numpy as np
 from coupler.deck.bodies import Body, Names
 from coupler.deck.lexer import Block, number, numbers, wrong
 from coupler.deck.log import Log
+from coupler.deck.materials import JOINED
 from coupler.deck.outline import Outline, Owner, named
 from coupler.deck.surfaces import Surfaces
 from coupler.scenario.quantity import did_you_mean
 
 ENDS = 1.001  # a table that ends before it is zero drops to zero within a thousandth of its last gap
+TOUCH = 0.05  # of that: a gap over which surfaces of different meshes still touch
 EDGES = 2.0  # surfaces see each other over so many edges at least
 Tree = dict[str, Any]
 Law = Tree | None
@@ -47,17 +49,37 @@ def pairs_of(outline: Outline, bodies: Sequence[Body], surfaces: Surfaces, asked
             if any(row.fields[2:]):
                 log.miss(row, "a pair is two surfaces; what follows is not understood")
             slave, master = (surfaces.named(row.field(i), row) for i in (0, 1))
-            reach = max(_reach(surfaces, slave), said["reach"])
+            edges = _reach(surfaces, slave)
+            reach = max(edges, said["reach"])
+            keys = {key: value for key, value in said.items() if key != "reach"}
+            if not asked.moves and "conduction" in keys:
+                keys["conduction"] = _standing(keys["conduction"], edges, log)
             for a in surfaces.on(slave, bodies):
                 for b in surfaces.on(master, bodies):
                     if a.split(".")[0] != b.split(".")[0] or slave == master:
                         pairs[names.free(f"{slave}-{master}")] = {
-                            "slave": a, "master": b, "gap_max": reach,
-                            **{key: value for key, value in said.items() if key != "reach"}}
+                            "slave": a, "master": b, "gap_max": reach, **keys}
     if pairs:
         log.note("`gap_max` of a pair, beyond which its surfaces do not see each other, is a choice: two slave edges, "
                  "or where its tables end")
     return pairs
+
+
+def _standing(conduction: Tree, edges: float, log: Log) -> Tree:
+    """Where bodies do not move nothing presses, and surfaces that meet count as open: they need a law for that.
+
+    The conductance at no pressure holds where surfaces meet as well as meshes can.
+    """
+    closed = conduction["closed"]
+    if conduction["open"] is not None or closed is None:
+        return conduction
+    log.note("where bodies do not move no pressure is known: what touches conducts as at no pressure, up to a gap of a "
+             "tenth of a slave edge")
+    if closed.get("variable") == "T":
+        return {"closed": closed, "open": closed}
+    h = closed["h"][0] if closed["law"] == "table" else closed["h"]
+    gaps = [0.0, TOUCH * edges, 2.0 * TOUCH * edges]
+    return {"closed": closed, "open": {"law": "table", "x": gaps, "h": [h, h, 0.0]}}
 
 
 def _reach(surfaces: Surfaces, slave: str) -> float:
@@ -117,6 +139,8 @@ def _conductance(blocks: Sequence[Block], log: Log) -> tuple[Law, Law]:
                      + ("pressure, because it rises" if pressures else "gap, because it does not rise")
                      + " (write PRESSURE where it is of the pressure)")
         h, x, T = ([row[i] for row in rows] for i in range(3))
+        if len(rows) > 2:
+            log.note(JOINED)
         if min(h) < 0.0 or min(x) < 0.0:
             raise wrong(block.row, "conductances, pressures and gaps are not negative")
         if len(rows) > 1 and len(set(x)) == 1:

@@ -33,7 +33,7 @@ class Owner:
 @dataclass(frozen=True)
 class Outline:
     """mesh : blocks of meshes.  parts : instance -> part, in capitals.  spelled : part -> instance as written.
-    shifts : part -> translation.  model : blocks outside of all that.  materials, interactions : in capitals -> owner."""
+    shifts : part -> translation.  model : blocks outside of all that.  materials, interactions : name -> owner."""
 
     title: str
     mesh: Sequence[Scoped]

@@ -25,7 +25,9 @@ def test_a_deck_becomes_a_scenario_that_passes_its_check(tmp_path):
     assert tree["title"] == "Two blocks"
     assert tree["mechanical"] == {"half": "rigid"}
     assert tree["bodies"]["UPPER"]["T0"] == 400.0
-    assert tree["contact"]["SLAVE-MASTER"]["conduction"] == {"closed": {"law": "constant", "h": 1000.0}, "open": None}
+    assert tree["contact"]["SLAVE-MASTER"]["conduction"] == {
+        "closed": {"law": "constant", "h": 1000.0},
+        "open": {"law": "table", "x": [0.0, 0.01, 0.02], "h": [1000.0, 1000.0, 0.0]}}  # nothing presses
     assert tree["thermal"]["boundary"] == [{"at": "LOWER.BOTTOM", "temperature": 100.0}]
     assert tree["coupling"]["windows"] == [{"until": 10.0, "size": 1.0}]
     scene = load_scenario(told.files[0]).interface
@@ -97,7 +99,7 @@ def test_plastic_tables_meet_at_all_strains_and_make_no_heat_of_their_own(tmp_pa
     ("*GAP CONDUCTANCE, PRESSURE\n5., 0.\n9., 1.E6\n*GAP CONDUCTANCE\n5., 0.\n0., .3\n",
      {"law": "table", "x": [0.0, 1e6], "h": [5.0, 9.0]}, {"law": "table", "x": [0.0, 0.3], "h": [5.0, 0.0]})])
 def test_conductance_over_pressure_gap_or_temperature(tmp_path, said, closed, opened):
-    tree, _ = converted(tmp_path, heat_deck().replace("*GAP CONDUCTANCE\n1000.\n", said))
+    tree, _ = converted(tmp_path, coupled_deck("*BOUNDARY\nBOTTOM, 1, 2\n").replace("*GAP CONDUCTANCE\n1000.\n", said))
     pair = tree["contact"]["SLAVE-MASTER"]
     assert pair["conduction"] == {"closed": closed, "open": opened}
     assert pair["gap_max"] == (0.3 if opened else 0.2)  # two edges of .1 m, or the end of the table

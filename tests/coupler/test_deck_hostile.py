@@ -84,9 +84,10 @@ def test_two_materials_in_one_piece_are_refused(tmp_path):
 def test_case_blanks_continuations_and_includes_change_nothing(tmp_path):
     text = heat_deck(HELD)
     tree, _ = converted(tmp_path, text)
+    cell = ("1, 1, 2, 5, 4", "1,1,2,\n5 ,4,")
     head, tail = text.split("*MATERIAL", 1)
     odd = (head.lower().replace("*element, type=dc2d4,", "*Element ,  type = dc2d4,\n   ")
-           .replace("1, 1, 2, 5, 4", "1,1,2,\n5 ,4,").replace("\n", "\r\n") + "** a comment\r\n\r\n*Include, input=rest.inp\r\n")
+           .replace(*cell).replace("\n", "\r\n") + "** a comment\r\n\r\n*Include, input=rest.inp\r\n")
     found, told = converted(tmp_path, ("\ufeff" + odd).encode(), rest="*material" + tail.replace("LOWER", "lower"))
     assert not told.missed
     assert found["materials"] == tree["materials"]
@@ -106,7 +107,8 @@ def test_files_that_include_each_other_over_and_over_are_bounded(tmp_path):
 
 
 @pytest.mark.parametrize("raw", [b"", b"\n** nothing\n", "*HEADING\n".encode("utf-16"), b"*HEADING\n\xff\xfe\x00",
-                                 b"*", b",", b"*STEP\n*END STEP\n", b"*NODE\n1,0,0\n", b"*ELEMENT,TYPE=CPE4\n", b"*NODE,INPUT=\n"])
+                                 b"*", b",", b"*STEP\n*END STEP\n", b"*NODE\n1,0,0\n", b"*ELEMENT,TYPE=CPE4\n",
+                                 b"*NODE,INPUT=\n"])
 def test_what_is_no_deck_is_refused(tmp_path, raw):
     with pytest.raises(ScenarioError):
         converted(tmp_path, raw)
