@@ -191,6 +191,12 @@ def test_commands_and_options_exist(page: Path) -> None:
         assert not unknown, f"{page.name}: slideline {verb} has no {sorted(unknown)}"
 
 
+def test_every_page_is_on_the_site() -> None:
+    site = (ROOT / "docs/site/mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    missing = [page.name for page in (ROOT / "docs").glob("*.md") if f" {page.name}\n" not in site]
+    assert not missing, f"docs/site/mkdocs.yml, nav: {missing}"
+
+
 def _commands(page: Path) -> str:
     """All code of a page, a piece a line."""
     pieces = [b.text.replace("\\\n", " ") for b in blocks(page) if b.kind != "python"]
