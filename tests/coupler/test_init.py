@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,11 @@ from coupler.init.choices import Choices, chosen_materials
 from coupler.init.materials import exchangeable, library
 from coupler.init.templates import template_named, templates
 from coupler.init.write import new_scenario
+
+sys.path.insert(0, str(Path(__file__).parent))
+from decks import heat_deck
+
+PAGE = Path(__file__).resolve().parents[2] / "docs/templates.md"
 
 
 def comments(text: str) -> list[str]:
@@ -186,3 +192,27 @@ def test_the_verb_refuses(arguments: tuple[str, ...], text: str, tmp_path: Path,
     assert isinstance(done.exception, ScenarioError)
     assert text in str(done.exception)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_page_has_the_numbers_of_the_library():
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.read_text(encoding="utf-8").splitlines()
+            if line.startswith("| `")]
+    told = {row[0].split("`")[1]: [float(cell) for cell in row[1:]] for row in rows if len(row) == 7}
+    columns = {"rho": 1.0, "k": 1.0, "c": 1.0, "E": 1e9, "nu": 1.0, "alpha": 1.0}
+    assert told == {m.name: [m.values[key] / unit for key, unit in columns.items()] for m in library().values()}
+    assert {row[0].strip("`") for row in rows if len(row) == 3} == set(templates())
+
+
+def test_a_deck_is_converted_and_what_was_missed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model.inp").write_text(heat_deck("*NO SUCH KEYWORD\n"), encoding="utf-8")
+    done = CliRunner().invoke(app, ["init", "--from", "model.inp"])
+    assert done.exit_code == 0, done.output
+    assert "model.inp:" in done.output
+    assert "NO SUCH KEYWORD" in done.output
+    assert "slideline run model.yaml --report" in done.output
+    assert {p.name for p in tmp_path.iterdir()} == {"model.inp", "model.yaml", "model.msh"}
+    load_scenario("model.yaml")
+    again = CliRunner().invoke(app, ["init", "--from", "model.inp"])
+    assert isinstance(again.exception, ScenarioError)
+    assert "left as it is" in str(again.exception)
