@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain, count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +52,8 @@ class Names:
         """`wanted` in letters the scenario takes; with the suffix, then numbered, where that is taken already."""
         base = re.sub(r"[^A-Za-z0-9_-]", "_", wanted)[:50] or "_"
         base = base if re.match(r"[A-Za-z_]", base) else f"_{base}"
-        tries: Iterable[str] = (base, f"{base}{suffix}", *(f"{base}{suffix}_{i}" for i in range(2, 100_000)))
-        name = next(name for name in tries if name not in self.taken)
+        numbered = (f"{base}{suffix}_{i}" for i in count(2))
+        name = next(name for name in chain((base, f"{base}{suffix}"), numbered) if name not in self.taken)
         self.taken.add(name)
         return name
 
@@ -74,7 +74,7 @@ def bodies_of(outline: Outline, mesh: Mesh, names: Names, log: Log) -> list[Body
                     "Merge the nodes of cells that hang together.")
     labels = Counter(section_of[int(cells[0])].label for cells in pieces)
     out: list[Body] = []
-    count: Counter[str] = Counter()
+    seen: Counter[str] = Counter()
     for cells in pieces:
         first = section_of[int(cells[0])]
         for other in (section_of[int(i)] for i in cells):
@@ -83,8 +83,8 @@ def bodies_of(outline: Outline, mesh: Mesh, names: Names, log: Log) -> list[Body
                             "A body has one material: give each its own nodes along the seam, and a contact pair.")
             if other.thickness != first.thickness:
                 raise wrong(other.row, "a piece of the mesh has two thicknesses", "A body has one.")
-        count[first.label] += 1
-        label = first.label if labels[first.label] == 1 else f"{first.label}_{count[first.label]}"
+        seen[first.label] += 1
+        label = first.label if labels[first.label] == 1 else f"{first.label}_{seen[first.label]}"
         nodes = frozenset(n for i in cells for n in mesh.cells[int(i)].nodes)
         out.append(Body(names.free(label), first.material, tuple(int(i) for i in cells), nodes, first.thickness,
                         first.row))

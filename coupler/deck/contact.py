@@ -78,7 +78,7 @@ def _standing(conduction: Tree, edges: float, log: Log) -> Tree:
     if closed.get("variable") == "T":
         return {"closed": closed, "open": closed}
     h = closed["h"][0] if closed["law"] == "table" else closed["h"]
-    gaps = [0.0, TOUCH * edges, 2.0 * TOUCH * edges]
+    gaps = [0.0, *(float(f"{times * TOUCH * edges:.4g}") for times in (1.0, 2.0))]
     return {"closed": closed, "open": {"law": "table", "x": gaps, "h": [h, h, 0.0]}}
 
 

@@ -92,8 +92,9 @@ def mesh_of(outline: Outline, log: Log) -> Mesh:
         row = outline.mesh[0].block.row if outline.mesh else Row("", 0, "", ())
         raise wrong(row, "the deck has no mesh", "It needs *NODE and *ELEMENT.")
     mesh.points = np.array(points)
+    slack = 1e-9 * max(float(np.ptp(mesh.points, axis=0).max()), 1e-300)
     for z, row in depths:
-        if abs(z - depths[0][0]) > 1e-9 * max(float(np.ptp(mesh.points, axis=0).max()), 1e-300):
+        if abs(z - depths[0][0]) > slack:
             raise wrong(row, "the mesh does not lie in a plane z = constant", "Only plane and axisymmetric decks.")
     return mesh
 
