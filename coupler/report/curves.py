@@ -20,6 +20,7 @@ BINS = 20  # the time axis in so many parts where kinks do not cut it
 TALL, LOW = 4.5, 3.4  # inches: temperatures, and all else
 ZOOM_AT_MOST = 0.6  # a closer look at more of the run than this is none
 BAND = 0.3  # of the colour of a curve, for its error
+NARROW = 0.004  # of the range of the curves: less is not seen
 LEAST_GAIN = 0.1  # share of the movement beyond the share of the time: below it curves move about evenly
 NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure",
          "f_s": "solid fraction"}
@@ -106,6 +107,8 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
         apart = replace(shown(results.unit(names[0]), worst), shift=0.0)
         caption += (f" Bands: the estimated error of each window, at most {apart.text(worst, 2)}, as it is at the node "
                     "where it is largest; those of the windows before are not in it.")
+        span_of = float(np.nanmax(values) - np.nanmin(values))
+        caption += " The bands are narrower than the lines." if worst < NARROW * span_of else ""
     return svg(figure, f"{title}: {_ends(names, values, scale)}.", caption)
 
 

@@ -127,7 +127,7 @@ def _arrows(ax: Axes, x: Array, file: FieldReader, q: Array) -> None:
     # As long as a cell of those shown: on a slender body arrows of a share of the width would be specks.
     apart = ARROW * float(np.sqrt(_area(x, file) / len(at)))
     ax.quiver(centres[at, 0], centres[at, 1], u, v, color="white", pivot="mid", angles="xy", units="xy",
-              scale_units="xy", scale=1.0 / apart, width=0.09 * apart)
+              scale_units="xy", scale=1.0 / apart, width=0.09 * apart, edgecolor=INK, linewidth=0.4)
 
 
 def _area(x: Array, file: FieldReader) -> float:
