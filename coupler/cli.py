@@ -23,6 +23,7 @@ from coupler.control.plan import Plan
 from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.fmu.launch import build_halves
+from coupler.init.verb import init_command
 from coupler.outset import plan_of
 from coupler.pilot import is_quick
 from coupler.pilot import pilot as pilot_run
@@ -33,6 +34,7 @@ from coupler.resume import resume, resumed
 from coupler.rules.replay import rules_report
 from coupler.runner import run
 from coupler.scenario import Scenario, load_scenario, parse_override
+from coupler.verify.verb import verify_half_command
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
 
@@ -64,6 +66,10 @@ def _overrides(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[
 
 def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
     return load_scenario(path, overrides=_overrides(sets, swaps))
+
+
+app.command("init")(init_command)
+app.command("verify-half")(verify_half_command)
 
 
 @app.command("check")

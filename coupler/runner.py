@@ -148,7 +148,7 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            self._recorder.start(0.0, self._probed())
+            self._recorder.start(self.state.now, self._probed(), self._shear())
             self._frame()
         self._stand()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
@@ -220,7 +220,8 @@ class Run:
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
             seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen)
+        t_T = self._shear() if tried.accepted else None
+        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen, t_T)
         self._recorder.window(tried.solved, facts, self.ledger, self._probed(), words)
 
     def _frames_from_here(self) -> Frames:
@@ -268,6 +269,11 @@ class Run:
 
     def _probed(self) -> Array:
         return measure(self.scenario.probes, self.scenario.interface, self.state.now)
+
+    def _shear(self) -> Array | None:
+        """(n_s,) [Pa] of slave nodes, where the mechanical half has friction."""
+        half, name = self.halves.mechanical, "contact.t_T"
+        return half.read([name])[name] if name in half.blocks else None
 
     def _header(self) -> dict[str, Any]:
         s = self.scenario

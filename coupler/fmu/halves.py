@@ -1,18 +1,21 @@
 """Find the builders of halves, and have them build FMUs into a cache named by content.
 
 A half is an installed package with an entry point in the group `slideline.halves` (name -> module); the module is run
-as `python -m MODULE DIRECTORY OUT.fmu` in a process of its own, so the coupler never imports a half.
+as `python -m MODULE DIRECTORY OUT.fmu` in a process of its own, so the coupler never imports a half.  An FMU that lies
+ready, of whatever tool, is named by its path instead.
 """
 
 from __future__ import annotations
 
 import contextlib
 import difflib
+import hashlib
 import os
 import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
@@ -36,9 +39,12 @@ def known_halves() -> dict[str, EntryPoint]:
 def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
     """The FMU of the half of `kind` whose interface.h5 and model.json are in `directory`.
 
+    kind : an entry point's name, or the path of an FMU that lies ready, which is copied to the cache as it is.
     cache : where FMUs are kept (default: cache_directory()).  The same content is built once; beside the FMU lies
     what it unpacks to, which load_half then uses.  Raises HalfError for an unknown kind, or with the builder's words.
     """
+    if kind.endswith(".fmu"):
+        return _ready(Path(kind), cache_directory() if cache is None else cache)
     known = known_halves()
     if kind not in known:
         near = difflib.get_close_matches(kind, known, 1)
@@ -49,11 +55,25 @@ def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
     place = cache / f"{kind}-{_key(kind, module, directory)}"
     fmu = place / "half.fmu"
     if not fmu.is_file():
-        _build(kind, module, directory, place)
+        _put(place, lambda new: _run_builder(kind, module, directory, new))
     # A cache that belongs to another user may be read all the same.
     with contextlib.suppress(OSError):
         os.utime(place)
     return fmu
+
+
+def _ready(fmu: Path, cache: Path) -> Path:
+    """The copy of an FMU in the cache, named by its content, unpacked beside."""
+    try:
+        content = fmu.read_bytes()
+    except OSError as exc:
+        raise HalfError(f"{fmu} cannot be read ({exc.strerror})") from exc
+    place = cache / f"ready-{hashlib.sha256(content).hexdigest()[:32]}"
+    if not (place / "half.fmu").is_file():
+        _put(place, lambda new: new.write_bytes(content))
+    with contextlib.suppress(OSError):
+        os.utime(place)
+    return place / "half.fmu"
 
 
 def cache_directory() -> Path:
@@ -102,13 +122,13 @@ def _key(kind: str, module: str, directory: Path) -> str:
     return content_hash(interface, model, sources)
 
 
-def _build(kind: str, module: str, directory: Path, place: Path) -> None:
-    """Build and unpack in a scratch directory, then move it into place at once."""
+def _put(place: Path, make: Callable[[Path], object]) -> None:
+    """Make half.fmu and unpack it in a scratch directory, then move both into place at once."""
     place.parent.mkdir(parents=True, exist_ok=True)
     _drop_old(place.parent)
     scratch = Path(tempfile.mkdtemp(dir=place.parent, prefix=".build-"))
     try:
-        _run_builder(kind, module, directory, scratch / "half.fmu")
+        make(scratch / "half.fmu")
         unpack(scratch / "half.fmu", scratch / "half")
         try:
             os.replace(scratch, place)

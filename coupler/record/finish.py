@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
 from coupler.record.beside import making_of, put_away
-from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.fields import write_field_files
 from coupler.record.gathered import Gathered, gathered
 from coupler.record.journal import read_journal
+from coupler.record.strips import FIELDS
 from coupler.schemes.ledger import PREFIX
 
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
@@ -67,6 +68,7 @@ def _make(journal: Path, path: Path) -> bool:
         parts = write_field_files(scratch, meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
             _write(f, meta, told)
+            _write_contact(f, meta, arrays, told)
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
     return str(told.end["outcome"]) == "completed"
@@ -98,6 +100,10 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
         f["iterates"] = np.array(told.iterates, dtype=list(ITERATE_FIELDS))
     if told.estimates:
         f["estimates"] = np.array(told.estimates, dtype=list(ESTIMATE_FIELDS))
+    if told.errors:
+        f["errors"] = np.array(told.errors, dtype=list(ERROR_FIELDS))
+    if told.max_T is not None:
+        f.attrs["max_T"] = told.max_T
     group = f.create_group("probes", track_order=True)
     table = np.array(told.probes, dtype=float).reshape(len(told.t), len(meta["probes"]))
     for i, (name, about) in enumerate(meta["probes"].items()):
@@ -107,6 +113,23 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
     for data in f["ledger"].values():
         data.attrs["unit"] = "J"
     _write_rows(f.create_group("monitors", track_order=True), told.monitors, "", np.nan)
+
+
+def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:
+    """A group a pair: s and X of its strip, and (n_t, n) of each field; a row without one is nan."""
+    names = [n for n in FIELDS if any(n in row for row in told.contact)]
+    first = 0
+    for pair in meta["pairs"] if names else ():
+        group = f.create_group(f"contact/{pair['name']}", track_order=True)
+        for n in ("s", "X"):
+            group[n] = header[f"{n}.{pair['name']}"]
+        here = slice(first, first + len(group["s"]))
+        none = np.full(len(group["s"]), np.nan, np.float32)
+        for n in names:
+            rows = [row[n][here] if n in row else none for row in told.contact]
+            group.create_dataset(n, data=np.array(rows, dtype=np.float32), compression="gzip", compression_opts=1)
+            group[n].attrs["unit"] = FIELDS[n]
+        first = here.stop
 
 
 def _write_rows(group: h5py.Group, rows: list[Mapping[str, float]], prefix: str, missing: float) -> None:

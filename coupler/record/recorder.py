@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.control.estimate import Estimate
 from coupler.record.beside import drop, journal_of, take_up
-from coupler.record.columns import ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.finish import finish
 from coupler.record.journal import Journal, Mark
+from coupler.record.strips import contact_row, strips
 from coupler.record.target import check_target
 from coupler.rules.engine import Firing
 from coupler.schemes.ledger import Ledger
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 class Words:
     """What else a window's record holds.  reason : why it had its size and scheme.  event, fired, error : as in Tried.
 
-    monitors : those that rules look at, of a window that was taken.
+    monitors : those that rules look at, of a window that was taken.  t_T : (n_s,) [Pa] shear at its end, with friction.
     """
 
     reason: str = ""
@@ -39,6 +40,7 @@ class Words:
     fired: tuple[Firing, ...] = ()
     error: Estimate | None = None
     monitors: Mapping[str, float] = field(default_factory=dict)
+    t_T: Array | None = None
 
 
 class Recorder:
@@ -54,6 +56,7 @@ class Recorder:
         check_target(out)
         self.out = out
         self._interface = interface
+        self._strips = strips(interface)
         self._seconds = 0.0
         self.rows = 0  # windows recorded so far that stand in the table, rejected ones too
         if since is not None:
@@ -63,7 +66,8 @@ class Recorder:
         self._journal = Journal(journal_of(out))
         drop(out)
         self._journal.write("run", header, {
-            n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")})
+            **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")},
+            **{f"{n}.{strip.pair}": getattr(strip, n) for strip in self._strips for n in ("s", "X")}})
 
     @property
     def mark(self) -> Mark:
@@ -74,9 +78,10 @@ class Recorder:
         """Wait until all records are on the disk.  Raises OSError."""
         self._journal.sync()
 
-    def start(self, t: float, probes: Array) -> None:
-        """The values before the first window."""
-        self._journal.write("start", {"t_now": t, "terms": {}}, {"probes": probes})
+    def start(self, now: Level, probes: Array, t_T: Array | None = None) -> None:
+        """The values before the first window.  t_T : as in Words."""
+        self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
+                            {"probes": probes, **contact_row(self._strips, now, t_T)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
                words: Words = Words()) -> None:
@@ -98,7 +103,10 @@ class Recorder:
         accepted = solved.taken
         if accepted:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
-        self._journal.write("window", meta, {"probes": probes} if accepted else None)
+        arrays: dict[str, NDArray[Any]] = {}
+        if accepted:
+            arrays = {"probes": probes, **contact_row(self._strips, solved.state.now, words.t_T)}
+        self._journal.write("window", meta, arrays)
         self._seconds = time.perf_counter() - started
 
     def rewind(self, t: float, rows: int) -> None:
@@ -129,6 +137,7 @@ def _told(words: Words) -> dict[str, Any]:
                             "fired": [[f.rule, f.text, dict(f.values)] for f in words.fired]}
     if words.error is not None:
         told["estimate"] = estimated(words.error)
+        told["errors"] = [words.error.errors.get(n, math.nan) for n, _ in ERROR_FIELDS[1:]]
     return {n: v for n, v in told.items() if v}
 
 

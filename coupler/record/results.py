@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
 from coupler.record.beside import journal_of
-from coupler.record.columns import ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
 from coupler.schemes.ledger import PREFIX, imbalance
@@ -40,6 +40,22 @@ class Firing:
     values: Mapping[str, float]
 
 
+@dataclass(frozen=True)
+class Along:
+    """Contact along the slave surface of a pair, at the times `Results.t`.
+
+    s : (n,) [m] length from the surface's start to each node, X : (n, 2) [m] the node, both in the mesh's own shape.
+    t_N : (n_t, n) [Pa], <= 0.  gap : (n_t, n) [m], gap_max where nothing is faced.  t_T : (n_t, n) [Pa] shear, or None.
+    A node of two pairs' surfaces has what it has of both.
+    """
+
+    s: Array
+    X: Array
+    t_N: NDArray[np.float32]
+    gap: NDArray[np.float32]
+    t_T: NDArray[np.float32] | None = None
+
+
 class Results:
     """What a run left in its results file.
 
@@ -52,7 +68,9 @@ class Results:
     windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected; reasons : why it had
     its size and scheme, where that was chosen; events : what happened to contact at its end or inside.
     iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
-    estimates : one row a window whose error is known (ESTIMATE_FIELDS).  firings : of rules, in order.
+    estimates, errors : one row a window whose error is known (ESTIMATE_FIELDS, ERROR_FIELDS).  max_T [K] : the highest
+    temperature at the start and the ends of windows.  firings : of rules, in order.
+    contact : pair -> what contact did along its slave surface; empty for a file of an earlier version.
     rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
     later : the journal of a later, unfinished run to the same file, if there is one.
     Raises ResultsError if the file is missing, unreadable or not one of ours, or its run still goes on.
@@ -92,11 +110,16 @@ class Results:
             f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)
         self.estimates: np.recarray[Any, Any] = (
             f["estimates"][()] if "estimates" in f else np.zeros(0, list(ESTIMATE_FIELDS))).view(np.recarray)
+        self.errors: np.recarray[Any, Any] = (
+            f["errors"][()] if "errors" in f else np.zeros(0, list(ERROR_FIELDS))).view(np.recarray)
+        # Of files before it was kept the start is not known.
+        self.max_T = max([float(f.attrs.get("max_T", -np.inf)), *self.windows.max_T[self.windows.taken]])
         self.rewound: dict[str, float] = self.totals.get("rewound", {})
         self._monitors: dict[str, Array] = {n: d[()] for n, d in f["monitors"].items()}
         self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
+        self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
 
     @property
     def notes(self) -> tuple[str, ...]:

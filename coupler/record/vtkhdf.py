@@ -20,6 +20,7 @@ from coupler.errors import ResultsError
 VTK_TRIANGLE, VTK_QUAD = 5, 9
 # Fields of two columns are vectors (the third is zero); sigma is 11, 22, 12, 33 and becomes XX, YY, ZZ, XY, YZ, XZ,
 # which ParaView takes for a symmetric tensor.
+UNITS = {"T": "K", "f_s": "1", "q": "W/m2", "u": "m", "p": "Pa", "gap": "m", "sigma_v": "Pa", "sigma": "Pa"}
 WIDTHS = {"u": 3, "q": 3, "sigma": 6}
 Array = NDArray[np.float64]
 
@@ -108,7 +109,9 @@ class FieldFile:
 
 def _growing(group: h5py.Group, name: str, rows: int, width: int) -> h5py.Dataset:
     shape, most = ((0, width), (None, width)) if width else ((0,), (None,))
-    return group.create_dataset(name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]))
+    data = group.create_dataset(name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]))
+    data.attrs["unit"] = UNITS.get(name, "")
+    return data
 
 
 def _in_space(value: Array) -> Array:

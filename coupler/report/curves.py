@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,16 +12,19 @@ from numpy.typing import NDArray
 from coupler.record.results import Results
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import Picture, axes_of, legend_below, line_style, new_figure, plain, svg
-from coupler.report.units import Shown, counted, number, shown
+from coupler.report.units import Shown, axis_names, counted, number, shown
 
 Array = NDArray[np.float64]
 
 BINS = 20  # the time axis in so many parts where kinks do not cut it
 TALL, LOW = 4.5, 3.4  # inches: temperatures, and all else
 ZOOM_AT_MOST = 0.6  # a closer look at more of the run than this is none
+BAND = 0.3  # of the colour of a curve, for its error
+NARROW = 0.004  # of the range of the curves: less is not seen
 LEAST_GAIN = 0.1  # share of the movement beyond the share of the time: below it curves move about evenly
 NAMES = {"T": "temperature", "u_x": "displacement u_x", "u_y": "displacement u_y", "gap": "gap", "p": "pressure",
          "f_s": "solid fraction"}
+ERRORS = {"T": "temperature", "gap": "gap", "u_x": "displacement", "u_y": "displacement"}  # whose it is
 
 
 def probe_pictures(results: Results) -> list[Picture]:
@@ -37,6 +41,27 @@ def probe_pictures(results: Results) -> list[Picture]:
         if quantity == "T" and near:
             pictures.append(_picture(results, quantity, names, near))
     return pictures
+
+
+def name_of(quantity: str, geometry: str) -> str:
+    """What a quantity is called in a scene of this geometry."""
+    name = NAMES.get(quantity, quantity)
+    for own, here in zip(("u_x", "u_y"), axis_names(geometry), strict=True):
+        name = name.replace(own, f"u_{here}")
+    return name
+
+
+def error_of(results: Results, quantity: str) -> Array | None:
+    """(n_t,) in SI, the estimated error of the window that ends at each of `t`, nan where unknown; None: of none known.
+
+    It is the largest of all nodes, so at a probe more than its own.
+    """
+    if quantity not in ERRORS or not len(results.errors):
+        return None
+    of_row = dict(zip(results.errors.window.tolist(), results.errors[ERRORS[quantity]].tolist(), strict=True))
+    rows = np.flatnonzero(results.windows.taken)
+    error = np.array([np.nan, *(of_row.get(row, np.nan) for row in rows.tolist())])
+    return error if np.isfinite(error).any() else None
 
 
 def kinks_of(results: Results) -> list[float]:
@@ -57,11 +82,16 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     values = [_values(results, n) for n in names]
     largest = float(np.nan_to_num(np.abs(np.concatenate(values))).max(initial=0.0))
     scale = shown(results.unit(names[0]), largest, results.header["temperature_unit"])
-    what = NAMES.get(quantity, quantity)
+    what = name_of(quantity, str(results.header["geometry"]))
     figure = new_figure(TALL if quantity == "T" else LOW)
     ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         ax.plot(results.t, scale(value), label=plain(name), **line_style(k))
+    error = error_of(results, quantity)
+    if error is not None:
+        for k, value in enumerate(values):
+            ax.fill_between(results.t, scale(value - error), scale(value + error), color=line_style(k)["color"],
+                            alpha=BAND, linewidth=0)
     low, high = near or (float(results.t[0]), float(results.t[-1]))
     ax.set_xlim(low, high)
     if near:
@@ -72,6 +102,13 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     of = counted(len(names), "probe") if len(names) > 1 else f"probe {names[0]}"
     title = f"{what[0].upper()}{what[1:]} of {of} against time, {span}"
     caption = _caption(quantity, title, span, near is not None, bool(kinks_of(results)))
+    if error is not None and not near:
+        worst = float(np.nanmax(error))
+        apart = replace(shown(results.unit(names[0]), worst), shift=0.0)
+        caption += (f" Bands: the estimated error of each window, at most {apart.text(worst, 2)}, as it is at the node "
+                    "where it is largest; those of the windows before are not in it.")
+        span_of = float(np.nanmax(values) - np.nanmin(values))
+        caption += " The bands are narrower than the lines." if worst < NARROW * span_of else ""
     return svg(figure, f"{title}: {_ends(names, values, scale)}.", caption)
 
 

@@ -40,6 +40,17 @@ def banner(results: Results) -> tuple[str, str] | None:
                       + (f"\n{results.message.rstrip('.')}." if results.message else ""))
 
 
+def about(results: Results) -> str:
+    """What the scenario says of itself: its comment at the top, up to the first empty line."""
+    lines = []
+    for line in str(results.header["scenario"]["text"]).splitlines():
+        words = line.removeprefix("#").strip()
+        if not line.startswith("#") or not words:
+            break
+        lines.append(words)
+    return " ".join(lines)
+
+
 def summary(results: Results) -> str:
     """The run in one paragraph."""
     w = results.windows
@@ -55,7 +66,7 @@ def summary(results: Results) -> str:
     if told := iteration_words(results):
         text += f" {told[0].upper()}{told[1:]}."
     T = shown("K", 0.0, results.header["temperature_unit"])
-    text += f" The highest temperature was {T.text(float(good.max_T.max()), 5)}"
+    text += f" The highest temperature was {T.text(results.max_T, 5)}"
     p = float(good.max_p.max())
     if p > 0:
         first, peak = good[good.max_p > 0][0], good[good.max_p.argmax()]

@@ -13,9 +13,10 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
 from coupler.record.results import Results
-from coupler.report.control import choices, errors_picture, event_rows, short_windows
+from coupler.report.contact import contact_pictures
+from coupler.report.control import choices, errors_picture, event_rows, every_window, short_windows, stretches
 from coupler.report.curves import probe_pictures
-from coupler.report.facts import banner, rejected_windows, scenario_facts, summary
+from coupler.report.facts import about, banner, rejected_windows, scenario_facts, summary
 from coupler.report.heat import depth_of, heat_picture, heat_table
 from coupler.report.rules import rules_that_fired
 from coupler.report.snapshots import field_pictures
@@ -74,10 +75,12 @@ def render(results: Results) -> str:
     fields, remarks = field_pictures(results)
     parts, (rejected, rejected_count) = shares(results), rejected_windows(results)
     return template.render(
-        title=results.header["title"], banner=banner(results), summary=summary(results),
-        facts=scenario_facts(results), probes=probe_pictures(results), fields=fields,
+        title=results.header["title"], banner=banner(results), about=about(results),
+        summary=summary(results),
+        facts=scenario_facts(results), probes=probe_pictures(results), fields=fields, contact=contact_pictures(results),
         heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
-        choices=choices(results), short=short_windows(results), events=event_rows(results),
+        choices=choices(results), stretches=stretches(results), every=every_window(results),
+        tried=len(results.windows), short=short_windows(results), events=event_rows(results),
         errors=errors_picture(results), windows=windows_picture(results),
         iterates=iterates_picture(results), shares=parts, asked=asked(results),
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,

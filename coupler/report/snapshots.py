@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
@@ -21,13 +23,18 @@ from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import kinks_of
 from coupler.report.frames import choose, progress
 from coupler.report.picture import INK, Picture, new_figure, png
-from coupler.report.units import Shown, number, shown
+from coupler.report.units import Shown, axis_names, number, shown
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
 MARGIN = 0.04
+# Inches: beside and between panels, and the tallest of them.
+LEFT, RIGHT, TOP, BOTTOM, BETWEEN, TALLEST = 0.65, 1.0, 0.32, 0.5, (0.2, 0.32), 5.0
+# Without the black end, on which no outline is seen.
+COLD_TO_HOT = ListedColormap(colormaps["inferno"](np.linspace(0.12, 1.0, 256)))
 ARROWS = 150  # more are a blur
+ARROW = 0.75  # their length, of their mean distance
 FAINT = 1e-3  # share of the largest flux below which a direction says nothing
 LOUDEST = 0.98  # share of cells whose flux the colours tell apart
 SMOOTH_UP_TO = 40_000  # triangles; a smooth picture of more takes seconds and shows no more
@@ -59,31 +66,34 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
     scale = shown("K", 0.0, results.header["temperature_unit"])
     low, high = min(float(v.min()) for v in T), max(float(v.max()) for v in T)
     limits = (float(scale(np.array(low))), float(scale(np.array(high))))
-    figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]")
+    axes = axis_names(str(results.header["geometry"]))
+    figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]", axes)
     times = ", ".join(f"{number(float(file.times[k]), 6)} s" for k in picks)
+    near = ", those nearest to the kinks," if kinks_of(results) else ""
     pictures = [png(figure, f"Temperature of the bodies at t = {times}, from {scale.text(low)} to {scale.text(high)}.",
                     "Temperature on the bodies as they stand (deformed, not magnified), one colour scale for all. "
-                    "Shown: the first and the last frame, those nearest to the kinks, and where most changes.")]
+                    f"Shown: the first and the last frame{near} and where most changes.")]
     if "f_s" in file.point_fields:
-        figure = _frames(file, picks, [file.point_field("f_s", k) for k in picks], (0.0, 1.0), "solid fraction [1]")
+        f_s = [file.point_field("f_s", k) for k in picks]
+        figure = _frames(file, picks, f_s, (0.0, 1.0), "solid fraction [1]", axes)
         pictures.append(png(figure, f"Solid fraction of the bodies at t = {times}.",
                             "Solid fraction at the same times: 1 where all is solid (bodies that do not melt, too)."))
-    return pictures + _flux(file)
+    return pictures + _flux(file, axes)
 
 
 def _frames(file: FieldReader, picks: Sequence[int], values: Sequence[Array], limits: tuple[float, float],
-            label: str) -> Figure:
+            label: str, axes: tuple[str, str]) -> Figure:
     """Values on the bodies at some frames, with one colour scale."""
     points = [file.points(k) for k in picks]
-    figure, panels, length = _panels(points)
-    for ax, x, value, k in zip(panels, points, values, picks, strict=False):
-        image = _paint(ax, length(x), file, value, limits)
-        ax.set_title(f"t = {number(float(file.times[k]), 6)} s", fontsize=10, color=INK)
-    figure.colorbar(image, ax=panels, label=label, shrink=0.85, pad=0.01)
-    return figure
+    panels = _panels(points, axes)
+    for ax, x, value, k in zip(panels.axes, points, values, picks, strict=True):
+        image = _paint(ax, panels.length(x), file, value, limits)
+        ax.set_title(f"t = {number(float(file.times[k]), 4)} s", fontsize=10, color=INK)
+    _bar(panels, image, label)
+    return panels.figure
 
 
-def _flux(file: FieldReader) -> list[Picture]:
+def _flux(file: FieldReader, axes: tuple[str, str]) -> list[Picture]:
     """The heat flux where it is largest in the mean: its size in colour, its direction in arrows."""
     if "q" not in file.cell_fields:
         return []
@@ -95,13 +105,14 @@ def _flux(file: FieldReader) -> list[Picture]:
     top = float(np.quantile(sizes[k], LOUDEST)) or float(sizes[k].max())
     scale = shown("W/m2", top)
     x = file.points(k)
-    figure, (ax, *_), length = _panels([x])
-    image = _paint(ax, length(x), file, scale(sizes[k]), (0.0, float(scale(np.array(top)))))
-    _arrows(ax, length(x), file, file.cell_field("q", k)[:, :2])
-    figure.colorbar(image, ax=[ax], label=f"heat flux [{scale.unit}]", pad=0.02, extend="max")
+    panels = _panels([x], axes)
+    ax, x = panels.axes[0], panels.length(x)
+    image = _paint(ax, x, file, scale(sizes[k]), (0.0, float(scale(np.array(top)))))
+    _arrows(ax, x, file, file.cell_field("q", k)[:, :2])
+    _bar(panels, image, f"heat flux [{scale.unit}]", extend="max")
     t = number(float(file.times[k]), 6)
     text = f"Heat flux, mean of each cell, at t = {t} s, the frame where it is largest in the mean"
-    picture = png(figure, f"{text}: up to {scale.text(float(sizes[k].max()))}.",
+    picture = png(panels.figure, f"{text}: up to {scale.text(float(sizes[k].max()))}.",
                   f"{text} (up to {scale.text(float(sizes[k].max()))}). Arrows: its direction.")
     return [replace(picture, narrow=True)]
 
@@ -113,7 +124,19 @@ def _arrows(ax: Axes, x: Array, file: FieldReader, q: Array) -> None:
     step = max(1, math.ceil(len(q) / ARROWS))
     at = np.flatnonzero(size > FAINT * size.max())[::step]
     u, v = (q[at] / size[at, None]).T
-    ax.quiver(centres[at, 0], centres[at, 1], u, v, color="white", pivot="mid", scale=32, width=0.0035)
+    # As long as a cell of those shown: on a slender body arrows of a share of the width would be specks.
+    apart = ARROW * float(np.sqrt(_area(x, file) / len(at)))
+    ax.quiver(centres[at, 0], centres[at, 1], u, v, color="white", pivot="mid", angles="xy", units="xy",
+              scale_units="xy", scale=1.0 / apart, width=0.09 * apart, edgecolor=INK, linewidth=0.4)
+
+
+def _area(x: Array, file: FieldReader) -> float:
+    """Of all cells together."""
+    total = 0.0
+    for cells in (file.quads, file.triangles):
+        X, Y = x[cells, 0], x[cells, 1]
+        total += 0.5 * float(np.abs((X * np.roll(Y, -1, axis=1) - Y * np.roll(X, -1, axis=1)).sum(axis=1)).sum())
+    return total
 
 
 def _stress(results: Results, file: FieldReader) -> list[Picture]:
@@ -124,48 +147,78 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
     if not highest[k] > 0:
         return []
     scale = shown("Pa", highest[k])
-    figure, panels, length = _panels([file.points(k)])
+    panels = _panels([file.points(k)], axis_names(str(results.header["geometry"])))
     stress = scale(file.cell_field("sigma_v", k))
-    image = _paint(panels[0], length(file.points(k)), file, stress, (0.0, float(stress.max())))
-    figure.colorbar(image, ax=panels, label=f"von Mises stress [{scale.unit}]", pad=0.02)
+    image = _paint(panels.axes[0], panels.length(file.points(k)), file, stress, (0.0, float(stress.max())))
+    _bar(panels, image, f"von Mises stress [{scale.unit}]")
     t = number(float(file.times[k]), 6)
     text = f"Von Mises stress, mean of each cell, at t = {t} s, the frame where it is highest"
-    picture = png(figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).")
+    picture = png(panels.figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).")
     return [replace(picture, narrow=True)]
 
 
-def _panels(points: Sequence[Array]) -> tuple[Figure, list[Axes], Shown]:
-    """Axes of one size and one pair of limits for all frames; lengths in a fitting unit."""
+@dataclass(frozen=True)
+class Panels:
+    """A figure of panels with one pair of limits, and room for one bar of colours.  length : how lengths are shown."""
+
+    figure: Figure
+    axes: list[Axes]
+    bar: Axes
+    length: Shown
+
+
+def _panels(points: Sequence[Array], names: tuple[str, str]) -> Panels:
+    """Panels of one size for all frames, a metre as long upright as across.  names : of the coordinates.
+
+    They are put in their places here: a layout engine measures every number beside every panel, three times.
+    """
     everything = np.concatenate(points)
     low, high = everything.min(axis=0), everything.max(axis=0)
     length = shown("m", float(max(np.abs(low).max(), np.abs(high).max(), 1e-3)))
-    pad = MARGIN * float((high - low).max())
-    wide, tall = high - low + 2 * pad
+    wide, tall = high - low + 2 * MARGIN * float((high - low).max())
     columns = min(len(points), 4 if tall >= 0.6 * wide else 2)
     rows = math.ceil(len(points) / columns)
     # A flat body alone in its picture leaves room for the words that stand upright beside its colours.
-    panel, least = (8.9 / columns, 0.9) if columns > 1 else (4.5, 1.5)
-    height = min(max(panel * tall / wide, least), 5.0)
-    figure = new_figure(rows * (height + 0.35) + 0.5, 10.6 if columns > 1 else 6.0)
-    # Bodies keep their proportions, so a tall one leaves room at its sides: closed up, or the picture stands askew.
-    figure.set_layout_engine("compressed")
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    panels = list(grid.ravel())
-    for ax in panels[len(points):]:
-        ax.set_visible(False)
-    ax = panels[0]
-    ax.set_xlim(*length(np.array([low[0] - pad, high[0] + pad])))
-    ax.set_ylim(*length(np.array([low[1] - pad, high[1] + pad])))
-    for k, ax in enumerate(panels[: len(points)]):
-        ax.set_aspect("equal", adjustable="box")
-        ax.tick_params(labelsize=8, colors=INK)
-        ax.xaxis.set_major_locator(MaxNLocator(4))
-        if k + columns >= len(points):
-            ax.set_xlabel(f"x [{length.unit}]", fontsize=9, color=INK)
-            ax.tick_params(labelbottom=True)
-        if k % columns == 0:
-            ax.set_ylabel(f"y [{length.unit}]", fontsize=9, color=INK)
-    return figure, panels[: len(points)], length
+    width, least = (10.6, 0.9) if columns > 1 else (6.0, 1.5)
+    across = (width - LEFT - RIGHT - (columns - 1) * BETWEEN[0]) / columns
+    up = min(max(across * tall / wide, least), TALLEST)
+    across = min(across, up * wide / tall)
+    height = TOP + BOTTOM + rows * up + (rows - 1) * BETWEEN[1]
+    left = LEFT + 0.5 * (width - LEFT - RIGHT - columns * across - (columns - 1) * BETWEEN[0])
+    figure = new_figure(height, width)
+    figure.set_layout_engine("none")
+    half = 0.5 * np.array([max(wide, tall * across / up), max(tall, wide * up / across)])
+    middle, axes = 0.5 * (low + high), []
+    for k in range(len(points)):
+        row, column = divmod(k, columns)
+        x, y = left + column * (across + BETWEEN[0]), height - TOP - (row + 1) * up - row * BETWEEN[1]
+        ax = figure.add_axes((x / width, y / height, across / width, up / height))
+        ax.set_xlim(*length(middle[0] + np.array([-half[0], half[0]])))
+        ax.set_ylim(*length(middle[1] + np.array([-half[1], half[1]])))
+        _ticks(ax, (k + columns >= len(points), column == 0), names, length)
+        axes.append(ax)
+    end, most = left + columns * across + (columns - 1) * BETWEEN[0], height - TOP - BOTTOM
+    tall_bar = min(most, 4.0)
+    bar = figure.add_axes(((end + 0.15) / width, (BOTTOM + 0.5 * (most - tall_bar)) / height, 0.16 / width,
+                           tall_bar / height))
+    return Panels(figure, axes, bar, length)
+
+
+def _ticks(ax: Axes, outer: tuple[bool, bool], names: tuple[str, str], length: Shown) -> None:
+    """outer : whether the panel has no other below it, and none on its left: only there numbers stand."""
+    ax.tick_params(labelsize=8, colors=INK, labelbottom=outer[0], labelleft=outer[1])
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.yaxis.set_major_locator(MaxNLocator(6))
+    if outer[0]:
+        ax.set_xlabel(f"{names[0]} [{length.unit}]", fontsize=9, color=INK)
+    if outer[1]:
+        ax.set_ylabel(f"{names[1]} [{length.unit}]", fontsize=9, color=INK)
+
+
+def _bar(panels: Panels, image: Any, label: str, **look: Any) -> None:
+    """The bar of colours and what they mean."""
+    panels.figure.colorbar(image, cax=panels.bar, **look).set_label(label, fontsize=9, color=INK)
+    panels.bar.tick_params(labelsize=8, colors=INK)
 
 
 def _paint(ax: Axes, x: Array, file: FieldReader, value: Array, limits: tuple[float, float]) -> Any:
@@ -173,7 +226,7 @@ def _paint(ax: Axes, x: Array, file: FieldReader, value: Array, limits: tuple[fl
     q = file.quads
     cells = np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]], file.triangles])
     low, high = limits if limits[1] > limits[0] else (limits[0] - 0.5, limits[1] + 0.5)
-    look: dict[str, Any] = {"cmap": "inferno", "vmin": low, "vmax": high}
+    look: dict[str, Any] = {"cmap": COLD_TO_HOT, "vmin": low, "vmax": high}
     mesh = Triangulation(x[:, 0], x[:, 1], cells)
     if len(value) == len(x) and len(cells) <= SMOOTH_UP_TO:
         image: Any = ax.tripcolor(mesh, value, shading="gouraud", **look)

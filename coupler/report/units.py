@@ -46,6 +46,11 @@ def shown(unit: str, largest: float, temperature_unit: str = "K") -> Shown:
     return Shown(factor, 0.0, name)
 
 
+def axis_names(geometry: str) -> tuple[str, str]:
+    """What the two coordinates of a scene are called."""
+    return ("r", "z") if geometry == "axisymmetric" else ("x", "y")
+
+
 def number(value: float, digits: int = 4) -> str:
     """A number for reading: no exponent where none is needed.
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from coupler.record.results import Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
 from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
-from coupler.report.units import number
+from coupler.report.units import counted, number
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ def windows_picture(results: Results) -> Picture | None:
     edges = np.append(good.t, good.t[-1] + good.H[-1])
     upper.stairs(good.H, edges, baseline=None, color=COLOURS[0], linewidth=1.4, label="window size")
     upper.set_yscale("log")
+    plain_log(upper)
     if good.H.max() < 10 * good.H.min():
         upper.set_ylim(good.H.min() / 4, good.H.max() * 4)
     if len(bad):
@@ -52,10 +54,19 @@ def windows_picture(results: Results) -> Picture | None:
         lower.axvline(k, color="#999999", linewidth=0.7, zorder=1)
     handles = [*upper.get_legend_handles_labels()[0], *lower.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    text = (f"Window size from {number(float(good.H.min()), 3)} s to {number(float(good.H.max()), 3)} s over "
-            f"{len(good)} accepted and {len(bad)} rejected windows")
+    least, most = number(float(good.H.min()), 3), number(float(good.H.max()), 3)
+    sizes = f"Windows of {most} s" if least == most else f"Window size from {least} s to {most} s"
+    text = f"{sizes}: {counted(len(good), 'window')} accepted, {len(bad) or 'none'} rejected"
     return svg(figure, f"{text}; iterations of each half below.",
                f"{text}. Below: iterations of each half in a window.")
+
+
+def plain_log(ax: Axes) -> None:
+    """Numbers as they are spoken beside a logarithmic axis: .2, .5, 1, and no powers of ten."""
+    axis = ax.yaxis
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 2)))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def iterates_picture(results: Results) -> Picture | None:

@@ -1,8 +1,9 @@
-"""Which halves there are: our own, and those of other packages (entry points `slideline.halves`)."""
+"""Which halves there are: our own, those of other packages (entry points `slideline.halves`), FMUs that lie ready."""
 
 from __future__ import annotations
 
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from coupler.scenario.document import Document
 from coupler.scenario.quantity import did_you_mean
@@ -21,8 +22,18 @@ def known_kinds(role: str) -> tuple[str, ...]:
     return tuple(OWN[role]) + tuple(sorted({e.name for e in entry_points(group=GROUP)} - ours))
 
 
+def fmu_path(kind: str, folder: Path) -> Path | None:
+    """The FMU a half's name is the path of, relative to the scenario's folder; None where it names a kind."""
+    return (folder / kind).resolve() if kind.endswith(".fmu") else None
+
+
 def check_kind(document: Document, role: str, kind: str) -> None:
-    """Raises ScenarioError where no such half is installed, or it is one of the other role."""
+    """Raises ScenarioError where no such half is installed, it is one of the other role, or its FMU is not there."""
+    fmu = fmu_path(kind, document.path.parent)
+    if fmu is not None:
+        if not fmu.is_file():
+            raise document.error((role, "half"), f"there is no FMU {fmu}", "Paths are relative to the scenario file.")
+        return
     known = known_kinds(role)
     if kind not in known:
         raise document.error(

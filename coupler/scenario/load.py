@@ -15,6 +15,7 @@ from coupler.scenario.base import SignalTable
 from coupler.scenario.context import Context
 from coupler.scenario.convert import Convert
 from coupler.scenario.document import Document
+from coupler.scenario.kinds import fmu_path
 from coupler.scenario.mesh_file import mesh_path
 from coupler.scenario.models import models
 from coupler.scenario.output import output_of
@@ -93,7 +94,7 @@ def _signals(document: Document, file: ScenarioFile) -> dict[str, Signal]:
 
 
 def _hash(document: Document, file: ScenarioFile) -> str:
-    """Of the values, not the text: comments, the order of keys and a study change no result; mesh files do."""
+    """Of the values, not the text: comments, the order of keys and a study change no result; mesh files and FMUs do."""
     values = {key: value for key, value in document.tree.items() if key != "study"}
     digest = hashlib.sha256(json.dumps(values, sort_keys=True, allow_nan=False).encode())
     for body in file.bodies.values():
@@ -101,4 +102,7 @@ def _hash(document: Document, file: ScenarioFile) -> str:
             digest.update(
                 hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest()
             )
+    for kind in (file.thermal.half, file.mechanical.half):
+        if (fmu := fmu_path(kind, document.path.parent)) is not None:
+            digest.update(hashlib.sha256(fmu.read_bytes()).digest())
     return digest.hexdigest()[:32]

@@ -7,7 +7,7 @@ import numpy as np
 from contact.half.property import property_from
 from coupler.scenario.context import FORMAT, Context, Model
 from coupler.scenario.convert_material import properties_of
-from coupler.scenario.kinds import OWN, check_kind
+from coupler.scenario.kinds import OWN, check_kind, fmu_path
 from coupler.scenario.mechanical_model import augmented, elastic_model, rigid_model
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.rod_model import lumped_model, mechanical_rod_model, thermal_rod_model
@@ -35,9 +35,13 @@ def models(c: Context) -> dict[str, Model]:
 
 
 def _foreign(c: Context, role: str, kind: str) -> Model:
-    """What a half of another package is told: everything the scene states, and its own options unchanged."""
+    """What a half of another package is told: everything the scene states, and its own options unchanged.
+
+    An FMU that lies ready was built before and is told nothing; its `half` is where it lies.
+    """
+    fmu = fmu_path(kind, c.document.path.parent)
     options = (c.file.thermal if role == "thermal" else c.file.mechanical).options
-    return {"half": kind, "format": FORMAT, "options": options,
+    return {"half": kind if fmu is None else str(fmu), "format": FORMAT, "options": options,
             "materials": {n: c.material(n, Material.model_fields) for n in c.file.materials},
             "bodies": {n: {"material": b.material, "T0": c.convert.kelvin(b.T0, ("bodies", n, "T0"))}
                        for n, b in c.file.bodies.items()},

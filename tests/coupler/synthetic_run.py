@@ -124,7 +124,7 @@ def record(out: Path, case: Case) -> Recorder:
     at = set(np.linspace(0, case.windows, case.frames).round().astype(int).tolist())
     r = Recorder(out, header(case), scene)
     now, ledger = level(scene, 0.0), Ledger()
-    r.start(0.0, probes_at(now, case.n)[: len(header(case)["probes"])])
+    r.start(now, probes_at(now, case.n)[: len(header(case)["probes"])])
     if 0 in at:
         r.frame(now, {"sigma_v": np.zeros(cells), **thermal_fields(case, now, cells)})
     for k in range(case.windows):

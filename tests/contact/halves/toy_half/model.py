@@ -28,11 +28,15 @@ class Toy:
 
 
 class ToyHalf:
-    """The half.  bugs(1..) by control.method make a step go wrong in a chosen way."""
+    """The half.  bugs(1..) by control.method make a step go wrong in a chosen way.
 
-    def __init__(self, interface: Interface, rate: float, h_max: float) -> None:
+    leak : what every step ever made adds to T [K]: memory beside the state, which no restore brings back.
+    """
+
+    def __init__(self, interface: Interface, rate: float, h_max: float, leak: float = 0.0) -> None:
         n = len(interface.nodes)
         self.n, self.rate, self.h_max = n, rate, h_max
+        self.leak, self.made = leak, 0
         self.variables = (
             Variable("T", (n,), "output", "K"),
             Variable("x", (n, 2), "input", "m", start=interface.nodes),
@@ -72,6 +76,8 @@ class ToyHalf:
         memory = 0.9 * state.memory + np.stack([T - state.T, inputs["x"][:, 0]], axis=1)
         if method == 6:
             T[-1] = np.nan
+        self.made += 1
+        T += self.leak * self.made
         new = Toy(T, memory, state.steps + 1, state.note)
         return Done(new, self._outputs(new), dt_stable=2.0)
 
@@ -83,4 +89,4 @@ def load(interface: Interface, model: Mapping[str, Any]) -> ToyHalf:
     """The half of a directory."""
     if model.get("half") != "toy":
         raise ValueError(f"model.json: half is {model.get('half')!r}, not 'toy'")
-    return ToyHalf(interface, float(model["rate"]), float(model.get("h_max", 1.0)))
+    return ToyHalf(interface, float(model["rate"]), float(model.get("h_max", 1.0)), float(model.get("leak", 0.0)))

@@ -1,0 +1,128 @@
+"""Bodies: pieces of mesh that hang together, with the one material of their sections."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from itertools import chain, count
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from coupler.deck.lexer import Row, number, wrong
+from coupler.deck.log import Log
+from coupler.deck.mesh import Mesh
+from coupler.deck.outline import Outline, named
+from coupler.scenario.quantity import did_you_mean
+
+MAX_BODIES = 200
+
+
+@dataclass(frozen=True)
+class Body:
+    """name : as the scenario has it.  material : in capitals, as the deck has it.  cells, nodes : rows.
+    thickness : of plane sections, as written; row : the section's line."""
+
+    name: str
+    material: str
+    cells: tuple[int, ...]
+    nodes: frozenset[int]
+    thickness: float
+    row: Row
+
+
+@dataclass(frozen=True)
+class _Section:
+    label: str
+    material: str
+    thickness: float
+    row: Row
+
+
+class Names:
+    """Names of the scenario that are given once; `taken` is asked and added to."""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+
+    def free(self, wanted: str, suffix: str = "") -> str:
+        """`wanted` in letters the scenario takes; with the suffix, then numbered, where that is taken already."""
+        base = re.sub(r"[^A-Za-z0-9_-]", "_", wanted)[:50] or "_"
+        base = base if re.match(r"[A-Za-z_]", base) else f"_{base}"
+        numbered = (f"{base}{suffix}_{i}" for i in count(2))
+        name = next(name for name in chain((base, f"{base}{suffix}"), numbered) if name not in self.taken)
+        self.taken.add(name)
+        return name
+
+
+def bodies_of(outline: Outline, mesh: Mesh, names: Names, log: Log) -> list[Body]:
+    """The bodies, in the order of their first cells.
+
+    Raises ScenarioError where a cell has no section, or a piece has sections of several materials.
+    """
+    section_of = _sections(outline, mesh, log)
+    for i, cell in enumerate(mesh.cells):
+        if i not in section_of:
+            raise wrong(cell.row, "this element has no section", "Put it in the set of a *SOLID SECTION.")
+    piece = _pieces(mesh)
+    pieces = [np.flatnonzero(piece == i) for i in range(int(piece.max()) + 1)]
+    if len(pieces) > MAX_BODIES:
+        raise wrong(mesh.cells[0].row, f"the mesh falls into {len(pieces)} pieces, more than {MAX_BODIES}",
+                    "Merge the nodes of cells that hang together.")
+    labels = Counter(section_of[int(cells[0])].label for cells in pieces)
+    out: list[Body] = []
+    seen: Counter[str] = Counter()
+    for cells in pieces:
+        first = section_of[int(cells[0])]
+        for other in (section_of[int(i)] for i in cells):
+            if other.material != first.material:
+                raise wrong(other.row, f"a piece of the mesh is of {first.material} and of {other.material}",
+                            "A body has one material: give each its own nodes along the seam, and a contact pair.")
+            if other.thickness != first.thickness:
+                raise wrong(other.row, "a piece of the mesh has two thicknesses", "A body has one.")
+        seen[first.label] += 1
+        label = first.label if labels[first.label] == 1 else f"{first.label}_{seen[first.label]}"
+        nodes = frozenset(n for i in cells for n in mesh.cells[int(i)].nodes)
+        out.append(Body(names.free(label), first.material, tuple(int(i) for i in cells), nodes, first.thickness,
+                        first.row))
+    return out
+
+
+def _sections(outline: Outline, mesh: Mesh, log: Log) -> dict[int, _Section]:
+    found: dict[int, _Section] = {}
+    for scoped in outline.mesh:
+        block, part = scoped.block, scoped.part
+        if block.word != "SOLID SECTION":
+            continue
+        material = named(block, "MATERIAL")
+        if material not in outline.materials:
+            raise wrong(block.row, f"there is no *MATERIAL {material[:60]}",
+                        did_you_mean(material[:60], outline.materials))
+        thickness = number(block.data[0], 0, "the thickness", 1.0) if block.data else 1.0
+        if thickness <= 0.0:
+            raise wrong(block.data[0], "a thickness is greater than zero")
+        cells = mesh.cells_at(named(block, "ELSET"), block.row, part)
+        elset = block.option("ELSET")
+        label = outline.spelled[part] if part else mesh.spelled.get((part, elset), elset)
+        for i in cells:
+            if i in found and found[i].material != material:
+                raise wrong(block.row, "elements of this section have another section already")
+            found[i] = _Section(label, material, thickness, block.row)
+        if not cells:
+            log.miss(block, "the set has no elements")
+    return found
+
+
+def _pieces(mesh: Mesh) -> NDArray[np.int32]:
+    """(n_cells,) the number of the piece each cell is in, counted from the first cell on."""
+    pairs = np.array([(cell.nodes[0], n) for cell in mesh.cells for n in cell.nodes[1:]])
+    n = len(mesh.points)
+    graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, of_node = connected_components(graph, directed=False)
+    of_cell = of_node[[cell.nodes[0] for cell in mesh.cells]]
+    _, first, inverse = np.unique(of_cell, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    return order[inverse].astype(np.int32)

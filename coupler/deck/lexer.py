@@ -1,0 +1,225 @@
+"""From a deck to its blocks: keyword lines with the data lines under them; files it includes, read beside it only."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from coupler.errors import ScenarioError
+
+MAX_BYTES = 200_000_000  # of the deck with all it includes, files counted as often as they are included
+MAX_FILES = 1_000  # included, counted as often
+MAX_DEPTH = 20  # of includes within includes
+MAX_NAME = 200  # no file name and no set name is longer
+SHOWN = 90  # of a line, in messages
+NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
+_WHOLE = re.compile(r"[-+]?[0-9]{1,10}")
+_QUOTED = re.compile(r'"[^"]*"|[^,"]+|,|"')
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a deck.  fields : what stands between its commas, without blanks around."""
+
+    file: str
+    line: int
+    text: str
+    fields: tuple[str, ...]
+
+    @property
+    def shown(self) -> str:
+        """The line as a message may hold it: printable, and cut."""
+        text = "".join(c if c.isprintable() else "?" for c in self.text.strip())
+        return text if len(text) <= SHOWN else text[:SHOWN] + "..."
+
+    def field(self, i: int) -> str:
+        """A field, empty where the line is shorter."""
+        return self.fields[i] if i < len(self.fields) else ""
+
+
+@dataclass(frozen=True)
+class Block:
+    """word : the keyword in capitals, without its star.  options : in capitals -> as written, without quotes."""
+
+    word: str
+    options: Mapping[str, str]
+    row: Row
+    data: tuple[Row, ...] = field(default=())
+
+    def option(self, name: str) -> str:
+        """An option's value in capitals, empty where it is not given."""
+        return self.options.get(name, "").upper()
+
+
+def wrong(row: Row, message: str, remedy: str = "") -> ScenarioError:
+    """The error a line becomes; the caller raises it."""
+    return ScenarioError(message, file=row.file, line=row.line, value=row.shown, remedy=remedy)
+
+
+def number(row: Row, i: int, what: str, default: float | None = None) -> float:
+    """Field i of a line, a finite number; 1.D3 is 1000.  Raises ScenarioError."""
+    text = row.field(i)
+    if not text and default is not None:
+        return default
+    if not NUMBER.fullmatch(text):
+        raise wrong(row, f"{what} (field {i + 1}) must be a number",
+                    "Write it out, as 1.5 or 1.5E3; parameters and expressions are not evaluated.")
+    value = float(text.upper().replace("D", "E"))
+    if abs(value) == float("inf"):
+        raise wrong(row, f"{what} (field {i + 1}) is too large for a number")
+    return value
+
+
+def numbers(row: Row, what: str) -> list[float]:
+    """All fields of a line as numbers, empty ones at its end left out.  Raises ScenarioError."""
+    count = max((i + 1 for i, text in enumerate(row.fields) if text), default=0)
+    return [number(row, i, what, 0.0) for i in range(count)]
+
+
+def whole(row: Row, i: int, what: str, default: int | None = None) -> int:
+    """Field i of a line, a whole number.  Raises ScenarioError."""
+    text = row.field(i)
+    if not text and default is not None:
+        return default
+    if not _WHOLE.fullmatch(text):
+        raise wrong(row, f"{what} (field {i + 1}) must be a whole number of at most 10 digits")
+    return int(text)
+
+
+def is_whole(text: str) -> bool:
+    """Whether a field is the number of a node or an element."""
+    return _WHOLE.fullmatch(text) is not None
+
+
+@dataclass
+class _Files:
+    """What may be read: files in the deck's folder, so many bytes and files.  shown : the folder, as given."""
+
+    folder: Path
+    shown: Path
+    left: int = MAX_BYTES
+    files: int = MAX_FILES
+
+
+def blocks_of(path: Path) -> list[Block]:
+    """The deck's blocks in order, includes put in their place.
+
+    Raises ScenarioError, naming file and line, where a file is missing, too large, not text, not beside the deck, or
+    includes itself, and where data stand before the first keyword.
+    """
+    files = _Files(path.resolve().parent, path.parent)
+    blocks: list[Block] = []
+    data: list[Row] = []
+    for row in _rows(path, files, (), Row(str(path), 0, "", ())):
+        if not row.text.startswith("*"):
+            if not blocks:
+                raise wrong(row, "data before the first keyword", "A deck begins with a keyword, such as *HEADING.")
+            data.append(row)
+            continue
+        if blocks:
+            blocks[-1] = _closed(blocks[-1], data)
+        blocks.append(_keyword(row))
+        data = []
+    if not blocks:
+        raise ScenarioError("the deck is empty", file=str(path), remedy="It needs at least *NODE and *ELEMENT.")
+    blocks[-1] = _closed(blocks[-1], data)
+    return blocks
+
+
+def _closed(block: Block, data: list[Row]) -> Block:
+    return Block(block.word, block.options, block.row, tuple(data))
+
+
+def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> Iterator[Row]:
+    """Lines of a file without comments, keyword lines joined, includes in place; asked : the line that named it."""
+    lines = _text(path, files, asked).split("\n")
+    resolved = path.resolve()
+    i = 0
+    while i < len(lines):
+        text, start = lines[i].strip(), i + 1
+        i += 1
+        if not text or text.startswith("**"):
+            continue
+        if text.startswith("*"):
+            while text.endswith(",") and i < len(lines) and not lines[i].lstrip().startswith("*"):
+                text, i = f"{text} {lines[i].strip()}", i + 1
+        row = Row(str(path), start, text, _fields(text))
+        if not text.startswith("*"):
+            yield row
+            continue
+        block = _keyword(row)
+        if block.word != "INCLUDE":
+            yield row
+        if "INPUT" in block.options:
+            inner = _beside(block, files, (*within, resolved))
+            yield from _rows(inner, files, (*within, resolved), row)
+        elif block.word == "INCLUDE":
+            raise wrong(row, "*INCLUDE does not say which file", "Write *INCLUDE, INPUT=file.inp.")
+
+
+def _beside(block: Block, files: _Files, within: tuple[Path, ...]) -> Path:
+    """The file an INPUT names.  Raises ScenarioError where it is elsewhere or being read already."""
+    name = block.options["INPUT"]
+    if not name or len(name) > MAX_NAME or "\0" in name:
+        raise wrong(block.row, "INPUT must name a file")
+    path = (files.folder / name).resolve()
+    if not path.is_relative_to(files.folder):
+        raise wrong(block.row, "only files beside the deck are read", f"Move it into {files.folder}.")
+    if path in within:
+        raise wrong(block.row, "this file includes itself", "Take the circle of *INCLUDE apart.")
+    if len(within) > MAX_DEPTH:
+        raise wrong(block.row, f"more than {MAX_DEPTH} files within files")
+    return files.shown / path.relative_to(files.folder)
+
+
+def _text(path: Path, files: _Files, asked: Row) -> str:
+    """A file's text.  Raises ScenarioError, in the words of the line that asked for it."""
+    def refuse(message: str, remedy: str = "") -> ScenarioError:
+        if asked.line:
+            return wrong(asked, f"{path.name}: {message}", remedy)
+        return ScenarioError(message, file=str(path), remedy=remedy)
+
+    if not path.is_file():
+        raise refuse("there is no such file")
+    try:
+        size = path.stat().st_size
+        raw = path.read_bytes() if size <= files.left else b""
+    except OSError as exc:
+        raise refuse(f"cannot be read ({exc.strerror})") from exc
+    if size > files.left:
+        raise refuse(f"decks may have {MAX_BYTES} bytes with all they include", "Thin the mesh out.")
+    files.left, files.files = files.left - size, files.files - 1
+    if files.files < 0:  # small files that include each other twice are a great many
+        raise refuse(f"more than {MAX_FILES} files are included")
+    if b"\0" in raw:
+        raise refuse("is not a text file, or in UTF-16", "Save it as UTF-8 or ASCII text.")
+    try:
+        return raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")  # which has a letter for every byte
+
+
+def _fields(text: str) -> tuple[str, ...]:
+    """Text between commas, stripped; a comma in quotes does not part."""
+    if '"' not in text:
+        return tuple(part.strip() for part in text.split(","))
+    parts = [""]
+    for token in _QUOTED.findall(text):
+        if token == ",":
+            parts.append("")
+        else:
+            parts[-1] += token
+    return tuple(part.strip() for part in parts)
+
+
+def _keyword(row: Row) -> Block:
+    """The block that a keyword line opens."""
+    word, *rest = row.fields
+    options = {}
+    for part in rest:
+        if part:
+            name, _, value = part.partition("=")
+            options[" ".join(name.upper().split())] = value.strip().strip('"').strip()
+    return Block(" ".join(word[1:].upper().split()), options, row)

@@ -1,0 +1,170 @@
+"""Materials: the tables of a deck as properties of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from coupler.deck.lexer import Block, Row, number, numbers, wrong
+from coupler.deck.log import Log
+from coupler.deck.outline import Owner
+
+MAX_ROWS = 2_000  # of a table: a scenario is a text of some kilobytes
+FINER = 4  # pieces of a table's interval, where an expansion counted from elsewhere bends between its points
+JOINED = "tables are joined by a monotone cubic through their points, where a deck has straight lines"
+Property = float | dict[str, list[float]]
+Tree = dict[str, Any]
+
+
+def table(block: Block, columns: int, what: str, log: Log) -> list[tuple[Row, list[float]]]:
+    """Rows of values and, behind them, the temperature (0 if left out).  Raises ScenarioError."""
+    if not block.data:
+        raise wrong(block.row, f"*{block.word} has no data")
+    if len(block.data) > MAX_ROWS:
+        raise wrong(block.row, f"more than {MAX_ROWS} lines in a table")
+    out = []
+    if len(block.data) > 2 and block.word != "PLASTIC":
+        log.note(JOINED)
+    for row in block.data:
+        values = numbers(row, what)
+        if len(values) < columns:
+            raise wrong(row, f"*{block.word} has {columns} number{'s' * (columns > 1)} in a line, then the temperature")
+        if len(values) > columns + 1:
+            log.miss(row, "columns behind the temperature are not understood")
+        out.append((row, (values + [0.0])[: columns + 1]))
+    return out
+
+
+def over_T(rows: Sequence[tuple[Row, list[float]]], column: int) -> Property:
+    """One column as a property.  Raises ScenarioError where temperatures do not increase."""
+    if len(rows) == 1:
+        return rows[0][1][column]
+    for (_, before), (row, now) in pairwise(rows):
+        if now[-1] <= before[-1]:
+            raise wrong(row, f"temperatures must increase, {now[-1]:g} follows {before[-1]:g}", "Sort the table.")
+    return {"T": [values[-1] for _, values in rows], "value": [values[column] for _, values in rows]}
+
+
+def material_of(owner: Owner, log: Log) -> Tree:
+    """What a *MATERIAL says, as keys of `materials.NAME`; expansion as `zero` and `alpha`, for later.  Raises
+    ScenarioError."""
+    tree: Tree = {}
+    heat = 0.0
+    for block in owner.own:
+        if block.word == "INELASTIC HEAT FRACTION":
+            heat = number(block.data[0], 0, "the fraction", 0.9) if block.data else 0.9
+        else:
+            tree |= _READ[block.word](block, log)
+    if "plastic" in tree:
+        tree["plastic"]["chi"] = heat
+    return tree
+
+
+def _elastic(block: Block, log: Log) -> Tree:
+    if (kind := block.option("TYPE")) not in ("", "ISO", "ISOTROPIC"):
+        raise wrong(block.row, f"*ELASTIC of type {kind[:30]} is not understood", "Bodies are isotropic: E, nu.")
+    rows = table(block, 2, "E, nu", log)
+    return {"E": over_T(rows, 0), "nu": _flat(over_T(rows, 1))}
+
+
+def _expansion(block: Block, log: Log) -> Tree:
+    if (kind := block.option("TYPE")) not in ("", "ISO"):
+        raise wrong(block.row, f"*EXPANSION of type {kind[:30]} is not understood", "Bodies expand alike all ways.")
+    zero = Row(block.row.file, block.row.line, block.row.text, (block.options.get("ZERO", ""),))
+    return {"alpha": _flat(over_T(table(block, 1, "alpha", log), 0)), "zero": number(zero, 0, "ZERO", 0.0)}
+
+
+def _conductivity(block: Block, log: Log) -> Tree:
+    kind = block.option("TYPE")
+    if kind == "ORTHO":
+        rows = [(row, [*values[:2], values[3]]) for row, values in table(block, 3, "conductivities", log)]
+        return {"k": {"k_1": over_T(rows, 0), "k_2": over_T(rows, 1)}}
+    if kind not in ("", "ISO"):
+        raise wrong(block.row, f"*CONDUCTIVITY of type {kind[:30]} is not understood", "Write ISO or ORTHO.")
+    return {"k": over_T(table(block, 1, "k", log), 0)}
+
+
+def _density(block: Block, log: Log) -> Tree:
+    rows = table(block, 1, "rho", log)
+    for row, _ in rows[1:]:
+        log.miss(row, "the density is that of the reference, one number; the first line is taken")
+    return {"rho": rows[0][1][0]}
+
+
+def _latent(block: Block, log: Log) -> Tree:
+    for row in block.data[1:]:
+        log.miss(row, "a material melts once; the first line is taken")
+    if not block.data:
+        raise wrong(block.row, "*LATENT HEAT has no data")
+    L, T_s, T_l = (number(block.data[0], i, w) for i, w in enumerate(("L", "the solidus", "the liquidus")))
+    return {"latent": {"L": L, "T_s": T_s, "T_l": T_l}}
+
+
+def _plastic(block: Block, log: Log) -> Tree:
+    if (kind := block.option("HARDENING")) not in ("", "ISOTROPIC"):
+        log.miss(block, f"hardening {kind[:30]} is not understood; taken as isotropic")
+    blocks: list[tuple[float, list[tuple[float, float]]]] = []
+    for row, (stress, strain, T) in table(block, 2, "yield stress, plastic strain", log):
+        if not blocks or blocks[-1][0] != T:
+            if strain != 0.0 or (blocks and blocks[-1][0] > T):
+                raise wrong(row, "for each temperature, in order, a table of *PLASTIC begins at no plastic strain")
+            blocks.append((T, []))
+        elif strain <= blocks[-1][1][-1][0]:
+            raise wrong(row, "plastic strains must increase")
+        blocks[-1][1].append((strain, stress))
+    return {"plastic": _hardening(blocks)}
+
+
+def _hardening(blocks: Sequence[tuple[float, list[tuple[float, float]]]]) -> Tree:
+    """Stress over strain of one or several temperatures, at all the strains that occur; held beyond the last."""
+    strains = sorted({strain for _, points in blocks for strain, _ in points})
+    rows = [[float(s) for s in np.interp(strains, [e for e, _ in points], [s for _, s in points])]
+            for _, points in blocks]
+    if len(strains) == 1:
+        return {"s_y": rows[0][0] if len(rows) == 1 else {"T": [T for T, _ in blocks], "value": [r[0] for r in rows]}}
+    falls = {"softening": True} if any(b < a for row in rows for a, b in pairwise(row)) else {}
+    if len(rows) == 1:
+        return {"hardening": {"law": "table", "strain": strains, "stress": rows[0]}, **falls}
+    return {"hardening": {"law": "table", "strain": strains, "T": [T for T, _ in blocks], "stress": rows}, **falls}
+
+
+def _flat(spec: Property) -> Property:
+    """A table that is the same all over is a number."""
+    if isinstance(spec, dict) and len(set(spec["value"])) == 1:
+        return spec["value"][0]
+    return spec
+
+
+_READ = {"ELASTIC": _elastic, "EXPANSION": _expansion, "CONDUCTIVITY": _conductivity,
+         "SPECIFIC HEAT": lambda b, log: {"c": over_T(table(b, 1, "c", log), 0)},
+         "DENSITY": _density, "LATENT HEAT": _latent, "PLASTIC": _plastic}
+
+
+def expansion_from(alpha: Property, zero: float, T_I: float) -> Property:
+    """The secant coefficient alpha' from T_I of one from `zero`.
+
+    alpha'(T) (T - T_I) = alpha(T) (T - zero) - alpha(T_I) (T_I - zero).  A deck's body is free of stress at its own
+    first temperature T_I, whatever `zero` is; a scenario's at T_ref = T_I.
+    """
+    if not isinstance(alpha, dict) or zero == T_I:
+        return alpha
+    T = np.array(alpha["T"])
+    T = np.unique(np.concatenate([np.linspace(a, b, FINER + 1) for a, b in pairwise(T)]))
+
+    def stretch(at: Any) -> Any:
+        return np.interp(at, alpha["T"], alpha["value"]) * (at - zero)
+
+    dT = T - T_I
+    near = np.abs(dT) < 1e-6 * max(float(np.ptp(T)), 1e-300)
+    step = 1e-3 * max(float(np.ptp(T)), 1e-300)
+    slope = (stretch(T_I + step) - stretch(T_I - step)) / (2 * step)
+    value = np.where(near, slope, (stretch(T) - stretch(T_I)) / np.where(near, 1.0, dT))
+    return {"T": [float(v) for v in T], "value": [float(f"{v:.9g}") for v in value]}
+
+
+def merged(base: Mapping[str, Any], **more: Any) -> Tree:
+    """A material of the scenario: what the deck says, without what was only for later."""
+    return {key: value for key, value in {**base, **more}.items() if key != "zero"}

@@ -1,0 +1,200 @@
+"""Nodes, cells and their sets, out of *NODE, *ELEMENT, *NSET and *ELSET."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.deck.lexer import Block, Row, is_whole, number, whole, wrong
+from coupler.deck.log import Log
+from coupler.deck.outline import Outline, named, scope_of
+from coupler.scenario.quantity import did_you_mean
+
+PLANE = re.compile(r"(CPE|CPS|CAX)([34])([RHIT]*)")
+HEAT = re.compile(r"(DC2D|DCAX)([34])")
+MAX_SET = 20_000_000  # members a GENERATE may ask for
+Key = tuple[str, int]  # part, number in the deck
+Name = tuple[str, str]  # part, name in capitals
+
+
+@dataclass(frozen=True)
+class Kind:
+    """family : CPE, CPS, CAX, DC2D, DCAX.  corners : 3 or 4.  letters : what follows, such as RT."""
+
+    family: str
+    corners: int
+    letters: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """nodes : corners as the deck gives them, by row of Mesh.points.  row : its line."""
+
+    nodes: tuple[int, ...]
+    kind: Kind
+    row: Row
+
+
+@dataclass
+class Mesh:
+    """points : (n, 2), as written.  node_of, cell_of : part and number -> row.  node_sets, cell_sets : rows, sorted;
+    spelled : a set's name as the deck has it.  parts : instance -> part."""
+
+    parts: Mapping[str, str]
+    points: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    node_of: dict[Key, int] = field(default_factory=dict)
+    cells: list[Cell] = field(default_factory=list)
+    cell_of: dict[Key, int] = field(default_factory=dict)
+    node_sets: dict[Name, tuple[int, ...]] = field(default_factory=dict)
+    cell_sets: dict[Name, tuple[int, ...]] = field(default_factory=dict)
+    spelled: dict[Name, str] = field(default_factory=dict)
+
+    def nodes_at(self, reference: str, row: Row, part: str = "") -> tuple[int, ...]:
+        """Nodes of a set or of one number.  Raises ScenarioError where there are none of that name."""
+        return self._at(reference, row, part, self.node_of, self.node_sets, "node")
+
+    def cells_at(self, reference: str, row: Row, part: str = "") -> tuple[int, ...]:
+        """Cells of a set or of one number.  Raises ScenarioError where there are none of that name."""
+        return self._at(reference, row, part, self.cell_of, self.cell_sets, "element")
+
+    def _at(self, reference: str, row: Row, part: str, one: Mapping[Key, int], sets: Mapping[Name, tuple[int, ...]],
+            what: str) -> tuple[int, ...]:
+        scope, name = scope_of(reference, part, self.parts, row)
+        if is_whole(name):
+            if (scope, int(name)) not in one:
+                raise wrong(row, f"there is no {what} {int(name)}")
+            return (one[scope, int(name)],)
+        if (scope, name) not in sets:
+            known = [n for s, n in sets if s == scope]
+            raise wrong(row, f"there is no set of {what}s {name[:60]!r}", did_you_mean(name[:60], known))
+        return sets[scope, name]
+
+
+def mesh_of(outline: Outline, log: Log) -> Mesh:
+    """Read the mesh blocks in order.  Raises ScenarioError, naming the line."""
+    mesh = Mesh(outline.parts)
+    points: list[tuple[float, float]] = []
+    depths: list[tuple[float, Row]] = []
+    for word in ("NODE", "ELEMENT", "SETS"):  # sets may stand before what they hold
+        for scoped in outline.mesh:
+            block, part = scoped.block, scoped.part
+            if word == "NODE" == block.word:
+                _nodes(mesh, block, part, outline.shifts.get(part, (0.0, 0.0)), (points, depths))
+            elif word == "ELEMENT" == block.word:
+                _cells(mesh, block, part, log)
+            elif word == "SETS" and block.word in ("NSET", "ELSET"):
+                _set(mesh, block, part, log)
+    if not points or not mesh.cells:
+        row = outline.mesh[0].block.row if outline.mesh else Row("", 0, "", ())
+        raise wrong(row, "the deck has no mesh", "It needs *NODE and *ELEMENT.")
+    mesh.points = np.array(points)
+    slack = 1e-9 * max(float(np.ptp(mesh.points, axis=0).max()), 1e-300)
+    for z, row in depths:
+        if abs(z - depths[0][0]) > slack:
+            raise wrong(row, "the mesh does not lie in a plane z = constant", "Only plane and axisymmetric decks.")
+    return mesh
+
+
+def _nodes(mesh: Mesh, block: Block, part: str, shift: tuple[float, float],
+           out: tuple[list[tuple[float, float]], list[tuple[float, Row]]]) -> None:
+    points, depths = out
+    rows = []
+    for row in block.data:
+        key = (part, whole(row, 0, "the number of a node"))
+        x, y, z = (number(row, i, "a coordinate", 0.0) for i in (1, 2, 3))
+        at = (x + shift[0], y + shift[1])
+        if key in mesh.node_of:
+            if points[mesh.node_of[key]] != at:
+                raise wrong(row, f"node {key[1]} is there twice", "Give each node a number of its own.")
+        else:
+            mesh.node_of[key] = len(points)
+            points.append(at)
+            depths.append((z, row))
+        rows.append(mesh.node_of[key])
+    if block.option("NSET"):
+        _add(mesh, mesh.node_sets, (part, block.option("NSET")), block.options["NSET"], rows)
+
+
+def kind_of(block: Block) -> Kind:
+    """The kind of cell an *ELEMENT asks for.  Raises ScenarioError naming what is not plane and of first order."""
+    word = named(block, "TYPE")
+    match = PLANE.fullmatch(word) or HEAT.fullmatch(word)
+    if match is None:
+        second = re.match(r"(CPE|CPS|CAX|DC2D|DCAX)(6|8)", word)
+        remedy = ("Mesh with elements of first order: CPE4, CAX4, DC2D4 and their like." if second else
+                  "Only plane and axisymmetric solids are solved for: CPE3/4, CPS3/4, CAX3/4, DC2D3/4, DCAX3/4.")
+        raise wrong(block.row, f"elements of type {word[:40]} are not understood", remedy)
+    return Kind(match[1], int(match[2]), match[3] if match.re is PLANE else "")
+
+
+def _cells(mesh: Mesh, block: Block, part: str, log: Log) -> None:
+    kind, rows = kind_of(block), []
+    lines = iter(block.data)
+    for row in lines:
+        fields = row.fields
+        while len([f for f in fields if f]) < kind.corners + 1 and (more := next(lines, None)) is not None:
+            fields = (*(f for f in fields if f), *more.fields)  # a cell may go on in the next line
+        whole_row = Row(row.file, row.line, row.text, tuple(f for f in fields if f))
+        if len(whole_row.fields) != kind.corners + 1:
+            raise wrong(row, f"an element of this type has its number and {kind.corners} nodes")
+        key = (part, whole(whole_row, 0, "the number of an element"))
+        if key in mesh.cell_of:
+            raise wrong(row, f"element {key[1]} is there twice", "Give each element a number of its own.")
+        nodes = tuple(_node(mesh, whole_row, i, part) for i in range(1, kind.corners + 1))
+        if len(set(nodes)) < kind.corners:
+            log.note("quadrilaterals that fall together in a corner are triangles")
+        if len(set(nodes)) < 3 or (len(set(nodes)) < kind.corners and nodes[0] == nodes[2]):
+            raise wrong(row, "this element has no area: a node of it is there twice")
+        mesh.cell_of[key] = len(mesh.cells)
+        rows.append(len(mesh.cells))
+        mesh.cells.append(Cell(nodes, kind, row))
+    if block.option("ELSET"):
+        _add(mesh, mesh.cell_sets, (part, block.option("ELSET")), block.options["ELSET"], rows)
+
+
+def _node(mesh: Mesh, row: Row, i: int, part: str) -> int:
+    key = (part, whole(row, i, "a node"))
+    if key not in mesh.node_of:
+        raise wrong(row, f"there is no node {key[1]}")
+    return mesh.node_of[key]
+
+
+def _set(mesh: Mesh, block: Block, part: str, log: Log) -> None:
+    """An *NSET or *ELSET: numbers, names of earlier sets, ranges."""
+    name = named(block, block.word)
+    scope = part
+    if block.option("INSTANCE"):
+        scope = scope_of(f"{block.option('INSTANCE')}.X", part, mesh.parts, block.row)[0]
+    at: Callable[[str, Row, str], tuple[int, ...]] = mesh.nodes_at if block.word == "NSET" else mesh.cells_at
+    sets = mesh.node_sets if block.word == "NSET" else mesh.cell_sets
+    known = mesh.node_of if block.word == "NSET" else mesh.cell_of
+    rows: list[int] = []
+    for row in block.data:
+        if "GENERATE" in block.options:
+            rows += _range(known, row, scope, log)
+        else:
+            rows += [member for text in row.fields if text for member in at(text, row, scope)]
+    if block.word == "NSET" and "ELSET" in block.options:
+        rows += [n for c in mesh.cells_at(block.options["ELSET"], block.row, scope) for n in mesh.cells[c].nodes]
+    _add(mesh, sets, (part, name), block.options[block.word], rows)
+
+
+def _range(known: Mapping[Key, int], row: Row, scope: str, log: Log) -> list[int]:
+    first, last = whole(row, 0, "first"), whole(row, 1, "last", whole(row, 0, "first"))
+    step = whole(row, 2, "the step", 1)
+    if step < 1 or last < first or (last - first) // step > MAX_SET:
+        raise wrong(row, "a range goes from first to last by a step of 1 or more")
+    members = [(scope, i) for i in range(first, last + 1, step)]
+    there = [known[key] for key in members if key in known]
+    if len(there) < len(members):
+        log.miss(row, f"{len(members) - len(there)} numbers of this range do not exist; the others are taken")
+    return there
+
+
+def _add(mesh: Mesh, sets: dict[Name, tuple[int, ...]], key: Name, spelled: str, rows: Sequence[int]) -> None:
+    sets[key] = tuple(sorted({*sets.get(key, ()), *rows}))
+    mesh.spelled.setdefault(key, spelled)

@@ -1,0 +1,1 @@
+"""A new scenario: from a template by questions or options, or from another program's deck."""

@@ -1,0 +1,87 @@
+"""Contact along the slave surface of each pair at every window's end: recorded for a picture in space and time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface
+from coupler.schemes.level import Level
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.integer]
+FIELDS = {"t_N": "Pa", "gap": "m", "t_T": "Pa"}
+"""What is kept of each node, and its unit; t_T only where the mechanical half has friction."""
+
+
+@dataclass(frozen=True)
+class Strip:
+    """The slave surface of a pair, unrolled.
+
+    nodes : (n,) node numbers along it.  at : (n,) their places among the contact nodes.
+    s : (n,) [m] length along the surface from its start, in the mesh's own shape.  X : (n, 2) [m] where they are in it.
+    """
+
+    pair: str
+    nodes: Ints
+    at: Ints
+    s: Array
+    X: Array
+
+
+def strips(interface: Interface) -> tuple[Strip, ...]:
+    """One a pair, in the order of the pairs."""
+    found = []
+    for pair in interface.pairs:
+        nodes, s = unrolled(interface.surfaces[pair.slave], interface.nodes)
+        at = np.searchsorted(interface.contact_nodes, nodes)
+        found.append(Strip(pair.name, nodes, at, s, interface.nodes[nodes]))
+    return tuple(found)
+
+
+def unrolled(edges: Ints, X: Array) -> tuple[Ints, Array]:
+    """(n,) the nodes of a surface one after the other, (n,) [m] the length from its start to each.
+
+    edges : (n_edges, 2) node numbers, X : (n_nodes, 2) [m].  It begins at the end with the smaller X_1 (X_2 where the
+    surface stands upright).  A closed surface ends with the node it begins with; a surface in pieces goes on in the
+    next, from the left, at the length where the one before ended.
+    """
+    pieces = sorted((_from_left(piece, X) for piece in _pieces(edges)), key=lambda piece: tuple(X[piece[0]]))
+    s, length = [], 0.0
+    for piece in pieces:
+        steps = np.linalg.norm(np.diff(X[piece], axis=0), axis=1)
+        s.append(length + np.append(0.0, np.cumsum(steps)))
+        length = float(s[-1][-1])
+    return np.concatenate(pieces), np.concatenate(s)
+
+
+def _from_left(piece: Ints, X: Array) -> Ints:
+    way = X[piece[-1]] - X[piece[0]]
+    return piece[::-1] if way[int(np.argmax(np.abs(way)))] < 0.0 else piece
+
+
+def _pieces(edges: Ints) -> list[Ints]:
+    """The chains that the edges make, each as its nodes in order."""
+    left = {int(a): int(b) for a, b in edges}
+    begins = [a for a in left if a not in set(left.values())]
+    found = []
+    while left:
+        node = begins.pop(0) if begins else next(iter(left))
+        chain = [node]
+        while node in left:
+            node = left.pop(node)
+            chain.append(node)
+        found.append(np.array(chain))
+    return found
+
+
+def contact_row(found: Sequence[Strip], now: Level, t_T: Array | None) -> dict[str, NDArray[np.float32]]:
+    """t_N, gap and, where given, t_T (n_s,) at the strips' nodes, strip after strip; single precision will do."""
+    if not found:
+        return {}
+    at = np.concatenate([strip.at for strip in found])
+    values: Mapping[str, Array | None] = {"t_N": now.t_N, "gap": now.gap, "t_T": t_T}
+    return {f"contact.{n}": v[at].astype(np.float32) for n, v in values.items() if v is not None}

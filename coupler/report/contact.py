@@ -1,0 +1,150 @@
+"""Contact along the interface over time: where a slave surface is open, touches, sticks or slips, a picture a pair."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from coupler.record.results import Along, Results
+from coupler.report.curves import kinks_of
+from coupler.report.kinks import draw_kinks
+from coupler.report.picture import COLOURS, INK, Picture, new_figure, plain, png
+from coupler.report.units import Shown, axis_names, number, shown
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.int8]
+
+ALONE, OPEN, TOUCHES, STICKS, SLIPS = range(5)
+WORDS = {ALONE: "faces nothing", OPEN: "open", TOUCHES: "touches", STICKS: "sticks", SLIPS: "slips"}
+LOOKS = {ALONE: "#ffffff", TOUCHES: COLOURS[0], STICKS: COLOURS[2], SLIPS: COLOURS[1]}
+# Shear and pressure of a node are two different means of what its points have: where all of them slip, their ratio
+# lies some percent around mu.
+AT_THE_BOUND = 0.85
+NARROW, WIDE = 0.25, 0.93  # greys of a closed gap and of the widest: neither is taken for black ink or white paper
+ZOOM_BELOW = 0.4  # changes within less than this share of the run get a second, closer look
+MARGIN = 0.08
+
+
+def status(along: Along, mu: float, gap_max: float) -> Codes:
+    """(n_t, n) what each node does at each time.
+
+    Pressed: touching, or, where shear is known, sticking or slipping (|t_T| against mu |t_N|).  Not pressed: open, or,
+    at gap_max, with nothing to face.  A rigid half presses on whole surfaces: its nodes that face nothing are not
+    pressed.
+    """
+    alone = along.gap >= np.float32(gap_max)
+    pressed = (along.t_N < 0.0) & ~alone
+    code = np.where(alone, ALONE, np.where(pressed, TOUCHES, OPEN)).astype(np.int8)
+    if along.t_T is not None and mu > 0.0:
+        known = pressed & np.isfinite(along.t_T)
+        slips = known & (np.abs(along.t_T) >= -AT_THE_BOUND * mu * along.t_N)
+        code[known] = STICKS
+        code[slips] = SLIPS
+    return code
+
+
+def contact_pictures(results: Results) -> list[Picture]:
+    """One a pair.  [] where nothing was recorded."""
+    if len(results.t) < 2:
+        return []
+    pairs = {p["name"]: p for p in results.header["pairs"]}
+    return [_picture(results, name, pairs[name], along) for name, along in results.contact.items()]
+
+
+def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along) -> Picture:
+    code = status(along, float(pair["mu"]), float(pair["gap_max"]))
+    near = closer(results.t, code)
+    figure = new_figure(3.4 if near is None else 5.6)
+    length = shown("m", float(along.s[-1]))
+    gap = _gaps(along, code)
+    scale = shown("m", float(np.nanmax(gap, initial=0.0)))
+    panels = [figure.subplots()] if near is None else list(figure.subplots(2, 1))
+    for ax, limits in zip(panels, (None, near), strict=False):
+        _paint(ax, (results.t, length(along.s)), code, scale(gap))
+        ax.set_xlim(*(limits or (float(results.t[0]), float(results.t[-1]))))
+        ax.set_xlabel("time [s]", color=INK)
+        ax.set_ylabel(f"along {plain(str(pair['slave']))}\n[{length.unit}]", color=INK)
+        ax.tick_params(colors=INK, labelsize=9)
+        draw_kinks(ax, kinks_of(results) if limits is None else [])
+    _legend(figure, panels, code, (scale, float(np.nanmax(scale(gap), initial=0.0))))
+    alt = f"Contact of pair {name} over time along {pair['slave']}: {_shares(results.t, code)}."
+    return png(figure, alt, _caption(results, pair, along, near, code))
+
+
+def closer(t: Array, code: Codes) -> tuple[float, float] | None:
+    """The range of time [s] in which all changes lie, with a margin; None if it is much of the run or there is none."""
+    changed = np.flatnonzero((code[1:] != code[:-1]).any(axis=1))
+    if len(changed) < 3:  # the picture of all of the run tells as much
+        return None
+    low, high = float(t[changed[0]]), float(t[changed[-1] + 1])
+    if high - low >= ZOOM_BELOW * (t[-1] - t[0]):
+        return None
+    margin = MARGIN * (high - low)
+    return max(low - margin, float(t[0])), min(high + margin, float(t[-1]))
+
+
+def _gaps(along: Along, code: Codes) -> Array:
+    """(n_t, n) [m] gaps of open nodes, nan elsewhere."""
+    return np.where(code == OPEN, np.maximum(along.gap.astype(float), 0.0), np.nan)
+
+
+def edges_of(s: Array) -> Array:
+    """(n + 1,) what belongs to each of n places: from halfway to the last one to halfway to the next."""
+    return np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
+
+
+def _paint(ax: Axes, places: tuple[Array, Array], code: Codes, gap: Array) -> None:
+    """What a node does at the end of a window stands for the whole of it."""
+    t, edges = places[0], edges_of(places[1])
+    greys = ListedColormap([str(v) for v in np.linspace(NARROW, WIDE, 64)])
+    top = float(np.nanmax(gap, initial=0.0))
+    ax.pcolormesh(t, edges, gap[1:].T, cmap=greys, vmin=0.0, vmax=top or 1.0)
+    colours = ListedColormap([LOOKS.get(c, "#ffffff") for c in WORDS])
+    ax.pcolormesh(t, edges, np.ma.masked_equal(code[1:].T, OPEN), cmap=colours, vmin=-0.5, vmax=len(WORDS) - 0.5)
+
+
+def _legend(figure: Figure, panels: list[Axes], code: Codes, gap: tuple[Shown, float]) -> None:
+    here = [c for c in WORDS if c != OPEN and (code[1:] == c).any()]
+    handles = [Patch(facecolor=LOOKS[c], edgecolor="#888888", linewidth=0.6, label=WORDS[c]) for c in here]
+    if (code[1:] == OPEN).any():
+        greys = ListedColormap([str(v) for v in np.linspace(NARROW, WIDE, 64)])
+        bar = ScalarMappable(Normalize(0.0, gap[1] or 1.0), greys)
+        figure.colorbar(bar, ax=panels, label=f"open: gap [{gap[0].unit}]", pad=0.01)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+
+
+def _shares(t: Array, code: Codes) -> str:
+    """How much of the surface does what, in the mean over time."""
+    weights = np.diff(t) / (t[-1] - t[0])
+    parts = {WORDS[c]: float(weights @ (code[1:] == c).mean(axis=1)) for c in WORDS}
+    return ", ".join(f"{word} {number(100 * part, 2)} %" for word, part in parts.items() if part > 0.0)
+
+
+def _caption(results: Results, pair: Mapping[str, Any], along: Along, near: tuple[float, float] | None,
+             code: Codes) -> str:
+    (a, b), (x, y) = along.X[[0, -1]], axis_names(str(results.header["geometry"]))
+    unit = shown("m", float(np.abs(along.X).max()))
+
+    def at(place: Array) -> str:
+        return f"{x} {number(float(unit(place[0])))}, {y} {number(float(unit(place[1])))} {unit.unit}"
+
+    # A node has one pressure and one gap, whatever it faces.
+    against = [pair["master"]] + [f"{p['master'] if p['slave'] == pair['slave'] else p['slave']} (pair {p['name']})"
+                                  for p in results.header["pairs"]
+                                  if p["name"] != pair["name"] and pair["slave"] in (p["slave"], p["master"])]
+    text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {' or '.join(against)}, as found "
+            f"at the end of each window; lengths in the mesh's own shape, from ({at(a)}) up to ({at(b)}).")
+    if (code >= STICKS).any():
+        text += f" It slips where the shear is at Coulomb's bound, {number(float(pair['mu']))} times the pressure."
+    if near is not None:
+        text += f" Below, the same from {number(near[0], 6)} s to {number(near[1], 6)} s, where it changes."
+    return text

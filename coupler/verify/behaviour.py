@@ -1,0 +1,222 @@
+"""How a half behaves when it runs: each check drives new instances and compares their numbers to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+from coupler.errors import HalfError
+from coupler.fmu.half import Array, Half, Status
+from coupler.verify.bench import Bench, differing, took
+from coupler.verify.finding import Finding, failed, not_applicable, passed
+
+Check = Callable[[Bench], Finding]
+BALANCE = 1e-10  # of the sum of |terms|, the ledger's own bound
+SHOWN = 5
+
+
+def behaviour_findings(bench: Bench) -> Iterator[Finding]:
+    """Every check in turn.  A half that raises in one fails it; the next begins with a new instance."""
+    for name, check in CHECKS.items():
+        try:
+            yield check(bench)
+        except HalfError as exc:
+            first = str(exc).splitlines()[0]
+            yield failed(name, f"it failed: {first}", "A step that cannot be made is a Discard; nothing else may fail")
+
+
+def same_twice(bench: Bench) -> Finding:
+    """Two instances, the same inputs: the same bits."""
+    check = "same inputs, same bits"
+    with bench.half() as a, bench.half() as b:
+        for k in (1, 2, 3):
+            if wrong := differing(bench.step(a, k), bench.step(b, k)):
+                return failed(check, f"two new instances differ after substep {k} in {_some(wrong)}",
+                              "No random numbers, clocks, or memory that instances share; sums in a fixed order")
+    return passed(check)
+
+
+def reading(bench: Bench) -> Finding:
+    """A half read over and over ends where one ends that is not read at all."""
+    check = "reading has no side effect"
+    with bench.half() as read, bench.half() as unread:
+        for k in (1, 2):
+            read.advance((k - 1) * bench.h, bench.h, bench.inputs(k), bench.outputs)
+            first, again = read.read(bench.outputs), read.read(bench.outputs)
+            if wrong := differing(first, again):
+                return failed(check, f"read twice, {_some(wrong)} changed", "Outputs are computed in the step")
+            took(unread.advance((k - 1) * bench.h, bench.h, bench.inputs(k), ()))
+        if wrong := differing(bench.step(read, 3), bench.step(unread, 3)):
+            return failed(check, f"a half that was read goes on differently in {_some(wrong)}",
+                          "Outputs are computed in the step, and getters change nothing")
+    return passed(check)
+
+
+def restoring(bench: Bench) -> Finding:
+    """Back to a state as often as wanted: outputs as they were, and the same substeps give the same bits."""
+    check = "save and restore to the bit"
+    with bench.half() as half:
+        if not half.can_save:
+            return _no_state(check)
+        bench.step(half, 1)
+        token, there = half.save(), half.read(bench.outputs)
+        first = [bench.step(half, k) for k in (2, 3)]
+        for turn in ("first", "second"):
+            half.restore(token)
+            if wrong := differing(there, half.read(bench.outputs)):
+                return failed(check, f"after the {turn} restore {_some(wrong)} is not as it was saved",
+                              "Outputs are part of the state")
+            again = [bench.step(half, k) for k in (2, 3)]
+            for k, (a, b) in enumerate(zip(first, again, strict=True), start=2):
+                if wrong := differing(a, b):
+                    return failed(check, f"after the {turn} restore substep {k} gives another {_some(wrong)}",
+                                  "All that evolves belongs to the state, copied on save and on restore: histories, "
+                                  "counters, last increments; what is kept beside it must change no bits")
+    return passed(check)
+
+
+def remembers_inputs(bench: Bench) -> Finding:
+    """Inputs that were set before a save count again after the restore, for only what changed is sent."""
+    check = "inputs are part of the state"
+    with bench.half() as half:
+        if not half.can_save:
+            return _no_state(check)
+        bench.step(half, 1)
+        token = half.save()
+        given = took(half.advance(bench.h, bench.h, bench.inputs(1), bench.outputs))
+        half.restore(token)
+        bench.step(half, 2)
+        half.restore(token)
+        kept = took(half.advance(bench.h, bench.h, {}, bench.outputs))
+    if wrong := differing(given, kept):
+        return failed(check, f"restored and stepped without setting inputs, {_some(wrong)} comes from later inputs",
+                      "Save the inputs with the state, and put them back with it")
+    return passed(check)
+
+
+def caches(bench: Bench) -> Finding:
+    """A new instance that takes over a state goes on like the one that made it: hot and cold caches, same bits."""
+    check = "hot and cold caches, same bits"
+    with bench.half() as hot:
+        if not (hot.can_save and hot.can_serialise):
+            return not_applicable(check, "it cannot write its state down", "no resume of a run that stopped")
+        bench.step(hot, 1)
+        data = hot.serialise(hot.save())
+        with bench.half() as cold:
+            cold.restore(cold.deserialise(data))
+            for k in (2, 3):
+                if wrong := differing(bench.step(hot, k), bench.step(cold, k)):
+                    return failed(check, f"taken over by a new instance, substep {k} gives another {_some(wrong)}",
+                                  "What changes bits (first guesses, old factors, counters) is state, or is made anew "
+                                  "at every step")
+    return passed(check)
+
+
+def discards(bench: Bench) -> Finding:
+    """A substep that cannot be made is discarded, with a reason, and the half lives."""
+    check = "a bad substep is discarded"
+    with bench.half() as half:
+        bench.step(half, 1)
+        found = _refused(bench, half)
+        if not found:
+            return not_applicable(check, "it takes every step it was offered (inputs that are no numbers, no length)",
+                                  "its numbers are then checked by the coupler alone")
+        if not found.strip():
+            return failed(check, "it gives no reason", "Set status.message, or log why")
+    return passed(check, found)
+
+
+def no_trace(bench: Bench) -> Finding:
+    """After a discard outputs stand as they stood; restored, the half goes on as if nothing had been asked."""
+    check = "a rejected substep leaves no trace"
+    with bench.half() as half, bench.half() as undisturbed:
+        if not half.can_save:
+            return _no_state(check)
+        bench.step(half, 1)
+        token, before = half.save(), half.read(bench.outputs)
+        if not _refused(bench, half):
+            return not_applicable(check, "it takes every step it was offered")
+        values = [name for name in bench.outputs if not name.startswith("status.")]
+        if wrong := [n for n in differing(before, half.read(bench.outputs)) if n in values]:
+            return failed(check, f"the rejected substep changed {_some(wrong)}",
+                          "Take new state and outputs over only when the step has succeeded")
+        half.restore(token)
+        bench.step(undisturbed, 1)
+        if wrong := differing(bench.step(undisturbed, 2), bench.step(half, 2)):
+            return failed(check, f"put back after a rejected substep it gives another {_some(wrong)}",
+                          "A step works on copies; whatever it kept on its way out must not change the next one")
+    return passed(check)
+
+
+def substeps(bench: Bench) -> Finding:
+    """A window whole, in two substeps, and whole again."""
+    check = "substeps of one window"
+    t, h = bench.h, bench.h
+    with bench.half() as half:
+        if not half.can_save:
+            return _no_state(check)
+        bench.step(half, 1)
+        token = half.save()
+        whole = took(half.advance(t, h, bench.inputs(2), bench.outputs))
+        half.restore(token)
+        for part in (0.0, 0.5):
+            took(half.advance(t + part * h, 0.5 * h, bench.inputs(2), bench.outputs))
+        half.restore(token)
+        if wrong := differing(whole, took(half.advance(t, h, bench.inputs(2), bench.outputs))):
+            return failed(check, f"a window gives another {_some(wrong)} once it was tried in two substeps",
+                          "What depends on the size of a substep (rates, factors) belongs to the substep")
+    return passed(check)
+
+
+def heat_balance(bench: Bench) -> Finding:
+    """What goes in is what is stored, by the half's own terms: sum of heat.* but stored = sum of heat.stored.*"""
+    check = "heat terms close"
+    terms = [name for name in bench.outputs if name.startswith("heat.")]
+    if not any(name.startswith("heat.stored") for name in terms):
+        return not_applicable(check, "it gives no heat terms", "the run's heat ledger cannot hold it to account")
+    with bench.half() as half:
+        for k in (1, 2, 3):
+            gap = _imbalance(bench.step(half, k), terms)
+            if gap > BALANCE:
+                return failed(check, f"substep {k}: {gap:.1e} of the sum of |terms| is missing (at most {BALANCE:g})",
+                              "Every heat.* is an energy of the substep into the bodies [J], at temperatures it used")
+    return passed(check)
+
+
+CHECKS: Mapping[str, Check] = {
+    "same inputs, same bits": same_twice, "reading has no side effect": reading,
+    "save and restore to the bit": restoring, "inputs are part of the state": remembers_inputs,
+    "hot and cold caches, same bits": caches, "a bad substep is discarded": discards,
+    "a rejected substep leaves no trace": no_trace, "substeps of one window": substeps,
+    "heat terms close": heat_balance}
+
+
+def _refused(bench: Bench, half: Half) -> str:
+    """Offer substeps nobody can make; the reason of the first that is refused, a blank without one, "" if none is."""
+    name = next((n for n in ("T", "x", *bench.starts) if n in bench.starts and bench.starts[n].size), "")
+    bad = {name: np.full(bench.starts[name].shape, np.nan)} if name else {}
+    for inputs, h in ((bad, bench.h), ({}, 0.0)):
+        if h and not inputs:
+            continue
+        done = half.advance(bench.h, h, {**bench.inputs(2), **inputs}, ())
+        if done.status is Status.DISCARD:
+            return done.message or " "
+    return ""
+
+
+def _imbalance(values: Mapping[str, Array], terms: list[str]) -> float:
+    """|terms - stored| over the sum of |terms|; 0 where there are none."""
+    heats = {name: float(np.sum(values[name])) for name in terms}
+    total = sum(-v if name.startswith("heat.stored") else v for name, v in heats.items())
+    size = sum(abs(v) for v in heats.values())
+    return abs(total) / size if size else 0.0
+
+
+def _no_state(check: str) -> Finding:
+    return not_applicable(check, "it cannot keep its state", "no iteration, no second try of a window")
+
+
+def _some(names: list[str]) -> str:
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more

@@ -1,0 +1,139 @@
+"""Decks that are wrong, odd or hostile: one error with file, line, text and what to do; never another."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import sys
+from pathlib import Path
+
+import pytest
+
+from coupler.errors import ScenarioError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from decks import converted, coupled_deck, heat_deck
+
+HELD = "*BOUNDARY\nBOTTOM, 11, 11, 100.\n"
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("TYPE=DC2D4, ELSET=LOWER", "TYPE=C3D8, ELSET=LOWER", "elements of type C3D8"),
+    ("TYPE=DC2D4, ELSET=LOWER", "TYPE=CPE8R, ELSET=LOWER", "first order"),
+    ("TYPE=DC2D4, ELSET=LOWER", "TYPE=DCAX4, ELSET=LOWER", "in one deck"),
+    ("*SURFACE, NAME=SLAVE", "*SURFACE, TYPE=NODE, NAME=SLAVE", "surfaces of type NODE"),
+    ("UPPER, S1", "UPPER, S2", "lies inside"),
+    ("UPPER, S1", "UPPER, S5", "no face"),
+    ("UPPER, S1", "UPER, S1", "Did you mean 'UPPER'"),
+    ("2, 1.D-1, 0.", "2, NaN, 0.", "must be a number"),
+    ("2, 1.D-1, 0.", "2, 1E999, 0.", "too large"),
+    ("2, 1.D-1, 0.", "2, 1_0, 0.", "must be a number"),
+    ("2, 1.D-1, 0.", "2, <width>, 0.", "nothing is evaluated|not evaluated"),
+    ("2, 1.D-1, 0.", "2, .1, 0., 1.", "plane z = constant"),
+    ("2, 1.D-1, 0.", "1, 1.D-1, 0.", "there twice"),
+    ("1, 1, 2, 5, 4", "1, 1, 2, 5", "its number and 4 nodes"),
+    ("1, 1, 2, 5, 4", "1, 1, 2, 5, 99", "no node 99"),
+    ("1, 1, 2, 5, 4", "1, 1, 2, 1, 4", "no area"),
+    ("ELSET=UPPER, MATERIAL=STEEL", "ELSET=UPPER, MATERIAL=STEL", "Did you mean 'STEEL'"),
+    ("*SOLID SECTION, ELSET=UPPER, MATERIAL=STEEL\n1.\n", "", "has no section"),
+    ("*DENSITY\n7800.\n", "", "lacks [*]DENSITY"),
+    ("*GAP CONDUCTANCE\n1000.", "*GAP CONDUCTANCE\n-1000.", "not negative"),
+    ("INTERACTION=TOUCH\nSLAVE", "INTERACTION=TUCH\nSLAVE", "SURFACE INTERACTION"),
+    ("*HEAT TRANSFER, DIRECT", "*DYNAMIC", "no equilibrium"),
+    ("*HEAT TRANSFER, DIRECT\n1., 10.", "*HEAT TRANSFER, DIRECT\n1., -10.", "greater than zero"),
+    ("*HEAT TRANSFER, DIRECT\n1., 10.", "*HEAT TRANSFER, DIRECT\n1.E-9, 10.", "increments"),
+    ("*HEAT TRANSFER, DIRECT\n1., 10.\n", "", "one procedure"),
+    ("*HEADING", "1, 2\n*HEADING", "before the first keyword"),
+    ("*HEADING", "*INCLUDE, INPUT=../deck.inp\n*HEADING", "beside the deck"),
+    ("*HEADING", "*INCLUDE, INPUT=/etc/passwd\n*HEADING", "beside the deck"),
+    ("*HEADING", "*INCLUDE, INPUT=deck.inp\n*HEADING", "includes itself"),
+    ("*HEADING", "*INCLUDE, INPUT=none.inp\n*HEADING", "no such file"),
+    ("*HEADING", "*INCLUDE\n*HEADING", "which file"),
+    ("*HEADING", "*PHYSICAL CONSTANTS, ABSOLUTE ZERO=-459.67\n*HEADING", "absolute zero"),
+    ("1, 3\n", "1, 99999999999\n", "whole number"),
+    ("1, 3\n", "3, 1\n", "first to last"),
+    ("*SPECIFIC HEAT\n500.\n", "*SPECIFIC HEAT\n500., 20.\n600., 20.\n", "temperatures must increase"),
+])
+def test_each_error_names_file_line_and_text(tmp_path, old, new, said):
+    text = heat_deck(HELD)
+    assert old in text
+    with pytest.raises(ScenarioError, match=said) as caught:
+        converted(tmp_path, text.replace(old, new, 1))
+    assert caught.value.file.endswith("deck.inp")
+    assert caught.value.line > 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["deck.inp"]
+
+
+def test_a_part_used_twice_and_one_that_turns_are_refused(tmp_path):
+    part = "*PART, NAME=P\n*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n0., 0., 0.\n{0}*END INSTANCE\n"
+    again = "*INSTANCE, NAME=J, PART=P\n*END INSTANCE\n"
+    with pytest.raises(ScenarioError, match="two instances"):
+        converted(tmp_path, part.format("") + again + heat_deck(HELD))
+    with pytest.raises(ScenarioError, match="not turned"):
+        converted(tmp_path, part.format("0., 0., 0., 0., 0., 1., 30.\n") + heat_deck(HELD))
+
+
+def test_two_materials_in_one_piece_are_refused(tmp_path):
+    more = ("*MATERIAL, NAME=BRASS\n*CONDUCTIVITY\n100.\n*SPECIFIC HEAT\n400.\n*DENSITY\n8500.\n*ELSET, ELSET=ONE\n1\n"
+            "*ELSET, ELSET=TWO\n2\n*SOLID SECTION, ELSET=TWO, MATERIAL=BRASS\n1.\n")
+    text = heat_deck(HELD, mesh=more).replace("ELSET=LOWER, MATERIAL", "ELSET=ONE, MATERIAL")
+    with pytest.raises(ScenarioError, match=r"STEEL and of BRASS|BRASS and of STEEL"):
+        converted(tmp_path, text)
+
+
+def test_case_blanks_continuations_and_includes_change_nothing(tmp_path):
+    text = heat_deck(HELD)
+    tree, _ = converted(tmp_path, text)
+    cell = ("1, 1, 2, 5, 4", "1,1,2,\n5 ,4,")
+    head, tail = text.split("*MATERIAL", 1)
+    odd = (head.lower().replace("*element, type=dc2d4,", "*Element ,  type = dc2d4,\n   ")
+           .replace(*cell).replace("\n", "\r\n") + "** a comment\r\n\r\n*Include, input=rest.inp\r\n")
+    found, told = converted(tmp_path, ("\ufeff" + odd).encode(), rest="*material" + tail.replace("LOWER", "lower"))
+    assert not told.missed
+    assert found["materials"] == tree["materials"]
+    assert found["thermal"]["boundary"] == [{"at": "lower.bottom", "temperature": 100.0}]
+
+
+def test_lines_of_an_included_file_are_told_with_its_name(tmp_path):
+    with pytest.raises(ScenarioError) as caught:
+        converted(tmp_path, heat_deck(HELD, mesh="*INCLUDE, INPUT=more.inp\n"), more="\n*NSET, NSET=X\nNOWHERE\n")
+    assert (caught.value.file, caught.value.line) == (str(tmp_path / "more.inp"), 3)
+
+
+def test_files_that_include_each_other_over_and_over_are_bounded(tmp_path):
+    files = {f"f{i}": f"*INCLUDE, INPUT=f{i + 1}.inp\n" * 3 for i in range(15)} | {"f15": "** end\n" * 10}
+    with pytest.raises(ScenarioError, match="more than 1000 files"):
+        converted(tmp_path, "*HEADING\n*INCLUDE, INPUT=f0.inp\n", **files)
+
+
+@pytest.mark.parametrize("raw", [b"", b"\n** nothing\n", "*HEADING\n".encode("utf-16"), b"*HEADING\n\xff\xfe\x00",
+                                 b"*", b",", b"*STEP\n*END STEP\n", b"*NODE\n1,0,0\n", b"*ELEMENT,TYPE=CPE4\n",
+                                 b"*NODE,INPUT=\n"])
+def test_what_is_no_deck_is_refused(tmp_path, raw):
+    with pytest.raises(ScenarioError):
+        converted(tmp_path, raw)
+
+
+def test_text_of_a_deck_cannot_leave_its_comment(tmp_path):
+    evil = "*NODE FILE, X=\x85slideline: 2\u2028thermal: {}\x0bmechanical\n"
+    _, told = converted(tmp_path, heat_deck(HELD + evil, model="*TIE, NAME=\x1b[31m\nA, B\n"))
+    text = told.files[0].read_text(encoding="utf-8")
+    assert [line for line in text.splitlines() if line.startswith("slideline")] == ["slideline: 1"]
+    assert not set(text) & set("\x85\u2028\x0b\x1b")
+
+
+def test_a_latin_1_deck_is_read(tmp_path):
+    tree, _ = converted(tmp_path, heat_deck(HELD).replace("Two blocks", "Zwei Bl\u00f6cke").encode("latin-1"))
+    assert tree["title"] == "Zwei Bl\u00f6cke"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cut_decks_end_in_a_scenario_or_in_our_own_error(tmp_path, seed):
+    rng = random.Random(seed)
+    inside = "*BOUNDARY\nBOTTOM, 1, 2\n*FILM\nUPPER, F3, 20., 9.\n*CLOAD\n16, 2, -3.\n*DLOAD\nUPPER, P3, 1.\n"
+    whole = coupled_deck(inside, material="*PLASTIC\n3.E8, 0., 20.\n4.E8, .1, 20.\n")
+    for _ in range(15):
+        a, b = sorted(rng.randrange(len(whole)) for _ in range(2))
+        text = whole[:a] + whole[min(b, a + 40):]
+        with contextlib.suppress(ScenarioError):  # any other error fails the test
+            converted(tmp_path, text)

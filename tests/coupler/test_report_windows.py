@@ -1,0 +1,102 @@
+"""What the report tells of windows and of their errors, in words and as bands."""
+
+from __future__ import annotations
+
+import base64
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler.record.columns import ERROR_FIELDS
+from coupler.record.results import Results
+from coupler.report.control import EACH, every_window, stretches
+from coupler.report.curves import error_of, probe_pictures
+from coupler.report.facts import about, summary
+from coupler.report.page import render
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import END, Case, blocks, level, times_of, write_run
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Results:
+    return write_run(tmp_path / "run.h5", Case())
+
+
+def with_errors(results: Results, kelvin: float) -> Results:
+    """As if every window taken but the last had this error in T."""
+    rows = np.flatnonzero(results.windows.taken)[:-1]
+    results.errors = np.array([(k, kelvin, np.nan, np.nan, np.nan) for k in rows],
+                              dtype=list(ERROR_FIELDS)).view(np.recarray)
+    return results
+
+
+def test_stretches_end_at_kinks_and_where_the_scheme_changes(run: Results) -> None:
+    found, count = stretches(run)
+    # Windows are 625 s long; of kinks at 9900 and 10000 s, and at 14773 and 15000 s, one ends a window.
+    assert [float(s.start) for s in found] == [0, 2500, 10000, 12500, 15000]
+    assert [float(s.end) for s in found] == [2500, 10000, 12500, 15000, END]
+    assert count == 5
+    assert sum(s.windows for s in found) == 40
+    assert sum(s.rejected for s in found) == 4
+    assert sum(s.solves for s in found) == run.windows.solves.sum()
+    assert {s.sizes for s in found} == {"625"}
+    run.windows.scheme[5:] = "staggered"
+    # The fifth row is the first after 2500 s: one is a window rejected.
+    assert [(s.scheme, s.windows) for s in stretches(run)[0]][:3] == [
+        ("extrapolated", 4), ("staggered", 12), ("staggered", 4)]
+
+
+def test_every_window_has_its_verdict_and_why(run: Results) -> None:
+    rows = every_window(run)
+    assert len(rows) == len(run.windows) < EACH
+    assert [r.verdict for r in rows].count("thermal discard") == 4
+    assert {r.why for r in rows if r.verdict == "thermal discard"} == {Case().message}
+    assert {r.why for r in rows if r.verdict == "accepted"} == {"as the schedule says"}
+
+
+def test_the_error_of_a_window_stands_at_its_end(run: Results) -> None:
+    assert error_of(run, "T") is None
+    error = error_of(with_errors(run, 2.5), "T")
+    assert error is not None
+    assert np.isnan(error[[0, -1]]).all()
+    assert (error[1:-1] == 2.5).all()
+    assert error_of(run, "gap") is None  # not known
+    assert error_of(run, "p") is None  # never told
+
+
+def test_curves_carry_their_error(run: Results) -> None:
+    bare = probe_pictures(run)[0]
+    banded = probe_pictures(with_errors(run, 2.5))[0]
+    assert "Bands: the estimated error of each window, at most 2.5 °C" not in banded.caption  # a difference is in K
+    assert "Bands: the estimated error of each window, at most 2.5 K" in banded.caption
+    assert "Bands" not in bare.caption
+    drawn = [base64.b64decode(p.src.split(",", 1)[1]).decode().count("FillBetween") for p in (bare, banded)]
+    assert drawn[1] > drawn[0]
+
+
+def test_the_highest_temperature_may_be_that_of_the_start(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=4, frames=0))
+    start = float(level(blocks(4), 0.0).T.max())
+    assert results.max_T == start
+    results.max_T = 2000.0
+    assert "highest temperature was 1726.8 °C" in summary(results)
+    assert times_of(Case(windows=4))[0] == 0.0
+
+
+def test_a_scene_speaks_for_itself(tmp_path: Path) -> None:
+    text = "# Two blocks meet.\n# They are <hot>.\n#\n# Run it: now\nslideline: 1\n"
+    results = write_run(tmp_path / "run.h5", Case(windows=2, frames=0, text=text))
+    assert about(results) == "Two blocks meet. They are <hot>."
+    assert "They are &lt;hot&gt;." in render(results)
+    assert about(write_run(tmp_path / "b.h5", Case(windows=2, frames=0))) == ""
+
+
+def test_axes_of_a_round_scene_are_r_and_z(tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(windows=4, frames=0))
+    results.header["geometry"] = "axisymmetric"
+    results._probes["lift"] = (np.arange(5) * 1e-3, "m", "u_y")
+    caption = next(p.caption for p in probe_pictures(results) if "lift" in p.caption)
+    assert caption.startswith("Displacement u_z of")
