@@ -51,7 +51,12 @@ def test_the_closest_that_sees_no_more():
     assert closest(UNEVEN, 4.6, 0.99) is None
     assert closest(UNEVEN, 4.6, 99.0) == 1.0
     assert closest(UNEVEN[:2], 4.6, 99.0) == 0.0
-    assert closest(UNEVEN[:2], 4.6, 2.5) is None
+    between = closest(UNEVEN[:2], 4.6, 2.5)
+    assert between is not None
+    assert -1.0 < between < 0.0, "between the line and what is now, held"
+    assert zigzag(UNEVEN[:2], 4.6, between) == pytest.approx(2.5)
+    assert weights(UNEVEN[:2], 4.6, -1.0) == (1.0, 0.0)
+    assert closest(UNEVEN[:2], 4.6, 0.99) is None
     assert sum(weights(UNEVEN, 4.6, -0.3)) == pytest.approx(1.0)
 
 

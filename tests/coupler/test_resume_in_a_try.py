@@ -12,7 +12,7 @@ from coupler.resume import resume
 from coupler.scenario import Scenario, load_scenario
 
 sys.path.insert(0, str(Path(__file__).parent))
-from killed_runs import differences  # noqa: E402
+from killed_runs import differences
 
 ROOT = Path(__file__).resolve().parents[2]
 # Windows are cut again and again: three iterations are too few for most.
