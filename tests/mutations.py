@@ -38,9 +38,10 @@ MUTATIONS = tuple(
 
 def broken_copy(mutation: Mutation, target: Path) -> None:
     """Copy the packages to target and break one line.  Raises ValueError where the line is not there once."""
-    for name in (*PACKAGES, "tests", "scenarios"):
+    for name in (*PACKAGES, "tests", "scenarios", "docs", "benchmarks"):
         shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "pyproject.toml", target)
+    for name in ("pyproject.toml", "README.md", "CHANGELOG.md"):
+        shutil.copy(ROOT / name, target)
     path = target / mutation.file
     text = path.read_text(encoding="utf-8")
     if text.count(mutation.old) != 1:
