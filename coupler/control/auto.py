@@ -32,9 +32,9 @@ Array = NDArray[np.float64]
 SAFE = 0.55
 # A closer way must leave at most this share of a zigzag in a window, whatever R >= 0 is: 2 rho f < HOLDS.
 HOLDS = 0.8
-# Heat of squeezing alone feeds back delta/2 at most, however long the window: more is fed back by something else too,
-# which the adiabatic split does not take care of.
-SPLITS = 0.25
+# The adiabatic split takes care of what heat of squeezing feeds back, delta/2 at most.  Mechanics go first in it, so a
+# zigzag of what else is fed back is seen once at most: 2 rho < HOLDS.
+SPLITS = 0.5 * HOLDS
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
 # A ratio below 0 by less than this share of the largest is none that turns round.

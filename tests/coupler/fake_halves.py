@@ -65,8 +65,10 @@ class FakeHalf:
     def close(self) -> None: ...
 
 
-def lumped(T0: float, method: str = "midpoint", h_max: float = np.inf) -> FakeHalf:
-    """C dT/dt = G (T_s - T) - h(g) (T - T_w), gap in x[0, 1]; takes heat E_M too."""
+def lumped(T0: float, method: str = "midpoint", h_max: float = np.inf,
+           body: tuple[float, float] = (C, G)) -> FakeHalf:
+    """C dT/dt = G (T_s - T) - h(g) (T - T_w), gap in x[0, 1]; takes heat E_M too.  body : C, G."""
+    C, G = body
 
     def rule(state, inputs, t, h):
         T = float(state[0])

@@ -236,7 +236,7 @@ def test_entropy_is_frozen_where_heat_of_squeezing_acts_back_and_halves_can():
     assert choose(memory, made, 1.0, freezes=True).scheme is Scheme.ADIABATIC
     assert choose(memory, made, 1.0).scheme is Scheme.EXTRAPOLATED
     assert choose(memory, state, 1.0, freezes=True).scheme is Scheme.EXTRAPOLATED
-    assert choose(replace(memory, rho=0.3), made, 1.0, freezes=True).scheme is Scheme.EXTRAPOLATED
+    assert choose(replace(memory, rho=0.45), made, 1.0, freezes=True).scheme is Scheme.EXTRAPOLATED
     frozen = replace(state, accounts={**state.accounts, "E_S": replace(state.accounts["E_M"], made=1.0)})
     assert choose(memory, frozen, 1.0, freezes=True).scheme is Scheme.ADIABATIC
 

@@ -72,10 +72,10 @@ def first(T: Array, x: Array, *t_N: float, accounts: tuple[str, ...] = ()) -> Co
     return replace(start(0.0, 0.0), now=now, accounts=kept)
 
 
-def bar(d: float, k: tuple[float, ...] = (1.0, 2.0), sees: str = "held") -> Made:
+def bar(d: float, k: tuple[float, ...] = (1.0, 2.0), sees: str = "held", delta: float = DELTA) -> Made:
     """E1: modes at rest, displaced by d."""
     waves, U, none = np.array(k), np.full(len(k), d), np.zeros(len(k))
-    halves = conducting_bar(waves, none), moving_bar(waves, U, none, sees)
+    halves = conducting_bar(waves, none), moving_bar(waves, U, none, sees, delta)
     return halves, first(none + SHIFT, np.column_stack([none, U]), accounts=("E_M", "E_S"))
 
 

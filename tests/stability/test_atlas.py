@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cases import CASES
+from cases import CASES, bar
 from verdict import ADIABATIC, AUTO, FIXED, Outcome, dies_at, judged, trial
 
 WAYS = {way.name: way for way in FIXED}
@@ -38,6 +39,12 @@ def test_plain_iteration_fails_where_it_does_not_contract():
 def test_the_adiabatic_split_is_right_where_the_isothermal_one_is_not():
     assert trial(CASES["E1"], ADIABATIC, 3.0, "small").outcome is Outcome.RIGHT
     assert trial(CASES["E1"], WAYS["staggered"], 3.0, "small").outcome is Outcome.CYCLES
+
+
+def test_auto_freezes_the_entropy_of_a_body_that_feeds_back_more_by_squeezing():
+    """E1 with delta .6, in windows of 3 limits: every scheme that solves each half once at given T grows."""
+    case = replace(CASES["E1"], unit=2.0 / 1.6, make=lambda d: bar(d, delta=0.6))
+    assert trial(case, AUTO, 3.0, "large").outcome is Outcome.RIGHT
 
 
 def test_verdicts_of_paths():
