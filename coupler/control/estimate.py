@@ -9,7 +9,8 @@ with the ratio as it was last measured, times H/H_measured where the window has 
 error of H^3).  Second and not third differences: a third one is lost where a stiff cell follows its surroundings, and
 sees a wiggle of an old window as its own.  Where two measured ratios agree, the next measurement waits twice as long;
 where they do not, the next window is measured too: a front that freezes node by node is no smooth function of time, and
-only solving again tells.  docs/coupling.md has what that was found to be worth.
+only solving again tells.  Where a gap closes or opens in the window nothing is carried on, and the halves' answer is
+taken to be as wrong as the whole's (coupler.control.closing).  docs/coupling.md has what that was found to be worth.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.control.closing import closes
 from coupler.control.tolerance import ErrorTolerances
 from coupler.schemes.iteration import Iteration, Tolerance
 from coupler.schemes.level import Level, Scheme
@@ -29,8 +31,8 @@ from coupler.schemes.window import CoupledState, Solved, Span
 Array = NDArray[np.float64]
 
 # The error over the difference from two halves, which is 4/3 of second order and 2 of first: to overstate is the
-# smaller fault.  The two halves' own answer has 2^-order of it.
-WHOLE = {1: 2.0, 2: 1.5}
+# smaller fault.  The two halves' own answer has 2^-order of it.  Of no order: nothing is known, so as of first.
+WHOLE = {0: 2.0, 1: 2.0, 2: 1.5}
 FIRST_ORDER = frozenset((Scheme.STAGGERED, Scheme.MECHANICAL_FIRST, Scheme.PARALLEL))
 # Ratios this near agree.  Measured again after at most so many windows, and when the window has changed by a factor.
 AGREE, MOST, CHANGED = 1.4, 16, 2.5
@@ -94,11 +96,16 @@ class Estimate:
         return f"error of {worst} is {self.shares[worst]:.3g} tolerances"
 
 
-def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme) -> bool:
-    """Whether a window should be solved in two halves too: nothing is known, what is known is old, or a front moves."""
+def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end: Level) -> bool:
+    """Whether a window should be solved in two halves too: nothing is known, what is known is old, a front moves, or a
+    gap closes or opens.
+
+    end : the level to which the window came in one.
+    """
     H = span.end - start.now.t
     return (not memory.ratios or memory.left <= 0 or not start.past or scheme.value != memory.scheme
-            or not 1.0 / CHANGED <= H / memory.H <= CHANGED or _front_moves(start))
+            or not 1.0 / CHANGED <= H / memory.H <= CHANGED or _front_moves(start)
+            or closes(start.now, end))
 
 
 def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: ErrorTolerances,
@@ -110,7 +117,7 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     if solved.whole is None and not memory.ratios:
         return None
     levels = (solved.state.now, start.now, *start.past)
-    H, order = levels[0].t - levels[1].t, 1 if solved.scheme in FIRST_ORDER else 2
+    H, order = levels[0].t - levels[1].t, _order(start.now, solved)
     second = _second(levels, memory, solved)
     left = _left_over(start.now, solved, iteration)
     if solved.whole is None:
@@ -124,6 +131,12 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     own = _own(levels, whole["temperature"], left)
     return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios,
                    size=_told(whole, (levels, solved), tolerance, own).error)
+
+
+def _order(start: Level, solved: Solved) -> int:
+    if closes(start, solved.state.now):
+        return 0
+    return 1 if solved.scheme in FIRST_ORDER else 2
 
 
 def _front_moves(start: CoupledState) -> bool:

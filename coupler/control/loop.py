@@ -86,7 +86,8 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     control = at.control
     with Kept(halves, t0, control.number + 1) as kept:
         solved = solve(halves, at.state, span, way, kept)
-        if solved.taken and plan.adaptive is not None and estimate.wanted(control.estimate, at.state, span, way.scheme):
+        if solved.taken and plan.adaptive is not None and estimate.wanted(
+                control.estimate, at.state, span, way.scheme, solved.state.now):
             solved = doubled(halves, at.state, span, way, (kept, solved))
         if not solved.taken:
             kept.put_back(solved.message)

@@ -11,7 +11,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import start
-from fake_halves import gap_of, lumped, shrinking
+from fake_halves import G_M, K_G, T_IN, T_S, T_W, X_OUT, C, FakeHalf, G, blocks_of, gap_of, lumped, shrinking
+from scipy.integrate import solve_ivp
 from true_error import ONE, windows
 
 from coupler.control import estimate
@@ -21,6 +22,7 @@ from coupler.control.estimate import Memory
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Adaptive, Plan
 from coupler.control.tolerance import ErrorTolerances
+from coupler.fmu.half import Block
 from coupler.schemes.account import EnergyAccount
 from coupler.schemes.clock import Clock
 from coupler.schemes.iteration import Iteration, Tolerance
@@ -101,6 +103,44 @@ def test_what_is_kept_has_a_quarter_of_the_error_of_the_window_in_one() -> None:
     assert found.words.startswith("error of temperature is ")
 
 
+def closing(speed: float, H: float) -> tuple[FakeHalf, CoupledState, float]:
+    """A gap that falls steadily to zero in a window of H [s]: the half that moves it, the start, T at its end [K].
+
+    The lumped body at its end: C dT/dt = G (T_s - T) - k_g (T - T_w)/(g_m + speed (H - t)).
+    """
+    def rule(state, inputs, t, h):
+        gap = speed * (H - t - h)
+        return state, {"x": np.array([[0.0, gap]]), "contact.gap": np.array([gap]), "contact.covered": np.ones(1)}
+
+    outputs = (X_OUT, *(Block(f"contact.{n}", (1,), "m", "output", "Real") for n in ("gap", "covered")))
+    at, before = (replace(start(840.0, 0.0).now, t=t, x=np.array([[0.0, speed * (H - t)]]), t_N=np.zeros(1),
+                          gap=np.array([speed * (H - t)]), covered=np.ones(1)) for t in (0.0, -H))
+    exact = solve_ivp(lambda t, T: (G * (T_S - T) - K_G * (T - T_W) / (G_M + speed * (H - t))) / C, (0.0, H), [840.0],
+                      method="LSODA", rtol=1e-10).y[0, -1]
+    return (FakeHalf("closing", blocks_of(T_IN, *outputs), rule, np.zeros(1)),
+            CoupledState(at, (before,), 0, {"E_M": EnergyAccount(np.zeros(1))}), float(exact))
+
+
+@pytest.mark.parametrize("layers", [20.0, 100.0, 500.0])
+def test_in_a_window_in_which_a_gap_closes_its_halves_are_taken_to_be_no_better(layers: float) -> None:
+    """Its width at the start in layers of gas: heat goes with log(layers), of which few windows see anything."""
+    H = 1.0
+    half, state, exact = closing(layers * G_M / H, H)
+    halves, way = wanted_outputs(lumped(840.0), half), Way(Scheme.EXTRAPOLATED, Settings(Scheme.EXTRAPOLATED, ONE))
+    span = Span(Clock(H), 0, 2**40, ONE)
+    with Kept(halves, 0.0, 1) as kept:
+        whole = solve(halves, state, span, way, kept)
+        known = Memory(RATIOS, H, 16, 16, Scheme.EXTRAPOLATED.value)
+        assert estimate.wanted(known, state, span, Scheme.EXTRAPOLATED, whole.state.now)
+        both = doubled(halves, state, span, way, (kept, whole))
+        kept.put_back("")
+    found = estimate.estimate(known, state, both, ErrorTolerances(), Iteration())
+    assert found is not None
+    true = abs(float(both.state.now.T[0]) - exact)
+    assert found.size == found.error
+    assert true / 3.0 < found.errors["temperature"] < 3.0 * true
+
+
 def level(t: float, T: float, gap: tuple[float, float] = (1.0, 1.0), covered: float = 1.0) -> Level:
     return Level(t, np.array([T, 900.0]), np.array([[0.0, T / 1000]]), np.zeros(2), np.array(gap),
                  np.array([1.0, covered]))
@@ -161,7 +201,7 @@ def test_when_it_is_measured_again() -> None:
     state = solved_at(level(0.0, 900.0), (level(-1.0, 901.0),)).state
 
     def asked(memory: Memory, H: int, at: CoupledState = state, by: Scheme = scheme) -> bool:
-        return estimate.wanted(memory, at, Span(clock, 0, H * 2**36, ONE), by)
+        return estimate.wanted(memory, at, Span(clock, 0, H * 2**36, ONE), by, at.now)
 
     known = Memory(RATIOS, 2.0, 3, 4, scheme.value)
     assert not asked(known, 2)
@@ -181,7 +221,7 @@ def test_while_a_front_moves_every_window_is_measured(before, now, measured: boo
     levels = [replace(level(t, 900.0), f_s=np.array(f)) for t, f in ((0.0, now), (-1.0, before))]
     memory = Memory(RATIOS, 2.0, 16, 16, Scheme.EXTRAPOLATED.value)
     at = solved_at(levels[0], (levels[1],)).state
-    assert estimate.wanted(memory, at, Span(Clock(16.0), 0, 2**37, ONE), Scheme.EXTRAPOLATED) is measured
+    assert estimate.wanted(memory, at, Span(Clock(16.0), 0, 2**37, ONE), Scheme.EXTRAPOLATED, at.now) is measured
 
 
 def test_ratios_that_agree_make_the_next_measurement_wait() -> None:

@@ -53,7 +53,7 @@ def windows(halves: Halves, state: CoupledState, schedule: Schedule, scheme: Sch
         exact = fine(halves, state, span) if i % every == 0 else None
         with Kept(halves, state.now.t, i + 1) as kept:
             solved = solve(halves, state, span, way, kept)
-            if estimate.wanted(memory, state, span, scheme):
+            if estimate.wanted(memory, state, span, scheme, solved.state.now):
                 solved = doubled(halves, state, span, way, (kept, solved))
         found = estimate.estimate(memory, state, solved, ErrorTolerances(), way.settings.iteration)
         assert solved.taken, solved.message
