@@ -69,9 +69,10 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
     t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.c, points.p_N, points.tau, points.heat,
                                        shear)
+    slipping = shares_slipping(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
-                     np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, int(np.count_nonzero(points.p_N)),
-                     int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
+                     np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, slipping,
+                     int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
 
 
 def given(surfaces: Surfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats, Floats]:
@@ -162,6 +163,24 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
         pushed[s] = -pushed[s] / faced[s] if pushed[s] > 0.0 else 0.0
         dragged[s] = before[s] + dragged[s] / touched[s] if touched[s] > 0.0 else 0.0
     return pushed, dragged, made
+
+
+@kernel
+def shares_slipping(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
+    """(n_nodes,) sum(A N of what slips)/sum(A N of what touches), of slave nodes; 0 where nothing touches."""
+    slips, touches = np.zeros(n_nodes), np.zeros(n_nodes)
+    for i in range(met.shape[0]):
+        if doing[i] == OPEN:
+            continue
+        for end in range(2):
+            s = edges[met[i, 0], end]
+            weight = (values[i, 0] if end == 1 else 1.0 - values[i, 0]) * values[i, 3]
+            touches[s] += weight
+            if doing[i] >= SLIPS_FORWARD:
+                slips[s] += weight
+    for s in range(n_nodes):
+        slips[s] = slips[s] / touches[s] if touches[s] > 0.0 else 0.0
+    return slips
 
 
 @kernel

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 2
+WIRE_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -119,6 +119,7 @@ class Tractions:
     t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : as in Facing.
     multipliers : (n_s,) [Pa], t_N on slave sides, and shear : (n_s,) [Pa]: the new history.
     E_friction : (n_s,) [J] of slave nodes, what slipping made since x_before.
+    slipping : (n_s,) of what a slave node touches, the share at Coulomb's bound, 0 to 1.
     n_touching, n_slipping : facing points with p_N > 0, and those of them at Coulomb's bound.
     """
 
@@ -132,6 +133,7 @@ class Tractions:
     multipliers: Floats
     shear: Floats
     E_friction: Floats
+    slipping: Floats
     n_touching: int
     n_slipping: int
 

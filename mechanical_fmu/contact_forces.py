@@ -66,7 +66,9 @@ def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
     if slips:
         variables += [Variable("contact.t_T", (n_s,), unit="Pa", description="shear traction of slave nodes"),
                       Variable("contact.E_friction", (n_s,), unit="J", description="friction heat of the substep"),
-                      Variable("contact.slipping", description="facing points that slip")]
+                      Variable("contact.slipping", description="facing points that slip"),
+                      Variable("contact.slip_share", (n_s,), unit="1",
+                               description="of what a slave node touches, the share at Coulomb's bound")]
     return tuple(variables)
 
 
@@ -77,5 +79,5 @@ def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Valu
                                  "contact.touching": float(tractions.n_touching)}
     if slips:
         outputs |= {"contact.t_T": tractions.shear, "contact.E_friction": tractions.E_friction,
-                    "contact.slipping": float(tractions.n_slipping)}
+                    "contact.slipping": float(tractions.n_slipping), "contact.slip_share": tractions.slipping}
     return outputs

@@ -31,6 +31,7 @@ BLOCKS: Mapping[str, Face] = {
     "contact.gap": Face(IN, OUT, "m", 1),
     "contact.covered": Face(IN, OUT, "1", 1),
     "contact.t_T": Face("", OUT, "Pa", 1),
+    "contact.slip_share": Face("", OUT, "1", 1),
     "contact.E_friction": Face(IN, OUT, "J", 1),
     "E_M": Face(IN, OUT, "J", 1),
     "E_S": Face(IN, OUT, "J", 1),

@@ -144,6 +144,8 @@ def test_stiffness_of_friction_is_the_derivative_of_the_forces(mu: float, slippi
     before[:4] += [3e-3, 1e-3]
     reply = push(register, x, x_before=before, shear=shear)
     assert reply.n_slipping == slipping
+    assert reply.slipping[:4].tolist() == [float(slipping > 0)] * 4
+    assert not reply.slipping[4:].any()
     K, B = differences(register, x, 1e-7, before, shear), dense(reply, len(x))
     assert abs(B - K).max() <= 2e-7 * abs(K).max()
 
@@ -185,6 +187,7 @@ def test_a_dragged_block_sticks_then_slips_and_heats() -> None:
         heat.append(reply.E_friction.sum())
         x, shear = moved, reply.shear
         assert not reply.E_friction[~slave].any()
+        assert np.array_equal(reply.slipping > 0.0, reply.E_friction > 0.0)
     width = 1.0 - np.arange(1, 11) * step  # covered
     sticks = np.array(drag[:3])
     np.testing.assert_allclose(sticks, -EPS * step * np.arange(1, 4) * width[:3], rtol=2e-5)
