@@ -30,6 +30,7 @@ from coupler.record.keeper import Keeper, put_back, versions
 from coupler.record.measure import measure
 from coupler.record.recorder import Recorder, Words
 from coupler.record.results import Results
+from coupler.record.strips import FRICTION
 from coupler.record.target import check_target
 from coupler.record.watched import Watched
 from coupler.rules import engine as rules
@@ -148,7 +149,7 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            self._recorder.start(self.state.now, self._probed(), self._shear())
+            self._recorder.start(self.state.now, self._probed(), self._friction())
             self._frame()
         self._stand()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
@@ -220,8 +221,8 @@ class Run:
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
             seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        t_T = self._shear() if tried.accepted else None
-        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen, t_T)
+        friction = self._friction() if tried.accepted else {}
+        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen, friction)
         self._recorder.window(tried.solved, facts, self.ledger, self._probed(), words)
 
     def _frames_from_here(self) -> Frames:
@@ -270,10 +271,11 @@ class Run:
     def _probed(self) -> Array:
         return measure(self.scenario.probes, self.scenario.interface, self.state.now)
 
-    def _shear(self) -> Array | None:
-        """(n_s,) [Pa] of slave nodes, where the mechanical half has friction."""
-        half, name = self.halves.mechanical, "contact.t_T"
-        return half.read([name])[name] if name in half.blocks else None
+    def _friction(self) -> dict[str, Array]:
+        """(n_s,) each of slave nodes, what the mechanical half tells of FRICTION."""
+        half = self.halves.mechanical
+        told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
+        return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
 
     def _header(self) -> dict[str, Any]:
         s = self.scenario

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 class Words:
     """What else a window's record holds.  reason : why it had its size and scheme.  event, fired, error : as in Tried.
 
-    monitors : those that rules look at, of a window that was taken.  t_T : (n_s,) [Pa] shear at its end, with friction.
+    monitors : those that rules look at, of a window that was taken.  friction : at its end, as in `contact_row`.
     """
 
     reason: str = ""
@@ -40,7 +41,7 @@ class Words:
     fired: tuple[Firing, ...] = ()
     error: Estimate | None = None
     monitors: Mapping[str, float] = field(default_factory=dict)
-    t_T: Array | None = None
+    friction: Mapping[str, Array] = field(default_factory=dict)
 
 
 class Recorder:
@@ -78,10 +79,10 @@ class Recorder:
         """Wait until all records are on the disk.  Raises OSError."""
         self._journal.sync()
 
-    def start(self, now: Level, probes: Array, t_T: Array | None = None) -> None:
-        """The values before the first window.  t_T : as in Words."""
+    def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({})) -> None:
+        """The values before the first window.  friction : as in Words."""
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
-                            {"probes": probes, **contact_row(self._strips, now, t_T)})
+                            {"probes": probes, **contact_row(self._strips, now, friction)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
                words: Words = Words()) -> None:
@@ -105,7 +106,7 @@ class Recorder:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         arrays: dict[str, NDArray[Any]] = {}
         if accepted:
-            arrays = {"probes": probes, **contact_row(self._strips, solved.state.now, words.t_T)}
+            arrays = {"probes": probes, **contact_row(self._strips, solved.state.now, words.friction)}
         self._journal.write("window", meta, arrays)
         self._seconds = time.perf_counter() - started
 

@@ -46,6 +46,7 @@ class Along:
 
     s : (n,) [m] length from the surface's start to each node, X : (n, 2) [m] the node, both in the mesh's own shape.
     t_N : (n_t, n) [Pa], <= 0.  gap : (n_t, n) [m], gap_max where nothing is faced.  t_T : (n_t, n) [Pa] shear, or None.
+    slip_share : (n_t, n) of what a node touches the share at Coulomb's bound, 0 to 1, or None.
     A node of two pairs' surfaces has what it has of both.
     """
 
@@ -54,6 +55,7 @@ class Along:
     t_N: NDArray[np.float32]
     gap: NDArray[np.float32]
     t_T: NDArray[np.float32] | None = None
+    slip_share: NDArray[np.float32] | None = None
 
 
 class Results:

@@ -13,8 +13,10 @@ from coupler.schemes.level import Level
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]
-FIELDS = {"t_N": "Pa", "gap": "m", "t_T": "Pa"}
-"""What is kept of each node, and its unit; t_T only where the mechanical half has friction."""
+FRICTION = {"t_T": "Pa", "slip_share": "1"}
+"""What is kept only where the mechanical half tells it, as one with friction does; `contact.NAME` of its outputs."""
+FIELDS = {"t_N": "Pa", "gap": "m", **FRICTION}
+"""What is kept of each node, and its unit."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,13 @@ def _pieces(edges: Ints) -> list[Ints]:
     return found
 
 
-def contact_row(found: Sequence[Strip], now: Level, t_T: Array | None) -> dict[str, NDArray[np.float32]]:
-    """t_N, gap and, where given, t_T (n_s,) at the strips' nodes, strip after strip; single precision will do."""
+def contact_row(found: Sequence[Strip], now: Level, friction: Mapping[str, Array]) -> dict[str, NDArray[np.float32]]:
+    """t_N, gap and what there is of FRICTION, (n_s,) each, at the strips' nodes, strip after strip.
+
+    Single precision will do.
+    """
     if not found:
         return {}
     at = np.concatenate([strip.at for strip in found])
-    values: Mapping[str, Array | None] = {"t_N": now.t_N, "gap": now.gap, "t_T": t_T}
-    return {f"contact.{n}": v[at].astype(np.float32) for n, v in values.items() if v is not None}
+    values = {"t_N": now.t_N, "gap": now.gap, **friction}
+    return {f"contact.{n}": v[at].astype(np.float32) for n, v in values.items()}

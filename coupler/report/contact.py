@@ -25,8 +25,9 @@ Codes = NDArray[np.int8]
 ALONE, OPEN, TOUCHES, STICKS, SLIPS = range(5)
 WORDS = {ALONE: "faces nothing", OPEN: "open", TOUCHES: "touches", STICKS: "sticks", SLIPS: "slips"}
 LOOKS = {ALONE: "#ffffff", TOUCHES: COLOURS[0], STICKS: COLOURS[2], SLIPS: COLOURS[1]}
-# Shear and pressure of a node are two different means of what its points have: where all of them slip, their ratio
-# lies some percent around mu.
+MOST = 0.5  # a node slips where more than this share of what it touches does
+# Of a file that does not tell what slips, the ratio of shear and pressure has to.  Of a node they are two different
+# means of what its points have: where all of them slip, the ratio lies some percent around mu.
 AT_THE_BOUND = 0.85
 NARROW, WIDE = 0.25, 0.93  # greys of a closed gap and of the widest: neither is taken for black ink or white paper
 ZOOM_BELOW = 0.4  # changes within less than this share of the run get a second, closer look
@@ -36,18 +37,21 @@ MARGIN = 0.08
 def status(along: Along, mu: float, gap_max: float) -> Codes:
     """(n_t, n) what each node does at each time.
 
-    Pressed: touching, or, where shear is known, sticking or slipping (|t_T| against mu |t_N|).  Not pressed: open, or,
+    Pressed: touching, or, where friction is known, sticking or slipping (most of what it touches is at Coulomb's
+    bound; in a file that does not tell, |t_T| is nearly mu |t_N|).  Not pressed: open, or,
     at gap_max, with nothing to face.  A rigid half presses on whole surfaces: its nodes that face nothing are not
     pressed.
     """
     alone = along.gap >= np.float32(gap_max)
     pressed = (along.t_N < 0.0) & ~alone
     code = np.where(alone, ALONE, np.where(pressed, TOUCHES, OPEN)).astype(np.int8)
-    if along.t_T is not None and mu > 0.0:
+    if mu > 0.0 and along.slip_share is not None:
+        code[pressed & (along.slip_share <= MOST)] = STICKS
+        code[pressed & (along.slip_share > MOST)] = SLIPS
+    elif mu > 0.0 and along.t_T is not None:
         known = pressed & np.isfinite(along.t_T)
-        slips = known & (np.abs(along.t_T) >= -AT_THE_BOUND * mu * along.t_N)
         code[known] = STICKS
-        code[slips] = SLIPS
+        code[known & (np.abs(along.t_T) >= -AT_THE_BOUND * mu * along.t_N)] = SLIPS
     return code
 
 
@@ -144,7 +148,10 @@ def _caption(results: Results, pair: Mapping[str, Any], along: Along, near: tupl
     text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {' or '.join(against)}, as found "
             f"at the end of each window; lengths in the mesh's own shape, from ({at(a)}) up to ({at(b)}).")
     if (code >= STICKS).any():
-        text += f" It slips where the shear is at Coulomb's bound, {number(float(pair['mu']))} times the pressure."
+        bound = f"Coulomb's bound, {number(float(pair['mu']))} times the pressure"
+        text += (f" A node slips where more than half of what it touches is at {bound}." if along.slip_share is not None
+                 else f" What slips was not recorded: a node is said to where its shear is at least "
+                      f"{number(AT_THE_BOUND)} of {bound}.")
     if near is not None:
         text += f" Below, the same from {number(near[0], 6)} s to {number(near[1], 6)} s, where it changes."
     return text

@@ -46,6 +46,7 @@ def test_rows_are_what_the_windows_ended_with(tmp_path: Path) -> None:
     assert along.t_N == pytest.approx(np.array([now.t_N[strip.at] for now in levels]), rel=1e-6)
     assert along.gap == pytest.approx(np.array([now.gap[strip.at] for now in levels]), rel=1e-6)
     assert along.t_T is None
+    assert along.slip_share is None
     assert times_of(CASE)[-1] == END
 
 
@@ -58,6 +59,8 @@ def test_what_a_node_does() -> None:
     assert status(Along(s, X, t_N, gap, t_T), 0.3, 0.01)[:, 0].tolist() == [OPEN, STICKS, STICKS, SLIPS, ALONE]
     assert status(Along(s, X, t_N, gap), 0.3, 0.01)[:, 0].tolist() == [OPEN, TOUCHES, TOUCHES, TOUCHES, ALONE]
     assert status(Along(s, X, t_N, gap, t_T), 0.0, 0.01)[3, 0] == TOUCHES
+    share = np.array([[0.0], [0.0], [0.51], [0.49], [1.0]], np.float32)
+    assert status(Along(s, X, t_N, gap, t_T, share), 0.3, 0.01)[:, 0].tolist() == [OPEN, STICKS, SLIPS, STICKS, ALONE]
     unknown = np.full_like(t_T, np.nan)
     assert status(Along(s, X, t_N, gap, unknown), 0.3, 0.01)[1, 0] == TOUCHES
 
