@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, count
 
@@ -47,12 +48,14 @@ class Names:
 
     def __init__(self) -> None:
         self.taken: set[str] = set()
+        # Each begins where it ended: many of one name are not all counted from 2.
+        self._numbers: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
 
     def free(self, wanted: str, suffix: str = "") -> str:
         """`wanted` in letters the scenario takes; with the suffix, then numbered, where that is taken already."""
         base = re.sub(r"[^A-Za-z0-9_-]", "_", wanted)[:50] or "_"
         base = base if re.match(r"[A-Za-z_]", base) else f"_{base}"
-        numbered = (f"{base}{suffix}_{i}" for i in count(2))
+        numbered = (f"{base}{suffix}_{i}" for i in self._numbers[f"{base}{suffix}"])
         name = next(name for name in chain((base, f"{base}{suffix}"), numbered) if name not in self.taken)
         self.taken.add(name)
         return name

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 
 from coupler.deck.bodies import Names, bodies_of
 from coupler.deck.boundary import NodeSets
-from coupler.deck.lexer import blocks_of
+from coupler.deck.lexer import blocks_of, printable
 from coupler.deck.log import Log
 from coupler.deck.mesh import mesh_of
 from coupler.deck.outline import outline_of
@@ -17,6 +16,7 @@ from coupler.deck.tree import Deck, tree_of
 from coupler.deck.words import understood
 from coupler.deck.write import Groups, mesh_text, scenario_text
 from coupler.errors import ScenarioError
+from coupler.newfile import check_free, new_files
 from coupler.outset import plan_of
 from coupler.scenario import load_scenario
 
@@ -28,19 +28,26 @@ def convert(path: Path, out: Path) -> Converted:
     scenario can say (3-D elements, surfaces of nodes), makes a scenario that does not pass its check, or where a file
     to be written is already there.  Then nothing is left behind.
     """
+    check_free(out)
     beside = out.with_suffix(".msh")
-    for file in (out, beside):
-        if file.exists():
-            raise ScenarioError("there is a file of this name already", file=str(file), remedy="Give another --out.")
+    if beside == out:
+        raise ScenarioError("this is the name of the mesh beside the scenario", file=str(out),
+                            remedy="End the scenario in .yaml")
+    check_free(beside)
     log = Log()
     deck = _read(path, log)
-    title = deck.outline.title or path.stem
+    title = deck.outline.title or printable(path.stem)
     tree = tree_of(deck, beside.name, title, log)
     told = Converted((out, beside), tuple(log.missed), tuple(log.notes))
     head = [f"From the deck {path.name}.", *(f"- {note}" for note in log.notes),
             "Not understood:" if log.missed else "All of the deck was understood.", *(f"  {m}" for m in log.missed)]
     mesh = mesh_text(deck.mesh, Groups(deck.bodies, deck.surfaces.edges, deck.sets.named))
-    _put(((beside, mesh), (out, scenario_text(tree, head))), path)
+    with new_files({beside: mesh, out: scenario_text(tree, head)}):
+        try:
+            plan_of(load_scenario(out))
+        except ScenarioError as exc:
+            raise ScenarioError(f"the deck makes a scenario that does not pass its check: {exc}",
+                                file=str(path)) from exc
     return told
 
 
@@ -50,21 +57,3 @@ def _read(path: Path, log: Log) -> Deck:
     mesh, names = mesh_of(outline, log), Names()
     bodies = bodies_of(outline, mesh, names, log)
     return Deck(outline, mesh, bodies, surfaces_of(outline, mesh, names, log), NodeSets(mesh, names))
-
-
-def _put(texts: tuple[tuple[Path, str], ...], deck: Path) -> None:
-    """Write the files and check the scenario, the last of them; take all away again where that fails."""
-    written: list[Path] = []
-    try:
-        for file, text in texts:
-            with file.open("x", encoding="utf-8") as stream:
-                written.append(file)
-                stream.write(text)
-        plan_of(load_scenario(texts[-1][0]))
-    except (OSError, ScenarioError) as exc:
-        for file in written:
-            with contextlib.suppress(OSError):
-                file.unlink()
-        if isinstance(exc, OSError):
-            raise ScenarioError(f"cannot be written ({exc.strerror})", file=str(texts[-1][0])) from exc
-        raise ScenarioError(f"the deck makes a scenario that does not pass its check: {exc}", file=str(deck)) from exc

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -30,9 +31,8 @@ class Row:
 
     @property
     def shown(self) -> str:
-        """The line as a message may hold it: printable, and cut."""
-        text = "".join(c if c.isprintable() else "?" for c in self.text.strip())
-        return text if len(text) <= SHOWN else text[:SHOWN] + "..."
+        """The line as a message may hold it, cut."""
+        return self.text if len(self.text) <= SHOWN else self.text[:SHOWN] + "..."
 
     def field(self, i: int) -> str:
         """A field, empty where the line is shorter."""
@@ -95,7 +95,7 @@ def is_whole(text: str) -> bool:
 
 @dataclass
 class _Files:
-    """What may be read: files in the deck's folder, so many bytes and files.  shown : the folder, as given."""
+    """What may be read: files in the folder the deck was named in, so many bytes and files.  shown : it, as given."""
 
     folder: Path
     shown: Path
@@ -109,10 +109,10 @@ def blocks_of(path: Path) -> list[Block]:
     Raises ScenarioError, naming file and line, where a file is missing, too large, not text, not beside the deck, or
     includes itself, and where data stand before the first keyword.
     """
-    files = _Files(path.resolve().parent, path.parent)
+    files = _Files(path.parent.resolve(), path.parent)
     blocks: list[Block] = []
     data: list[Row] = []
-    for row in _rows(path, files, (), Row(str(path), 0, "", ())):
+    for row in _rows(path, files, (), Row(printable(str(path)), 0, "", ())):
         if not row.text.startswith("*"):
             if not blocks:
                 raise wrong(row, "data before the first keyword", "A deck begins with a keyword, such as *HEADING.")
@@ -135,17 +135,17 @@ def _closed(block: Block, data: list[Row]) -> Block:
 def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> Iterator[Row]:
     """Lines of a file without comments, keyword lines joined, includes in place; asked : the line that named it."""
     lines = _text(path, files, asked).split("\n")
-    resolved = path.resolve()
+    resolved, shown = path.resolve(), printable(str(path))
     i = 0
     while i < len(lines):
-        text, start = lines[i].strip(), i + 1
+        text, start = printable(lines[i]).strip(), i + 1
         i += 1
         if not text or text.startswith("**"):
             continue
         if text.startswith("*"):
             while text.endswith(",") and i < len(lines) and not lines[i].lstrip().startswith("*"):
-                text, i = f"{text} {lines[i].strip()}", i + 1
-        row = Row(str(path), start, text, _fields(text))
+                text, i = f"{text} {printable(lines[i]).strip()}", i + 1
+        row = Row(shown, start, text, _fields(text))
         if not text.startswith("*"):
             yield row
             continue
@@ -162,9 +162,9 @@ def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> It
 def _beside(block: Block, files: _Files, within: tuple[Path, ...]) -> Path:
     """The file an INPUT names.  Raises ScenarioError where it is elsewhere or being read already."""
     name = block.options["INPUT"]
-    if not name or len(name) > MAX_NAME or "\0" in name:
+    if not name or len(name) > MAX_NAME:
         raise wrong(block.row, "INPUT must name a file")
-    path = (files.folder / name).resolve()
+    path = Path(os.path.realpath(files.folder / name))  # links that lead in a circle stay as they are
     if not path.is_relative_to(files.folder):
         raise wrong(block.row, "only files beside the deck are read", f"Move it into {files.folder}.")
     if path in within:
@@ -199,6 +199,11 @@ def _text(path: Path, files: _Files, asked: Row) -> str:
         return raw.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError:
         return raw.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")  # which has a letter for every byte
+
+
+def printable(text: str) -> str:
+    """Text with blanks for what may stand in no message and no comment: control characters, line ends, half letters."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
 def _fields(text: str) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +16,6 @@ from coupler.scenario.quantity import did_you_mean
 
 PLANE = re.compile(r"(CPE|CPS|CAX)([34])([RHIT]*)")
 HEAT = re.compile(r"(DC2D|DCAX)([34])")
-MAX_SET = 20_000_000  # members a GENERATE may ask for
 Key = tuple[str, int]  # part, number in the deck
 Name = tuple[str, str]  # part, name in capitals
 
@@ -172,29 +171,31 @@ def _set(mesh: Mesh, block: Block, part: str, log: Log) -> None:
     at: Callable[[str, Row, str], tuple[int, ...]] = mesh.nodes_at if block.word == "NSET" else mesh.cells_at
     sets = mesh.node_sets if block.word == "NSET" else mesh.cell_sets
     known = mesh.node_of if block.word == "NSET" else mesh.cell_of
-    rows: list[int] = []
+    rows: set[int] = set()
     for row in block.data:
         if "GENERATE" in block.options:
-            rows += _range(known, row, scope, log)
+            rows.update(_range(known, row, scope, log))
         else:
-            rows += [member for text in row.fields if text for member in at(text, row, scope)]
+            rows.update(member for text in row.fields if text for member in at(text, row, scope))
     if block.word == "NSET" and "ELSET" in block.options:
-        rows += [n for c in mesh.cells_at(block.options["ELSET"], block.row, scope) for n in mesh.cells[c].nodes]
+        rows.update(n for c in mesh.cells_at(block.options["ELSET"], block.row, scope) for n in mesh.cells[c].nodes)
     _add(mesh, sets, (part, name), block.options[block.word], rows)
 
 
 def _range(known: Mapping[Key, int], row: Row, scope: str, log: Log) -> list[int]:
     first, last = whole(row, 0, "first"), whole(row, 1, "last", whole(row, 0, "first"))
     step = whole(row, 2, "the step", 1)
-    if step < 1 or last < first or (last - first) // step > MAX_SET:
+    if step < 1 or last < first:
         raise wrong(row, "a range goes from first to last by a step of 1 or more")
-    members = [(scope, i) for i in range(first, last + 1, step)]
-    there = [known[key] for key in members if key in known]
-    if len(there) < len(members):
-        log.miss(row, f"{len(members) - len(there)} numbers of this range do not exist; the others are taken")
+    asked = range(first, last + 1, step)
+    # A range may name more numbers than the deck has: the shorter of the two is gone through.
+    there = ([known[scope, i] for i in asked if (scope, i) in known] if len(asked) < len(known)
+             else [n for (part, i), n in known.items() if part == scope and i in asked])
+    if len(there) < len(asked):
+        log.miss(row, f"{len(asked) - len(there)} numbers of this range do not exist; the others are taken")
     return there
 
 
-def _add(mesh: Mesh, sets: dict[Name, tuple[int, ...]], key: Name, spelled: str, rows: Sequence[int]) -> None:
+def _add(mesh: Mesh, sets: dict[Name, tuple[int, ...]], key: Name, spelled: str, rows: Iterable[int]) -> None:
     sets[key] = tuple(sorted({*sets.get(key, ()), *rows}))
     mesh.spelled.setdefault(key, spelled)

@@ -34,9 +34,16 @@ class Step:
     def windows(self) -> dict[str, float]:
         """One entry of coupling.windows."""
         span = self.end - self.start
-        if self.direct or self.first >= span / MOST or self.longest <= self.first:
+        # No longest increment, 0, is as good as the whole step.
+        if self.direct or self.first >= span / MOST or 0.0 < self.longest <= self.first:
             return {"until": self.end, "size": min(self.first, span)}
-        return {"until": self.end, "first": self.first, "last": min(self.longest, span / 50.0)}
+        return {"until": self.end, "first": self.first, "last": min(self.longest or span, span / 50.0)}
+
+    @property
+    def count(self) -> float:
+        """So many windows, about."""
+        windows = self.windows
+        return (self.end - self.start) / windows.get("size", windows.get("last", self.first))
 
 
 def steps_of(outline: Outline, log: Log) -> list[Step]:
@@ -72,8 +79,6 @@ def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
     if min(span, first) <= 0.0 or min(least, longest) < 0.0:
         raise wrong(row, "times are greater than zero")
     direct, steady = "DIRECT" in procedure.options, "STEADY STATE" in procedure.options
-    if direct and span / first > MAX_WINDOWS:
-        raise wrong(row, f"more than {MAX_WINDOWS} increments")
     if not direct:
         log.note("windows have the size of the deck's first increment, or grow from it; `coupling.adaptive` lets them "
                  "find their own")
@@ -81,5 +86,10 @@ def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
         log.note("bodies move by finite strain, as with NLGEOM")
     ramp = block.option("AMPLITUDE") == "RAMP" or (
         block.option("AMPLITUDE") != "STEP" and (steady or procedure.word == "STATIC"))
-    return Step(procedure.word, start, start + span, first, longest, direct, steady, ramp, block.row,
+    step = Step(procedure.word, start, start + span, first, longest, direct, steady, ramp, block.row,
                 tuple(b for b in own if b.word not in PROCEDURES))
+    if not step.start < step.end < float("inf"):
+        raise wrong(row, f"a step of {span:g} s from {start:g} s has no end that a number could hold")
+    if step.count > MAX_WINDOWS:
+        raise wrong(row, f"more than {MAX_WINDOWS} increments", "Give a longer longest increment, or none.")
+    return step

@@ -84,7 +84,7 @@ def tree_of(deck: Deck, mesh_file: str, title: str, log: Log) -> Tree:
         "mechanical": _mechanical(deck, asked, mechanical, found.gravity, log),
         "coupling": _coupling(steps),
         "probes": _probes(bodies, pairs, asked),
-        "output": {"fields": {"every": max(1, ceil(_count(steps) / FRAMES))}},
+        "output": {"fields": {"every": max(1, ceil(sum(step.count for step in steps) / FRAMES))}},
     }
 
 
@@ -174,11 +174,6 @@ def _coupling(steps: Sequence[Step]) -> Tree:
     return {"scheme": "iterated", "iteration": {"level": "end"}, "end": steps[-1].end,
             "windows": [step.windows for step in steps]} if coupled else {
             "scheme": "staggered", "end": steps[-1].end, "windows": [step.windows for step in steps]}
-
-
-def _count(steps: Sequence[Step]) -> float:
-    """Windows, about."""
-    return sum((s.end - s.start) / max(s.windows.get("size", s.windows.get("last", s.first)), 1e-300) for s in steps)
 
 
 def _probes(bodies: Sequence[Body], pairs: Tree, asked: Asked) -> Tree:

@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from coupler.deck.bodies import Body
+from coupler.deck.lexer import printable
 from coupler.deck.mesh import Mesh
 from coupler.deck.surfaces import Edge
 
@@ -68,7 +69,7 @@ def scenario_text(tree: Mapping[str, Any], head: Sequence[str]) -> str:
     out = io.StringIO()
     yaml.dump(_laid_out(tree), out)
     lines = [*head[:MOST_TOLD], *([f"... and {len(head) - MOST_TOLD} lines more"] if len(head) > MOST_TOLD else [])]
-    return "".join(f"# {line}".rstrip() + "\n" for line in lines) + out.getvalue()
+    return "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines) + out.getvalue()
 
 
 def _laid_out(value: Any, level: int = 0) -> Any:

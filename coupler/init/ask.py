@@ -12,7 +12,7 @@ from coupler.errors import ScenarioError
 from coupler.init.choices import Choices
 from coupler.init.materials import exchangeable, library
 from coupler.init.templates import Template, templates
-from coupler.init.write import check_free
+from coupler.newfile import check_free
 from coupler.scenario.quantity import did_you_mean
 
 Answer = TypeVar("Answer")

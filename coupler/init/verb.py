@@ -14,7 +14,7 @@ from coupler.init.ask import Answer, ask_choices, ask_out, ask_template
 from coupler.init.choices import Choices, chosen_materials
 from coupler.init.materials import library
 from coupler.init.templates import template_named, templates
-from coupler.init.write import check_free, new_scenario
+from coupler.init.write import new_scenario
 from coupler.scenario import parse_override
 
 TemplateArgument = Annotated[str | None, typer.Argument(
@@ -80,7 +80,6 @@ def _from_deck(deck: Path, out: Path) -> None:
     # Here and not above: who starts from a template needs no reader of decks.
     from coupler.deck import convert
 
-    check_free(out)
     for line in convert(deck, out).lines:
         typer.echo(line)
     _next(out)

@@ -12,10 +12,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.representer import RoundTripRepresenter
 
-from coupler.errors import ScenarioError
 from coupler.init.choices import Choices, named, overrides_of
 from coupler.init.materials import Material
 from coupler.init.templates import Template
+from coupler.newfile import check_free, new_files
 from coupler.scenario.document import Document
 from coupler.scenario.load import checked
 from coupler.scenario.override import apply_overrides
@@ -54,24 +54,8 @@ def new_scenario(template: Template, choices: Choices, out: Path) -> Scenario:
     scenario = checked(document, overrides)
     text = text_of(document, overrides, named(document.tree, choices)) if overrides else document.text
     assert document_from(out, text).tree == scenario.resolved, "a scenario survives being written"
-    try:
-        # x: a file that came between the look and the writing is left alone too.
-        with out.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as exc:
-        raise ScenarioError(f"this file cannot be written ({exc.strerror})", file=str(out),
-                            remedy="Give another one with --out") from exc
-    return scenario
-
-
-def check_free(out: Path) -> None:
-    """Raises ScenarioError where a file stands already, or its folder does not exist."""
-    if out.exists() or out.is_symlink():
-        raise ScenarioError("this file is there already; it is left as it is", file=str(out),
-                            remedy="Give another one with --out")
-    if not out.parent.is_dir():
-        raise ScenarioError("the folder of this file does not exist", file=str(out),
-                            remedy=f"Make it: mkdir -p {out.parent}")
+    with new_files({out: text}):
+        return scenario
 
 
 def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping[str, Material]) -> str:

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from coupler.deck import convert
 from coupler.errors import ScenarioError
+from coupler.scenario.reading import read_document
 
 sys.path.insert(0, str(Path(__file__).parent))
 from decks import converted, coupled_deck, heat_deck
@@ -120,6 +122,71 @@ def test_text_of_a_deck_cannot_leave_its_comment(tmp_path):
     text = told.files[0].read_text(encoding="utf-8")
     assert [line for line in text.splitlines() if line.startswith("slideline")] == ["slideline: 1"]
     assert not set(text) & set("\x85\u2028\x0b\x1b")
+
+
+@pytest.mark.parametrize("name", ["a\nslideline: 7\n.inp", "a\udcff.inp"])
+def test_names_of_decks_cannot_leave_their_comment_either(tmp_path, name):
+    deck = tmp_path / name
+    deck.write_text(heat_deck(HELD, model="*INITIAL CONDITIONS, TYPE=\x1b[31m\x85slideline: 3\n"))
+    told = convert(deck, tmp_path / "scene.yaml")
+    text = told.files[0].read_text(encoding="utf-8")
+    assert read_document(told.files[0]).tree["slideline"] == 1
+    assert all(line.isprintable() for line in text.split("\n"))
+    assert all(line.isprintable() for line in told.lines)
+
+
+def test_includes_lie_beside_the_deck_as_it_was_named(tmp_path):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "deck.inp").write_text("*INCLUDE, INPUT=more.inp\n" + heat_deck(HELD))
+    (inner / "more.inp").write_text("** beside the deck\n")
+    (tmp_path / "secret").write_text("secret\n")
+    outer = tmp_path / "outer"
+    outer.mkdir()
+    (outer / "deck.inp").symlink_to(inner / "deck.inp")
+    (outer / "more.inp").symlink_to(tmp_path / "secret")
+    with pytest.raises(ScenarioError, match="beside the deck"):
+        convert(outer / "deck.inp", outer / "scene.yaml")
+    (outer / "more.inp").unlink()
+    (outer / "more.inp").symlink_to("more.inp")
+    with pytest.raises(ScenarioError, match="no such file"):
+        convert(outer / "deck.inp", outer / "scene.yaml")
+    (outer / "more.inp").unlink()
+    (outer / "more.inp").write_text("** beside the link\n")
+    assert not convert(outer / "deck.inp", outer / "scene.yaml").missed
+
+
+def test_a_range_costs_what_the_deck_has_and_not_what_it_asks_for(tmp_path):
+    _, told = converted(tmp_path, heat_deck(HELD).replace("1, 3\n", "1, 9999999999, 1\n", 1))
+    assert "9999999987 numbers" in told.missed[0].why
+
+
+@pytest.mark.parametrize(("times", "windows"), [
+    ("1.E-7, 1000.", {"until": 1000.0, "first": 1e-7, "last": 20.0}),
+    ("1.E-7, 1000., , 5.", {"until": 1000.0, "first": 1e-7, "last": 5.0}),
+    ("10., 1000.", {"until": 1000.0, "size": 10.0}),
+    ("1., 1000., , 1.", {"until": 1000.0, "size": 1.0})])
+def test_windows_grow_where_a_step_may_choose_its_increments(tmp_path, times, windows):
+    tree, _ = converted(tmp_path, heat_deck(HELD).replace(", DIRECT\n1., 10.", f"\n{times}"))
+    assert tree["coupling"]["windows"] == [windows]
+
+
+@pytest.mark.parametrize(("times", "said"), [
+    ("1.E-9, 1.E3, , 1.E-9", "increments"), ("1.E-200, 1.E200, , 1.E-200", "increments"),
+    ("1.E307, 1.7E308", "no end")])
+def test_steps_that_no_run_could_take_are_refused(tmp_path, times, said):
+    step = f"*STEP\n*HEAT TRANSFER\n{times}\n*END STEP\n"
+    text = heat_deck(HELD).replace("*HEAT TRANSFER, DIRECT\n1., 10.", f"*HEAT TRANSFER\n{times}") + step
+    with pytest.raises(ScenarioError, match=said):
+        converted(tmp_path, text)
+
+
+def test_the_mesh_does_not_take_the_scenarios_place(tmp_path):
+    deck = tmp_path / "deck.inp"
+    deck.write_text(heat_deck(HELD))
+    with pytest.raises(ScenarioError, match=r"End the scenario in [.]yaml"):
+        convert(deck, tmp_path / "scene.msh")
+    assert [p.name for p in tmp_path.iterdir()] == ["deck.inp"]
 
 
 def test_a_latin_1_deck_is_read(tmp_path):
