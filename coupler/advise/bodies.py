@@ -13,6 +13,7 @@ RIGID_MISSES = ("bodies keep their shape: no spring-back, no gap that opens by e
                 "slip; pressures are those prescribed, the same along a surface, so nothing of corners")
 REST_MISSES = "bodies stay where they are meshed; contact is that of the start, without pressure"
 ONE_WAY_MISSES = "heat moves nothing: no expansion, no shrinkage"
+REST, RIGID_REST = "bodies at rest (uncoupled)", "rigid bodies, at rest as nothing drives them (uncoupled)"
 AXES = ("u_x", "u_y")
 
 
@@ -21,7 +22,7 @@ def mechanics(tree: Tree) -> Iterator[Rung]:
     half, own = at(tree, ("mechanical", "half")), at(tree, ("mechanical", "rigid"))
     told = own if own is not None else motion_of(tree)
     if half != "rigid" or told:
-        yield Rung("bodies at rest (uncoupled)", Kind.MECHANICS, _rigid(tree, {}), misses=REST_MISSES)
+        yield Rung(REST if told else RIGID_REST, Kind.MECHANICS, _rigid(tree, {}), misses=REST_MISSES)
     if half != "rigid" and told:
         yield Rung("rigid bodies (one-way)", Kind.MECHANICS, _rigid(tree, None if own is not None else told),
                    misses=RIGID_MISSES)

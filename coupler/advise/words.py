@@ -151,7 +151,8 @@ def _end(known: Known, written: str) -> Iterator[str]:
     yield f"advised: {together(known)}"
     yield _size(known)
     mesh = "" if known.own_mesh or known.mesh == 1.0 else " with the mesh"
-    yield (f"all at once it moves {said(known.final, known.goals)}, {known.final_share:.2g} of the tolerance{mesh}, "
+    who = "all at once it" if len(known.taken) + known.iterate > 1 else "it"
+    yield (f"{who} moves {said(known.final, known.goals)}, {known.final_share:.2g} of the tolerance{mesh}, "
            f"and {_saves(Step(NONE, known.combined, known.whole))}: {cost(known.combined)}")
     if written:
         yield f"written to {written}"

@@ -46,7 +46,8 @@ def test_the_rungs_of_the_sliding_blocks() -> None:
 def test_the_rungs_of_the_casting() -> None:
     """Nothing drives its bodies, so rigid ones are at rest; it has latent heat, expansion, shrinkage."""
     assert names(CASTING) == [
-        "bodies at rest (uncoupled)", "heat moves no body (one-way)", "one temperature a body", "scheme staggered",
+        "rigid bodies, at rest as nothing drives them (uncoupled)", "heat moves no body (one-way)",
+        "one temperature a body", "scheme staggered",
         "conduction across the gap (interface)", "conduction where they touch (interface)",
         "latent heat of aluminium", "thermal expansion of aluminium", "shrinkage of aluminium",
         "windows 2 times as long", "windows 4 times as long"]

@@ -12,6 +12,7 @@ import pytest
 
 from coupler import Results, load_scenario, run
 from coupler.advise.advise import Advice, Options, advise
+from coupler.advise.bodies import RIGID_REST
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP
@@ -59,17 +60,17 @@ def test_ctrl_c_keeps_what_is_known(advices: tuple[Advice, Told, Advice, Told]) 
     stopped, first, done, second = advices
     assert stopped.interrupted
     assert stopped.file is None
-    assert any("bodies at rest (uncoupled): moves T by" in line for line in stopped.lines)
+    assert any(f"{RIGID_REST}: moves T by" in line for line in stopped.lines)
     assert stopped.lines[-1].startswith("stopped by Ctrl-C")
     assert not done.interrupted
-    assert not {"the scene whole", "bodies at rest (uncoupled)"} & set(second.names)
-    assert set(first.names) & {"the scene whole", "bodies at rest (uncoupled)"}
+    assert not {"the scene whole", RIGID_REST} & set(second.names)
+    assert set(first.names) & {"the scene whole", RIGID_REST}
 
 
 def test_what_it_leaves_out_and_what_it_keeps(advices: tuple[Advice, Told, Advice, Told]) -> None:
     known = advices[2].known
     good = {s.rung.name: s.good for s in known.steps}
-    assert not good["bodies at rest (uncoupled)"]
+    assert not good[RIGID_REST]
     assert not good["convection on body.left"]
     assert not good["conduction across the gap (gap)"]
     assert not good["thermal expansion of metal"]
