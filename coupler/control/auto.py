@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.control.estimate import front_moves
 from coupler.schemes.curve import STEADIEST, closest, zigzag
 from coupler.schemes.iteration import Iteration, Seen, Tolerances
 from coupler.schemes.level import Scheme, predicted
@@ -130,6 +131,9 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
         return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=LOOSE)
+    if curve < 0.0 and len(state.past) == 1 and front_moves(state):
+        # A front is fastest at first, and what is steady enough with one level behind holds where it has gone.
+        return Choice(Scheme.ITERATED, f"a front moves, and contraction {rho:.2g} lets x only be held", loose=LOOSE)
     return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s", curve)
 
 

@@ -104,7 +104,7 @@ def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end:
     """
     H = span.end - start.now.t
     return (not memory.ratios or memory.left <= 0 or not start.past or scheme.value != memory.scheme
-            or not 1.0 / CHANGED <= H / memory.H <= CHANGED or _front_moves(start)
+            or not 1.0 / CHANGED <= H / memory.H <= CHANGED or front_moves(start)
             or closes(start.now, end))
 
 
@@ -139,7 +139,7 @@ def _order(start: Level, solved: Solved) -> int:
     return 1 if solved.scheme in FIRST_ORDER else 2
 
 
-def _front_moves(start: CoupledState) -> bool:
+def front_moves(start: CoupledState) -> bool:
     """Whether anything froze or melted in the window before.
 
     A node that begins or ends to freeze is a kink of T in time that no window before it announced, however well ratios

@@ -211,6 +211,17 @@ def test_rho_is_asked_for_where_it_is_not_known():
     assert slid.rho == 0.1
 
 
+def test_a_front_that_has_just_begun_is_not_held_where_it_is():
+    """With one level behind and rho too large for the line through it."""
+    memory, two = Memory(rho=0.3, H=1.0, since=0.0, rest=1), at_two()
+    now, before = (replace(level, f_s=np.array([f])) for level, f in ((two.now, 0.5), (two.past[0], 0.0)))
+    assert choose(memory, replace(two, now=now, past=(before,)), 1.0).scheme is Scheme.ITERATED
+    assert choose(memory, replace(two, now=now, past=(before, two.past[1])), 1.0).scheme is Scheme.EXTRAPOLATED
+    assert choose(memory, replace(two, now=now, past=(replace(now, t=1.0),)), 1.0).scheme is Scheme.EXTRAPOLATED
+    line = choose(replace(memory, rho=0.1), replace(two, now=now, past=(before,)), 1.0)
+    assert (line.scheme, line.curve) == (Scheme.EXTRAPOLATED, 0.0)
+
+
 def test_where_rho_grows_it_is_measured_before_it_is_too_large():
     course = Course((), (), 0.2, (-0.2,))
     memory = learn(Memory(rho=0.1, H=1.0, since=4.0, rest=32), at_two(), solved(Scheme.ITERATED, 901.0, course), 1.0)
