@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Unpack
@@ -25,12 +23,13 @@ from coupler.interrupt import Interrupts
 from coupler.moment import Moment, Moments
 from coupler.outset import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
 from coupler.progress import Pace, Progress, Standing, progress
+from coupler.record.aside import friction, picture_names, pictures
 from coupler.record.checkpoint import Checkpoint, Told
-from coupler.record.keeper import Keeper, put_back, versions
+from coupler.record.header import header_of
+from coupler.record.keeper import Keeper, put_back
 from coupler.record.measure import measure
 from coupler.record.recorder import Recorder, Words
 from coupler.record.results import Results
-from coupler.record.strips import FRICTION
 from coupler.record.target import check_target
 from coupler.record.watched import Watched
 from coupler.rules import engine as rules
@@ -97,7 +96,9 @@ class Run:
                                          rules.first_loads(self.plan.rules)), self.plan)
             if self._since is not None:
                 self._take_up(self._since, both)
-            self._recorder = Recorder(self.out, self._header(), interface,
+            header = {**header_of(self.scenario, self.plan, picture_names(self.halves)),
+                      "processes": self.processes, "notes": self.notes}
+            self._recorder = Recorder(self.out, header, interface,
                                       self._since.told.mark if self._since else None)
             self._recorder.rows = self._since.told.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both)
@@ -149,7 +150,7 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            self._recorder.start(self.state.now, self._probed(), self._friction())
+            self._recorder.start(self.state.now, self._probed(), friction(self.halves))
             self._frame()
         self._stand()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
@@ -221,8 +222,8 @@ class Run:
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
             seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        friction = self._friction() if tried.accepted else {}
-        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen, friction)
+        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen,
+                      friction(self.halves) if tried.accepted else {})
         self._recorder.window(tried.solved, facts, self.ledger, self._probed(), words)
 
     def _frames_from_here(self) -> Frames:
@@ -271,45 +272,12 @@ class Run:
     def _probed(self) -> Array:
         return measure(self.scenario.probes, self.scenario.interface, self.state.now)
 
-    def _friction(self) -> dict[str, Array]:
-        """(n_s,) each of slave nodes, what the mechanical half tells of FRICTION."""
-        half = self.halves.mechanical
-        told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
-        return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
-
-    def _header(self) -> dict[str, Any]:
-        s = self.scenario
-        return {
-            "title": s.title, "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "scenario": {"text": s.text, "hash": s.hash, "resolved": dict(s.resolved), "file": Path(s.file).name,
-                         "overrides": {key: str(value) for key, value in s.overrides.items()}},
-            "temperature_unit": s.temperature_unit, "geometry": s.geometry,
-            "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half},
-            "coupling": {"scheme": self.plan.scheme.value, "end": s.coupling.end, "windows": len(
-                self.plan.schedule.bounds) - 1, "kinks": [self.plan.schedule.clock.seconds(k) for k in sorted(
-                    self.plan.schedule.kinks)], "substeps": dict(self.plan.substeps)},
-            "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
-            "probes": {n: {"quantity": p.quantity, "unit": p.unit} for n, p in s.probes.items()},
-            "fields": {"thermal": {"point": ["T", *self._has("thermal", "f_s")], "cell": self._has("thermal", "q")},
-                       "mechanical": {"point": ["u", "p", "gap"], "cell": self._has("mechanical", "sigma_v", "sigma")}},
-            "processes": self.processes, "notes": self.notes, "machine": platform.platform(),
-            "versions": versions(),
-        }
-
-    def _has(self, role: str, *names: str) -> list[str]:
-        """Which of these fields for pictures a half has."""
-        return [n for n in names if n in getattr(self.halves, role).blocks]
-
     def _frame(self) -> None:
         """Record the fields as they are now, once."""
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        more: dict[str, Array] = {}
-        for half, names in ((self.halves.thermal, self._has("thermal", "f_s", "q")),
-                            (self.halves.mechanical, self._has("mechanical", "sigma_v", "sigma"))):
-            more |= half.read(names) if names else {}
-        self._recorder.frame(self.state.now, more)
+        self._recorder.frame(self.state.now, pictures(self.halves))
 
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
@@ -317,7 +285,6 @@ class Run:
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "notes": [*self._watched.at_end(self.state.now), *self.noticed],
                 "contact": self._asked(), **heats}
-
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
