@@ -12,7 +12,7 @@ from coupler.compare import Comparison, Difference, compare
 from coupler.record.results import Results
 from coupler.report.curves import NAMES
 from coupler.report.page import put_page, template_of
-from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, plain, styled, svg
+from coupler.report.picture import COLOURS, Picture, legend_below, page_figure, plain, styled, svg
 from coupler.report.units import Shown, counted, number, shown
 from coupler.schemes.ledger import PREFIX, mechanism
 
@@ -112,7 +112,7 @@ def _picture(ds: list[Difference], names: tuple[str, str], temperature_unit: str
     """Above, the curves: a solid, b dashed, a colour a probe.  Below, b - a, with its largest value marked."""
     what = NAMES.get(ds[0].curves.quantity, ds[0].curves.quantity)
     values, apart = scales(ds, temperature_unit)
-    figure = new_figure(HEIGHT)
+    figure = page_figure(HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     styled(above, "", f"{what} [{values.unit}]")
     styled(below, "time [s]", f"difference [{apart.unit}]")

@@ -9,14 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from coupler.record.results import Along, Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
-from coupler.report.picture import COLOURS, INK, Picture, new_figure, plain, png
+from coupler.report.picture import COLOURS, INK, Picture, legend_below, page_figure, plain, png
+from coupler.report.places import PageFigure
 from coupler.report.units import Shown, axis_names, number, shown
 
 Array = NDArray[np.float64]
@@ -30,6 +30,7 @@ MOST = 0.5  # a node slips where more than this share of what it touches does
 # means of what its points have: where all of them slip, the ratio lies some percent around mu.
 AT_THE_BOUND = 0.85
 NARROW, WIDE = 0.25, 0.93  # greys of a closed gap and of the widest: neither is taken for black ink or white paper
+GREYS = ListedColormap([str(v) for v in np.linspace(NARROW, WIDE, 64)])
 ZOOM_BELOW = 0.4  # changes within less than this share of the run get a second, closer look
 MARGIN = 0.08
 
@@ -66,7 +67,7 @@ def contact_pictures(results: Results) -> list[Picture]:
 def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along) -> Picture:
     code = status(along, float(pair["mu"]), float(pair["gap_max"]))
     near = closer(results.t, code)
-    figure = new_figure(3.4 if near is None else 5.6)
+    figure = page_figure(3.4 if near is None else 5.6)
     length = shown("m", float(along.s[-1]))
     gap = _gaps(along, code)
     scale = shown("m", float(np.nanmax(gap, initial=0.0)))
@@ -78,7 +79,7 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
         ax.set_ylabel(f"along {plain(str(pair['slave']))}\n[{length.unit}]", color=INK)
         ax.tick_params(colors=INK, labelsize=9)
         draw_kinks(ax, kinks_of(results) if limits is None else [])
-    _legend(figure, panels, code, (scale, float(np.nanmax(scale(gap), initial=0.0))))
+    _legend(figure, code, (scale, float(np.nanmax(scale(gap), initial=0.0))))
     alt = f"Contact of pair {name} over time along {pair['slave']}: {_shares(results.t, code)}."
     return png(figure, alt, _caption(results, pair, along, near, code))
 
@@ -107,23 +108,22 @@ def edges_of(s: Array) -> Array:
 
 def _paint(ax: Axes, places: tuple[Array, Array], code: Codes, gap: Array) -> None:
     """What a node does at the end of a window stands for the whole of it."""
-    t, edges = places[0], edges_of(places[1])
-    greys = ListedColormap([str(v) for v in np.linspace(NARROW, WIDE, 64)])
     top = float(np.nanmax(gap, initial=0.0))
-    ax.pcolormesh(t, edges, gap[1:].T, cmap=greys, vmin=0.0, vmax=top or 1.0)
-    colours = ListedColormap([LOOKS.get(c, "#ffffff") for c in WORDS])
-    ax.pcolormesh(t, edges, np.ma.masked_equal(code[1:].T, OPEN), cmap=colours, vmin=-0.5, vmax=len(WORDS) - 0.5)
+    colours = GREYS(np.nan_to_num(gap[1:].T) / (top or 1.0), bytes=True)
+    for what, look in LOOKS.items():
+        here = np.equal(code[1:].T, what)
+        colours[here] = (*(int(look[k:k + 2], 16) for k in (1, 3, 5)), 255)
+    # An image, for a patch a cell takes a hundred times longer.
+    ax.pcolorfast(places[0], edges_of(places[1]), colours)
 
 
-def _legend(figure: Figure, panels: list[Axes], code: Codes, gap: tuple[Shown, float]) -> None:
+def _legend(figure: PageFigure, code: Codes, gap: tuple[Shown, float]) -> None:
     here = [c for c in WORDS if c != OPEN and (code[1:] == c).any()]
     handles = [Patch(facecolor=LOOKS[c], edgecolor="#888888", linewidth=0.6, label=WORDS[c]) for c in here]
     if (code[1:] == OPEN).any():
-        greys = ListedColormap([str(v) for v in np.linspace(NARROW, WIDE, 64)])
-        bar = ScalarMappable(Normalize(0.0, gap[1] or 1.0), greys)
-        figure.colorbar(bar, ax=panels, label=f"open: gap [{gap[0].unit}]", pad=0.01)
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        bar = ScalarMappable(Normalize(0.0, gap[1] or 1.0), GREYS)
+        figure.colorbar(bar, cax=figure.add_axes((0.9, 0.2, 0.02, 0.6)), label=f"open: gap [{gap[0].unit}]")
+    legend_below(figure, (), more=handles)
 
 
 def _shares(t: Array, code: Codes) -> str:

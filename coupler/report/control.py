@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
 from coupler.record.results import Results
-from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
+from coupler.report.picture import COLOURS, Picture, legend_below, page_figure, styled, svg
 from coupler.report.units import number
 
 # A window shorter than this share of the one before has a reason worth reading.
@@ -137,7 +137,7 @@ def errors_picture(results: Results) -> Picture | None:
     e, w = results.estimates, results.windows
     if not len(e):
         return None
-    figure = new_figure(3.2)
+    figure = page_figure(3.2)
     ax = styled(figure.subplots(), "time [s]", "error [tolerances]")
     ax.set_yscale("log")
     t = w.t[e.window] + w.H[e.window]
@@ -148,6 +148,7 @@ def errors_picture(results: Results) -> Picture | None:
     ax.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="put back above")
     legend_below(figure, ax, columns=5)
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 2)))
+    ax.yaxis.set_minor_locator(NullLocator())
     good = w.error[w.taken & np.isfinite(w.error)]
     middle = number(float(np.median(good)), 3) if len(good) else "unknown"
     text = f"Estimated error of each window; the median of those taken is {middle} tolerances"

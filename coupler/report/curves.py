@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from coupler.record.results import Results
 from coupler.report.kinks import draw_kinks
-from coupler.report.picture import Picture, axes_of, legend_below, line_style, new_figure, plain, svg
+from coupler.report.picture import Picture, axes_of, legend_below, line_style, page_figure, plain, svg
 from coupler.report.units import Shown, axis_names, counted, number, shown
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     largest = float(np.nan_to_num(np.abs(np.concatenate(values))).max(initial=0.0))
     scale = shown(results.unit(names[0]), largest, results.header["temperature_unit"])
     what = name_of(quantity, str(results.header["geometry"]))
-    figure = new_figure(TALL if quantity == "T" else LOW)
+    figure = page_figure(TALL if quantity == "T" else LOW)
     ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         ax.plot(results.t, scale(value), label=plain(name), **line_style(k))

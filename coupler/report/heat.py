@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from coupler.record.results import Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
-from coupler.report.picture import COLOURS, DASHES, Picture, axes_of, legend_below, new_figure, plain, svg
+from coupler.report.picture import COLOURS, DASHES, Picture, axes_of, legend_below, page_figure, plain, svg
 from coupler.report.units import Shown, number, shown
 from coupler.schemes.ledger import PREFIX, mechanism
 
@@ -83,7 +83,7 @@ def heat_picture(results: Results) -> Picture | None:
     if len(t) < 2 or largest == 0.0:
         return None
     scale = shown("J", largest)
-    figure = new_figure(4.8)
+    figure = page_figure(4.8)
     ax = axes_of(figure, "time [s]", f"heat into the bodies so far [{scale.unit}]\n{depth_of(results)}")
     flows = {n: scale(v) for n, v in terms.items() if not n.startswith(STORED) and np.any(v)}
     up, down = np.zeros(len(t)), np.zeros(len(t))

@@ -12,7 +12,6 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
@@ -22,7 +21,8 @@ from coupler.record.results import Results
 from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import kinks_of
 from coupler.report.frames import choose, progress
-from coupler.report.picture import INK, Picture, new_figure, png
+from coupler.report.picture import INK, Picture, page_figure, png
+from coupler.report.places import PageFigure
 from coupler.report.units import Shown, axis_names, number, shown
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
 
 
 def _frames(file: FieldReader, picks: Sequence[int], values: Sequence[Array], limits: tuple[float, float],
-            label: str, axes: tuple[str, str]) -> Figure:
+            label: str, axes: tuple[str, str]) -> PageFigure:
     """Values on the bodies at some frames, with one colour scale."""
     points = [file.points(k) for k in picks]
     panels = _panels(points, axes)
@@ -161,7 +161,7 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
 class Panels:
     """A figure of panels with one pair of limits, and room for one bar of colours.  length : how lengths are shown."""
 
-    figure: Figure
+    figure: PageFigure
     axes: list[Axes]
     bar: Axes
     length: Shown
@@ -185,8 +185,7 @@ def _panels(points: Sequence[Array], names: tuple[str, str]) -> Panels:
     across = min(across, up * wide / tall)
     height = TOP + BOTTOM + rows * up + (rows - 1) * BETWEEN[1]
     left = LEFT + 0.5 * (width - LEFT - RIGHT - columns * across - (columns - 1) * BETWEEN[0])
-    figure = new_figure(height, width)
-    figure.set_layout_engine("none")
+    figure = page_figure(height, width)
     half = 0.5 * np.array([max(wide, tall * across / up), max(tall, wide * up / across)])
     middle, axes = 0.5 * (low + high), []
     for k in range(len(points)):
@@ -205,14 +204,14 @@ def _panels(points: Sequence[Array], names: tuple[str, str]) -> Panels:
 
 
 def _ticks(ax: Axes, outer: tuple[bool, bool], names: tuple[str, str], length: Shown) -> None:
-    """outer : whether the panel has no other below it, and none on its left: only there numbers stand."""
-    ax.tick_params(labelsize=8, colors=INK, labelbottom=outer[0], labelleft=outer[1])
-    ax.xaxis.set_major_locator(MaxNLocator(4))
-    ax.yaxis.set_major_locator(MaxNLocator(6))
-    if outer[0]:
-        ax.set_xlabel(f"{names[0]} [{length.unit}]", fontsize=9, color=INK)
-    if outer[1]:
-        ax.set_ylabel(f"{names[1]} [{length.unit}]", fontsize=9, color=INK)
+    """outer : whether the panel has no other below it, and none on its left: only there are scales."""
+    ax.tick_params(labelsize=8, colors=INK)
+    for axis, name, shows, parts in zip((ax.xaxis, ax.yaxis), names, outer, (4, 6), strict=True):
+        if shows:
+            axis.set_major_locator(MaxNLocator(parts))
+            axis.set_label_text(f"{name} [{length.unit}]", fontsize=9, color=INK)
+        else:
+            axis.set_visible(False)  # drawing scales takes longer than drawing all else
 
 
 def _bar(panels: Panels, image: Any, label: str, **look: Any) -> None:

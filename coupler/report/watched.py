@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from coupler.record.results import Results
 from coupler.report.curves import LOW, kinks_of
 from coupler.report.kinks import draw_kinks
-from coupler.report.picture import Picture, axes_of, line_style, new_figure, plain, svg
+from coupler.report.picture import Picture, axes_of, line_style, page_figure, plain, svg
 from coupler.report.units import number
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def driven_loads(results: Results) -> dict[str, tuple[Array, Array]]:
 
 
 def _picture(results: Results, name: str, t: Sequence[float] | Array, values: Array, what: str) -> Picture:
-    figure = new_figure(LOW)
+    figure = page_figure(LOW)
     ax = axes_of(figure, "time [s]", f"{plain(name)} [SI]")
     # What was set holds from then on; what was seen is known at ends of windows.
     ax.plot(t, values, drawstyle="steps-post" if what.startswith("Factor") else "default", **line_style(0))

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from coupler.record.results import Results
 from coupler.report.curves import kinks_of
 from coupler.report.kinks import draw_kinks
-from coupler.report.picture import COLOURS, Picture, legend_below, new_figure, styled, svg
+from coupler.report.picture import COLOURS, Picture, legend_below, page_figure, styled, svg
 from coupler.report.units import counted, number
 
 
@@ -30,7 +30,7 @@ def windows_picture(results: Results) -> Picture | None:
     good, bad = w[w.taken], w[~w.taken]
     if not len(good):
         return None
-    figure = new_figure(5.0)
+    figure = page_figure(5.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     styled(upper, "", "window size [s]")
     styled(lower, "time [s]", "iterations a window")
@@ -52,8 +52,7 @@ def windows_picture(results: Results) -> Picture | None:
     draw_kinks(upper, kinks_of(results))
     for k in kinks_of(results):
         lower.axvline(k, color="#999999", linewidth=0.7, zorder=1)
-    handles = [*upper.get_legend_handles_labels()[0], *lower.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    legend_below(figure, (upper, lower))
     least, most = number(float(good.H.min()), 3), number(float(good.H.max()), 3)
     sizes = f"Windows of {most} s" if least == most else f"Window size from {least} s to {most} s"
     text = f"{sizes}: {counted(len(good), 'window')} accepted, {len(bad) or 'none'} rejected"
@@ -66,7 +65,7 @@ def plain_log(ax: Axes) -> None:
     axis = ax.yaxis
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 2)))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())  # a tick costs a millisecond
 
 
 def iterates_picture(results: Results) -> Picture | None:
@@ -75,7 +74,7 @@ def iterates_picture(results: Results) -> Picture | None:
     good = w[w.taken & (w.iterations > 0)]
     if not len(good):
         return None
-    figure = new_figure(5.0)
+    figure = page_figure(5.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     styled(upper, "", "iterations a window")
     styled(lower, "time [s]", "contraction")
@@ -85,10 +84,10 @@ def iterates_picture(results: Results) -> Picture | None:
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
     known = good[np.isfinite(good.contraction) & (good.contraction > 0)]
     lower.set_yscale("log")
+    lower.yaxis.set_minor_locator(NullLocator())
     lower.plot(known.t + known.H, known.contraction, ".", color=COLOURS[1], markersize=3, label="contraction")
     lower.axhline(1.0, color="#999999", linewidth=0.7, zorder=1, label="plain iteration diverges above")
-    handles = [*upper.get_legend_handles_labels()[0], *lower.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    legend_below(figure, (upper, lower), columns=3)
     text = f"{good.iterations.sum()} iterations in {len(good)} windows, {good.iterations.max()} at most in one"
     return svg(figure, f"{text}; the contraction of plain iteration below.",
                f"{text}. Below: by what plain iteration would multiply a difference, as measured in the window.")
@@ -112,7 +111,7 @@ def shares_picture(parts: list[Share]) -> Picture | None:
     """One bar of where the seconds went."""
     if not sum(p.seconds for p in parts) > 0:
         return None
-    figure = new_figure(1.7)
+    figure = page_figure(1.7)
     ax = styled(figure.subplots(), "seconds of wall-clock time [s]", "")
     left = 0.0
     for k, part in enumerate(parts):
