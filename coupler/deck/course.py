@@ -50,12 +50,25 @@ class Course:
     @property
     def signal(self) -> Signal:
         """As a scenario has it: a number, or a table without what says nothing."""
-        held = (self.points[0], *self.points, self.points[-1])
+        points = _jumps(self.points)
+        held = (points[0], *points, points[-1])
         kept = [now for before, now, later in zip(held, held[1:], held[2:], strict=False)
                 if now[1] != before[1] or later[1] != now[1]]
         if not kept:
             return self.last
         return {"t": [t for t, _ in kept], "value": [v for _, v in kept]}
+
+
+def _jumps(points: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
+    """Of the points at one time the first and the last: a ramp may end where the next step jumps."""
+    found: list[tuple[float, float]] = []
+    for point in points:
+        if found and found[-1] == point:
+            continue
+        if len(found) > 1 and found[-2][0] == point[0]:
+            found.pop()
+        found.append(point)
+    return found
 
 
 def amplitudes_of(outline: Outline, log: Log) -> dict[str, Amplitude]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -159,10 +159,21 @@ def expansion_from(alpha: Property, zero: float, T_I: float) -> Property:
 
     dT = T - T_I
     near = np.abs(dT) < 1e-6 * max(float(np.ptp(T)), 1e-300)
-    step = 1e-3 * max(float(np.ptp(T)), 1e-300)
-    slope = (stretch(T_I + step) - stretch(T_I - step)) / (2 * step)
+    slope = _slope_at(T_I, T, stretch)
     value = np.where(near, slope, (stretch(T) - stretch(T_I)) / np.where(near, 1.0, dT))
     return {"T": [float(v) for v in T], "value": [float(f"{v:.9g}") for v in value]}
+
+
+def _slope_at(T_I: float, T: np.ndarray, stretch: Callable[[float], Any]) -> float:
+    """d(stretch)/dT at T_I.  At an end of the table T it is that of the inside: beyond, alpha stands still, and a hot
+    body's table often ends where the body begins."""
+    step = 1e-3 * max(float(np.ptp(T)), 1e-300)
+    below, above = T_I - step, T_I + step
+    if above > T[-1] and below >= T[0]:
+        above = T_I
+    elif below < T[0] and above <= T[-1]:
+        below = T_I
+    return float((stretch(above) - stretch(below)) / (above - below))
 
 
 def merged(base: Mapping[str, Any], **more: Any) -> Tree:

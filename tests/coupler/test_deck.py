@@ -76,6 +76,10 @@ def test_expansion_counts_from_the_first_temperature():
     assert expansion_from(alpha, 20.0, 20.0) == alpha
     at_point = expansion_from(alpha, 20.0, 500.0)
     assert at_point["value"][at_point["T"].index(500.0)] == pytest.approx(1.5e-5 + 480.0 * 1e-8, rel=1e-6)
+    at_end = expansion_from(alpha, 20.0, 1000.0)  # which it leaves downwards only
+    assert at_end["value"][-1] == pytest.approx(2e-5 + 980.0 * 1e-8, rel=1e-3)
+    at_start = expansion_from(alpha, 20.0, 0.0)
+    assert at_start["value"][0] == pytest.approx(1e-5 - 20.0 * 1e-8, rel=2e-3)
 
 
 def test_plastic_tables_meet_at_all_strains_and_make_no_heat_of_their_own(tmp_path):
@@ -169,6 +173,15 @@ def test_a_load_that_jumps_on_in_a_later_step():
     assert after(None, ramp, 3.0, None, 1.0).signal == {"t": [0.0, 9.0], "value": [1.0, 3.0]}
     total = Amplitude(((0.0, 0.0), (8.0, 4.0)), total=True, absolute=False)
     assert after(None, step, 2.0, total, 0.0).signal == {"t": [4.0, 4.0, 8.0], "value": [0.0, 4.0, 8.0]}
+
+
+def test_a_ramp_that_ends_where_the_next_step_jumps():
+    row = Row("", 0, "", ())
+    first, second = (Step("STATIC", t, t + 2.0, 1.0, 1.0, True, False, False, row, ()) for t in (0.0, 2.0))
+    up = Amplitude(((0.0, 0.0), (2.0, 1.0)), total=True, absolute=False)
+    other = Amplitude(((0.0, 0.0), (2.0, 0.5), (4.0, 1.0)), total=True, absolute=False)
+    course = after(after(None, first, 3.0, up, 0.0), second, 8.0, other, 0.0)
+    assert course.signal == {"t": [0.0, 2.0, 2.0, 4.0], "value": [0.0, 3.0, 4.0, 8.0]}
 
 
 def test_parts_with_one_instance_each(tmp_path):
