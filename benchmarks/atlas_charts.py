@@ -67,7 +67,7 @@ def _legend(figure: Any) -> None:
     from matplotlib.patches import Patch
 
     figure.legend(handles=[Patch(color=COLOURS[n], label=f"{MARKS[n]}  {MEANING[n]}".strip()) for n in COLOURS],
-                  loc="outside lower center", ncols=3, frameon=False,
+                  loc="outside lower center", ncols=2, frameon=False,
                   title="left half: disturbance 1e-3 of the range; right half: .3", title_fontsize=9)
 
 
