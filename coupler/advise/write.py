@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
-
-from ruamel.yaml import YAML
 
 from coupler.advise.coarse import meshed, timed
 from coupler.advise.edit import Edit, at, edited
@@ -20,8 +17,8 @@ from coupler.errors import ResultsError
 from coupler.record.beside import part_of
 from coupler.scenario.document import Document
 from coupler.scenario.reading import document_from
+from coupler.scenario.writing import WIDTH, dumped, layout
 
-WIDTH = 120
 # Merged keys and anchors: an edit in one place would be one in several.
 _SHARED = re.compile(r"<<\s*:|(?:^|[\s\[{,:])[&*][A-Za-z_]", re.MULTILINE)
 
@@ -41,27 +38,19 @@ def text_of(document: Document, edits: Sequence[Edit], head: Sequence[str], path
     """
     edits = [*edits, _moved(document, path.parent)]
     wanted = edited(document.tree, edits)
-    yaml = YAML()
-    yaml.width = WIDTH
-    yaml.indent(mapping=2, sequence=4, offset=2)
+    yaml = layout()
     top = "".join(f"{part}\n" for line in head for part in wrap(
         line, WIDTH, initial_indent="# ", subsequent_indent="#     ", replace_whitespace=False))
     if not _SHARED.search(document.text):
         tree = yaml.load(document.text)
         _override(tree, document)
-        text = top + "#\n" + _dumped(yaml, edited(tree, edits))
+        text = top + "#\n" + dumped(edited(tree, edits), yaml)
         if document_from(path, text).tree == wanted:
             return text
     yaml.default_flow_style = None
-    text = top + _dumped(yaml, wanted)
+    text = top + dumped(wanted, yaml)
     assert document_from(path, text).tree == wanted, "plain values survive being written"
     return text
-
-
-def _dumped(yaml: YAML, tree: Any) -> str:
-    out = io.StringIO()
-    yaml.dump(tree, out)
-    return out.getvalue()
 
 
 def _override(tree: Any, document: Document) -> None:

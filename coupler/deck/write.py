@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from coupler.deck.bodies import Body
 from coupler.deck.lexer import printable
 from coupler.deck.mesh import Mesh
 from coupler.deck.surfaces import Edge
+from coupler.scenario.writing import dumped, layout
 
-WIDTH = 120
 MOST_TOLD = 200  # lines of the head; all are printed
 GMSH = {1: 15, 2: 1, 3: 2, 4: 3}  # corners -> gmsh's kind of element
 
@@ -63,13 +61,8 @@ def _members(mesh: Mesh, groups: Groups) -> Iterator[tuple[int, str, list[tuple[
 
 def scenario_text(tree: Mapping[str, Any], head: Sequence[str]) -> str:
     """The scenario as YAML under a comment; a mapping or list of plain values stands on one line."""
-    yaml = YAML()
-    yaml.width = WIDTH
-    yaml.indent(mapping=2, sequence=4, offset=2)
-    out = io.StringIO()
-    yaml.dump(_laid_out(tree), out)
     lines = [*head[:MOST_TOLD], *([f"... and {len(head) - MOST_TOLD} lines more"] if len(head) > MOST_TOLD else [])]
-    return "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines) + out.getvalue()
+    return "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines) + dumped(_laid_out(tree), layout())
 
 
 def _laid_out(value: Any, level: int = 0) -> Any:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.representer import RoundTripRepresenter
 
@@ -21,8 +19,8 @@ from coupler.scenario.load import checked
 from coupler.scenario.override import apply_overrides
 from coupler.scenario.reading import document_from
 from coupler.scenario.scenario import Scenario
+from coupler.scenario.writing import WIDTH, dumped, layout
 
-WIDTH = 120
 LARGE = 1e5  # from here on numbers are easier read with an exponent
 
 
@@ -60,18 +58,14 @@ def new_scenario(template: Template, choices: Choices, out: Path) -> Scenario:
 
 def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping[str, Material]) -> str:
     """The text of a document with values put in place, comments kept, and the source of each named material."""
-    yaml = YAML()
+    yaml = layout()
     yaml.Representer = _Words
-    yaml.width = WIDTH
-    yaml.indent(mapping=2, sequence=4, offset=2)
     commented = Document(document.path, document.text, yaml.load(document.text), document.lines)
     tree = _in_style(apply_overrides(commented, overrides).tree)
     for name, material in materials.items():
         tree["materials"].yaml_set_comment_before_after_key(
             name, before="\n".join(wrap(f"{name}: {material.about}. {material.source}.", WIDTH - 4)), indent=2)
-    out = io.StringIO()
-    yaml.dump(tree, out)
-    return out.getvalue()
+    return dumped(tree, yaml)
 
 
 def _in_style(node: Any) -> Any:

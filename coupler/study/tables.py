@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-
 from coupler.errors import ResultsError
 from coupler.record.beside import part_of
 from coupler.scenario.document import Document
 from coupler.scenario.override import apply_overrides
+from coupler.scenario.writing import dumped, layout
 from coupler.study.plan import Planned
 from coupler.study.score import LEVELS, Point, cheapest
 
@@ -72,13 +71,11 @@ def setting(document: Document, run: Planned, point: Point, level: float) -> str
     for body in tree["bodies"].values():
         if file := body.get("mesh", {}).get("file"):
             file["path"] = str((document.path.parent / file["path"]).resolve())
-    yaml, text = YAML(), io.StringIO()
+    yaml = layout()
     yaml.default_flow_style = None
-    yaml.width = 120
-    yaml.dump(tree, text)
     return (f"# {document.path.name}, {point.label}: the cheapest run of a study with an error of at most "
             f"{percent(level)}.\n# Its error is {100 * point.known:.2g} %, it costs {point.half_solves} half-solves.\n"
-            f"{text.getvalue()}")
+            f"{dumped(tree, yaml)}")
 
 
 def _known(value: float) -> float | None:
