@@ -24,6 +24,8 @@ HEIGHTS = (0.01, 0.05, 0.1, 0.14)
 MEASURED_GAP, MEASURED_FIRST, MEASURED_LAST = (0.1, 1.2), (1e3, 6e3), (1e2, 5e2)
 MAGNIFIED = 2.0
 SHADES = 16  # colours of the cells in the picture of the flux: a quarter of the bytes, and nothing to be seen of it
+DPI = 150
+FAINT = 0.04  # share of the longest arrow: less is a dot
 ARROWS = 110  # cells with an arrow, about, in the casting
 
 
@@ -32,7 +34,7 @@ def draw(can: CanRun, results: Results, folder: Path) -> None:
     mpl.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": "slideline", "font.family": "sans-serif"}
     times = [5.0, 50.0, 250.0, can.solid_at]
     for name, figure in (("can_gap", gap_figure(can)), ("can_flux", flux_figure(results, times))):
-        figure.savefig(folder / f"{name}.svg", dpi=200, metadata={"Date": None})
+        figure.savefig(folder / f"{name}.svg", dpi=DPI, metadata={"Date": None})
     lighten(folder / "can_flux.svg")
 
 
@@ -93,6 +95,7 @@ def flux_figure(results: Results, times: list[float]) -> Figure:
             k = int(np.argmin(abs(mechanical.times - t)))
             _panel(ax, mechanical, thermal, k)
             ax.set_title(f"{mechanical.times[k]:.3g} s", color=INK, fontsize=10)
+        figure.axes[0].set_ylabel("z [mm]", color=INK, fontsize=9)
     return figure
 
 
@@ -108,8 +111,10 @@ def _panel(ax: Axes, mechanical: FieldReader, thermal: FieldReader, k: int) -> N
     q, middle = thermal.cell_field("q", k)[:, :2], cells.mean(axis=1)
     shown = _thinned(middle, int((body == 0).sum()))
     top = np.quantile(np.linalg.norm(q, axis=1), 0.98)
-    ax.quiver(*middle[shown].T, *np.clip(q[shown] / top, -1, 1).T, color=COLOURS[1], scale=9, width=0.009,
-              headwidth=3.5, clip_on=False)
+    shown = shown[np.linalg.norm(q[shown], axis=1) > FAINT * top]
+    arrows = ax.quiver(*middle[shown].T, *np.clip(q[shown] / top, -1, 1).T, color=COLOURS[1], scale=9, width=0.009,
+                       headwidth=3.5, clip_on=False)
+    arrows.set_in_layout(False)  # what is not clipped would ask for room without end
     ax.set_aspect("equal")
     ax.set_xlim(-1, 62)
     ax.set_ylim(-14, 175)
