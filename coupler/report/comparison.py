@@ -10,7 +10,7 @@ import numpy as np
 
 from coupler.compare import Comparison, Difference, compare
 from coupler.record.results import Results
-from coupler.report.curves import NAMES
+from coupler.report.curves import name_of
 from coupler.report.page import put_page, template_of
 from coupler.report.picture import COLOURS, Picture, legend_below, page_figure, plain, styled, svg
 from coupler.report.units import Shown, counted, number, shown
@@ -41,7 +41,7 @@ def write_comparison(a: Results, b: Results, path: Path) -> tuple[Path, str]:
     """
     c = compare(a, b)
     names, unit = short_names(a, b), a.header["temperature_unit"]
-    told = sentence(c, names, unit)
+    told = sentence(c, names, unit, str(a.header["geometry"]))
     return put_page(path, lambda: _render(c, (a, b), told), a, b), told
 
 
@@ -50,7 +50,7 @@ def short_names(a: Results, b: Results) -> tuple[str, str]:
     return (a.path.name, b.path.name) if a.path.name != b.path.name else (str(a.path), str(b.path))
 
 
-def sentence(c: Comparison, names: tuple[str, str], temperature_unit: str) -> str:
+def sentence(c: Comparison, names: tuple[str, str], temperature_unit: str, geometry: str = "plane") -> str:
     """The largest difference of each quantity, with probe, time and both values, in one sentence."""
     a, b = names
     apart = [d for d in c.largest() if abs(d.by) > ROUND_OFF * max(abs(d.a), abs(d.b))]
@@ -60,7 +60,7 @@ def sentence(c: Comparison, names: tuple[str, str], temperature_unit: str) -> st
     for d in apart:
         row = told_of(d, temperature_unit)
         where = f" at {row.place}" if row.place not in ("", row.name) else ""
-        what = NAMES.get(d.curves.quantity, d.curves.quantity)
+        what = name_of(d.curves.quantity, geometry)
         parts.append(f"{row.by} in {what} ({row.name}{where}, t = {row.t}: {row.b} against {row.a})")
     listed = parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
     return f"{b} differs from {a} by up to {listed}."
@@ -82,14 +82,14 @@ def scales(ds: Sequence[Difference], temperature_unit: str) -> tuple[Shown, Show
 
 def _render(c: Comparison, runs: tuple[Results, Results], told: str) -> str:
     a, b = runs
-    names, unit = short_names(a, b), a.header["temperature_unit"]
+    names, unit, geometry = short_names(a, b), a.header["temperature_unit"], str(a.header["geometry"])
     heat = shown("J", max((abs(v) for both in c.heats.values() for v in both), default=0.0))
     heats = [(mechanism(PREFIX + n), *(number(float(heat(np.array(v)))) for v in (x, y, y - x)))
              for n, (x, y) in c.heats.items()]
     return template_of(TEMPLATE).render(
         title=a.header["title"], names=names, sentence=told, until=number(c.until, 6),
-        rows=[told_of(d, unit) for d in c.differences], pictures=_pictures(c, names, unit), heats=heats,
-        heat_unit=heat.unit, only=((names[0], c.only_a), (names[1], c.only_b)), changes=changes(a, b),
+        rows=[told_of(d, unit) for d in c.differences], pictures=_pictures(c, names, unit, geometry),
+        heats=heats, heat_unit=heat.unit, only=((names[0], c.only_a), (names[1], c.only_b)), changes=changes(a, b),
         outcomes=[(n, run.outcome) for n, run in zip(names, runs, strict=True) if run.outcome != "completed"])
 
 
@@ -100,17 +100,16 @@ def changes(a: Results, b: Results) -> list[tuple[str, str, str]]:
     return [(k, str(of_a.get(k, FILE)), str(of_b.get(k, FILE))) for k in keys]
 
 
-def _pictures(c: Comparison, names: tuple[str, str], temperature_unit: str) -> list[Picture]:
+def _pictures(c: Comparison, names: tuple[str, str], temperature_unit: str, geometry: str) -> list[Picture]:
     by_quantity: dict[str, list[Difference]] = {}
     for d in c.differences:
         by_quantity.setdefault(d.curves.quantity, []).append(d)
-    return [_picture(ds, names, temperature_unit)
+    return [_picture(ds, names, temperature_unit, name_of(ds[0].curves.quantity, geometry))
             for _, ds in sorted(by_quantity.items(), key=lambda item: item[0] != "T")]
 
 
-def _picture(ds: list[Difference], names: tuple[str, str], temperature_unit: str) -> Picture:
+def _picture(ds: list[Difference], names: tuple[str, str], temperature_unit: str, what: str) -> Picture:
     """Above, the curves: a solid, b dashed, a colour a probe.  Below, b - a, with its largest value marked."""
-    what = NAMES.get(ds[0].curves.quantity, ds[0].curves.quantity)
     values, apart = scales(ds, temperature_unit)
     figure = page_figure(HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from matplotlib.artist import Artist
@@ -93,19 +93,21 @@ def svg(figure: PageFigure, alt: str, caption: str = "") -> Picture:
     """A figure as a picture of lines.  It is a data URI and not inline: the ids of two figures would collide."""
     file = io.BytesIO()
     place(figure)
-    # Not savefig: it draws everything once more before, for layouts that measure.
-    FigureCanvasSVG(figure).print_svg(file, metadata={"Date": None})
+    # Not savefig: it draws everything once more before, for layouts that measure.  (Canvases have no types.)
+    canvas: Any = FigureCanvasSVG(figure)
+    canvas.print_svg(file, metadata={"Date": None})
     return _picture(file, "image/svg+xml", alt, caption)
 
 
-def png(figure: PageFigure, alt: str, caption: str = "") -> Picture:
+def png(figure: PageFigure, alt: str, caption: str = "", narrow: bool = False) -> Picture:
     """A figure as a picture of pixels."""
     file = io.BytesIO()
     place(figure)
     figure.set_dpi(PNG_DPI)
     # Runs of equal pixels are most of what there is: finding no more than those takes a third of the time.
-    FigureCanvasAgg(figure).print_png(file, pil_kwargs={"compress_type": RUN_LENGTHS})
-    return _picture(file, "image/png", alt, caption)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.print_png(file, pil_kwargs={"compress_type": RUN_LENGTHS})
+    return replace(_picture(file, "image/png", alt, caption), narrow=narrow)
 
 
 def _picture(file: io.BytesIO, mime: str, alt: str, caption: str) -> Picture:

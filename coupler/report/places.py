@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -69,4 +70,4 @@ def _share(ax: Axes) -> float:
     spec = ax.get_subplotspec()
     if spec is None:
         return 1.0
-    return float(spec.get_gridspec().get_height_ratios()[spec.rowspan.start])
+    return float(np.asarray(spec.get_gridspec().get_height_ratios(), dtype=float)[spec.rowspan.start])

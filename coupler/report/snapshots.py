@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,12 +31,14 @@ Ints = NDArray[np.integer]
 MARGIN = 0.04
 # Inches: beside and between panels, and the tallest of them.
 LEFT, RIGHT, TOP, BOTTOM, BETWEEN, TALLEST = 0.65, 1.0, 0.32, 0.5, (0.2, 0.32), 5.0
+WIDE, NARROW = 10.6, 6.0  # figures of several panels and of one
 # Without the black end, on which no outline is seen.
 COLD_TO_HOT = ListedColormap(colormaps["inferno"](np.linspace(0.12, 1.0, 256)))
 ARROWS = 150  # more are a blur
 ARROW = 0.75  # their length, of their mean distance
 FAINT = 1e-3  # share of the largest flux below which a direction says nothing
 LOUDEST = 0.98  # share of cells whose flux the colours tell apart
+EVEN = 1.01  # times what the colours tell apart: no more than that is not beyond them
 SMOOTH_UP_TO = 40_000  # triangles; a smooth picture of more takes seconds and shows no more
 
 
@@ -68,16 +70,18 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
     limits = (float(scale(np.array(low))), float(scale(np.array(high))))
     axes = axis_names(str(results.header["geometry"]))
     figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]", axes)
+    narrow = figure.get_figwidth() <= NARROW
     times = ", ".join(f"{number(float(file.times[k]), 6)} s" for k in picks)
     near = ", those nearest to the kinks," if kinks_of(results) else ""
     pictures = [png(figure, f"Temperature of the bodies at t = {times}, from {scale.text(low)} to {scale.text(high)}.",
                     "Temperature on the bodies as they stand (deformed, not magnified), one colour scale for all. "
-                    f"Shown: the first and the last frame{near} and where most changes.")]
+                    f"Shown: the first and the last frame{near} and where most changes.", narrow)]
     if "f_s" in file.point_fields:
         f_s = [file.point_field("f_s", k) for k in picks]
         figure = _frames(file, picks, f_s, (0.0, 1.0), "solid fraction [1]", axes)
         pictures.append(png(figure, f"Solid fraction of the bodies at t = {times}.",
-                            "Solid fraction at the same times: 1 where all is solid (bodies that do not melt, too)."))
+                            "Solid fraction at the same times: 1 where all is solid (bodies that do not melt, too).",
+                            narrow))
     return pictures + _flux(file, axes)
 
 
@@ -109,12 +113,12 @@ def _flux(file: FieldReader, axes: tuple[str, str]) -> list[Picture]:
     ax, x = panels.axes[0], panels.length(x)
     image = _paint(ax, x, file, scale(sizes[k]), (0.0, float(scale(np.array(top)))))
     _arrows(ax, x, file, file.cell_field("q", k)[:, :2])
-    _bar(panels, image, f"heat flux [{scale.unit}]", extend="max")
+    beyond = float(sizes[k].max()) > EVEN * top
+    _bar(panels, image, f"heat flux [{scale.unit}]", extend="max" if beyond else "neither")
     t = number(float(file.times[k]), 6)
     text = f"Heat flux, mean of each cell, at t = {t} s, the frame where it is largest in the mean"
-    picture = png(panels.figure, f"{text}: up to {scale.text(float(sizes[k].max()))}.",
-                  f"{text} (up to {scale.text(float(sizes[k].max()))}). Arrows: its direction.")
-    return [replace(picture, narrow=True)]
+    return [png(panels.figure, f"{text}: up to {scale.text(float(sizes[k].max()))}.",
+                  f"{text} (up to {scale.text(float(sizes[k].max()))}). Arrows: its direction.", narrow=True)]
 
 
 def _arrows(ax: Axes, x: Array, file: FieldReader, q: Array) -> None:
@@ -153,8 +157,8 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
     _bar(panels, image, f"von Mises stress [{scale.unit}]")
     t = number(float(file.times[k]), 6)
     text = f"Von Mises stress, mean of each cell, at t = {t} s, the frame where it is highest"
-    picture = png(panels.figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).")
-    return [replace(picture, narrow=True)]
+    return [png(panels.figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).",
+                narrow=True)]
 
 
 @dataclass(frozen=True)
@@ -179,10 +183,13 @@ def _panels(points: Sequence[Array], names: tuple[str, str]) -> Panels:
     columns = min(len(points), 4 if tall >= 0.6 * wide else 2)
     rows = math.ceil(len(points) / columns)
     # A flat body alone in its picture leaves room for the words that stand upright beside its colours.
-    width, least = (10.6, 0.9) if columns > 1 else (6.0, 1.5)
+    width, least = (WIDE, 0.9) if columns > 1 else (NARROW, 1.5)
     across = (width - LEFT - RIGHT - (columns - 1) * BETWEEN[0]) / columns
     up = min(max(across * tall / wide, least), TALLEST)
     across = min(across, up * wide / tall)
+    # Slender bodies do not need it all, and words in a wide picture are small.
+    if LEFT + RIGHT + columns * across + (columns - 1) * BETWEEN[0] <= NARROW:
+        width = NARROW
     height = TOP + BOTTOM + rows * up + (rows - 1) * BETWEEN[1]
     left = LEFT + 0.5 * (width - LEFT - RIGHT - columns * across - (columns - 1) * BETWEEN[0])
     figure = page_figure(height, width)

@@ -103,3 +103,12 @@ def test_the_command_and_its_exit_codes(runs: tuple[Results, Results], tmp_path:
         CliRunner().invoke(app, ["compare", a, str(tmp_path / "none.h5")], catch_exceptions=False)
     with pytest.raises(ResultsError, match="not a page"):
         CliRunner().invoke(app, ["compare", a, b, "-o", a], catch_exceptions=False)
+
+
+def test_an_axisymmetric_scene_is_told_in_r_and_z(tmp_path: Path) -> None:
+    a, b = (write_run(tmp_path / f"{n}.h5", replace(CASE, windows=10)) for n in "ab")
+    d = compare(a, b).differences[0]
+    apart = replace(d, curves=replace(d.curves, quantity="u_y", unit="m", name="top"), a=0.0, b=1e-3)
+    c = replace(compare(a, b), differences=(apart,))
+    assert "displacement u_z" in sentence(c, ("a", "b"), "K", "axisymmetric")
+    assert "displacement u_y" in sentence(c, ("a", "b"), "K")
