@@ -22,7 +22,7 @@ ZERO_CELSIUS = 273.15
 GUESS_AFTER = 0.05
 # Windows put back for their error are everyday where windows find their own size: so many are told one by one.
 LISTED = 10
-SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, up to a minute"
+SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, a minute or more"
 
 
 class ProgressLine:

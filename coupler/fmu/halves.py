@@ -10,11 +10,13 @@ from __future__ import annotations
 import contextlib
 import difflib
 import hashlib
+import io
 import os
 import shutil
 import subprocess
 import tempfile
 import time
+import zipfile
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -70,7 +72,12 @@ def _ready(fmu: Path, cache: Path) -> Path:
         raise HalfError(f"{fmu} cannot be read ({exc.strerror})") from exc
     place = cache / f"ready-{hashlib.sha256(content).hexdigest()[:32]}"
     if not (place / "half.fmu").is_file():
-        _put(place, lambda new: new.write_bytes(content))
+        def write(new: Path) -> None:
+            if not zipfile.is_zipfile(io.BytesIO(content)):  # told by its own path, not by that of a copy
+                raise HalfError(f"{fmu} cannot be unpacked: an FMU is a zip archive, this is none")
+            new.write_bytes(content)
+
+        _put(place, write)
     with contextlib.suppress(OSError):
         os.utime(place)
     return place / "half.fmu"
