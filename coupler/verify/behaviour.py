@@ -11,7 +11,7 @@ from coupler.fmu.half import Array, Half, Status
 from coupler.verify.bench import Bench, differing, took
 from coupler.verify.finding import Finding, failed, not_applicable, passed
 
-Check = Callable[[Bench], Finding]
+Check = Callable[[Bench, str], Finding]  # its name is the second, as CHECKS has it
 BALANCE = 1e-10  # of the sum of |terms|, the ledger's own bound
 SHOWN = 5
 
@@ -20,15 +20,14 @@ def behaviour_findings(bench: Bench) -> Iterator[Finding]:
     """Every check in turn.  A half that raises in one fails it; the next begins with a new instance."""
     for name, check in CHECKS.items():
         try:
-            yield check(bench)
+            yield check(bench, name)
         except HalfError as exc:
             first = str(exc).splitlines()[0]
             yield failed(name, f"it failed: {first}", "A step that cannot be made is a Discard; nothing else may fail")
 
 
-def same_twice(bench: Bench) -> Finding:
+def same_twice(bench: Bench, check: str) -> Finding:
     """Two instances, the same inputs: the same bits."""
-    check = "same inputs, same bits"
     with bench.half() as a, bench.half() as b:
         for k in (1, 2, 3):
             if wrong := differing(bench.step(a, k), bench.step(b, k)):
@@ -37,9 +36,8 @@ def same_twice(bench: Bench) -> Finding:
     return passed(check)
 
 
-def reading(bench: Bench) -> Finding:
+def reading(bench: Bench, check: str) -> Finding:
     """A half read over and over ends where one ends that is not read at all."""
-    check = "reading has no side effect"
     with bench.half() as read, bench.half() as unread:
         for k in (1, 2):
             read.advance((k - 1) * bench.h, bench.h, bench.inputs(k), bench.outputs)
@@ -53,9 +51,8 @@ def reading(bench: Bench) -> Finding:
     return passed(check)
 
 
-def restoring(bench: Bench) -> Finding:
+def restoring(bench: Bench, check: str) -> Finding:
     """Back to a state as often as wanted: outputs as they were, and the same substeps give the same bits."""
-    check = "save and restore to the bit"
     with bench.half() as half:
         if not half.can_save:
             return _no_state(check)
@@ -76,9 +73,8 @@ def restoring(bench: Bench) -> Finding:
     return passed(check)
 
 
-def remembers_inputs(bench: Bench) -> Finding:
+def remembers_inputs(bench: Bench, check: str) -> Finding:
     """Inputs that were set before a save count again after the restore, for only what changed is sent."""
-    check = "inputs are part of the state"
     with bench.half() as half:
         if not half.can_save:
             return _no_state(check)
@@ -95,9 +91,8 @@ def remembers_inputs(bench: Bench) -> Finding:
     return passed(check)
 
 
-def caches(bench: Bench) -> Finding:
+def caches(bench: Bench, check: str) -> Finding:
     """A new instance that takes over a state goes on like the one that made it: hot and cold caches, same bits."""
-    check = "hot and cold caches, same bits"
     with bench.half() as hot:
         if not (hot.can_save and hot.can_serialise):
             return not_applicable(check, "it cannot write its state down", "no resume of a run that stopped")
@@ -113,9 +108,8 @@ def caches(bench: Bench) -> Finding:
     return passed(check)
 
 
-def discards(bench: Bench) -> Finding:
+def discards(bench: Bench, check: str) -> Finding:
     """A substep that cannot be made is discarded, with a reason, and the half lives."""
-    check = "a bad substep is discarded"
     with bench.half() as half:
         bench.step(half, 1)
         found = _refused(bench, half)
@@ -127,9 +121,8 @@ def discards(bench: Bench) -> Finding:
     return passed(check, found)
 
 
-def no_trace(bench: Bench) -> Finding:
+def no_trace(bench: Bench, check: str) -> Finding:
     """After a discard outputs stand as they stood; restored, the half goes on as if nothing had been asked."""
-    check = "a rejected substep leaves no trace"
     with bench.half() as half, bench.half() as undisturbed:
         if not half.can_save:
             return _no_state(check)
@@ -149,9 +142,8 @@ def no_trace(bench: Bench) -> Finding:
     return passed(check)
 
 
-def substeps(bench: Bench) -> Finding:
+def substeps(bench: Bench, check: str) -> Finding:
     """A window whole, in two substeps, and whole again."""
-    check = "substeps of one window"
     t, h = bench.h, bench.h
     with bench.half() as half:
         if not half.can_save:
@@ -169,9 +161,8 @@ def substeps(bench: Bench) -> Finding:
     return passed(check)
 
 
-def heat_balance(bench: Bench) -> Finding:
+def heat_balance(bench: Bench, check: str) -> Finding:
     """What goes in is what is stored, by the half's own terms: sum of heat.* but stored = sum of heat.stored.*"""
-    check = "heat terms close"
     terms = [name for name in bench.outputs if name.startswith("heat.")]
     if not any(name.startswith("heat.stored") for name in terms):
         return not_applicable(check, "it gives no heat terms", "the run's heat ledger cannot hold it to account")
