@@ -112,6 +112,8 @@ def chart(rows: list[Row], path: Path) -> None:
             axis.loglog(*zip(*own, strict=True), marker=marker, label=label)
     for percent in (1.0, 0.1):
         axis.axhline(percent, color="0.7", linewidth=0.8)
+    axis.set_xticks([300, 500, 1000, 2000, 5000], ["300", "500", "1000", "2000", "5000"])
+    axis.minorticks_off()
     axis.set_xlabel("half-solves, all counted")
     axis.set_ylabel("error of the probes, 2500 to 15000 s [%]")
     axis.grid(True, alpha=0.3)
