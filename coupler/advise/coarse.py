@@ -7,7 +7,7 @@ from typing import Any
 
 from coupler.advise.edit import Edit, Tree, at
 from coupler.scenario.document import Key
-from coupler.trials.scaled import cells_as, windows_times
+from coupler.scenario.scaled import cells_as, windows_times
 
 # A body of a trial has no more cells than this; shapes and layers stay as they are.
 CELLS = 64

@@ -32,9 +32,9 @@ class Status(Enum):
     STICKS = "sticks"
     SLIPS_IN_PART = "slips in part"
     SLIPS = "slips"
+    APART = "apart"  # nothing touches, so nothing sticks or slips; or nobody told
     BELOW = "below"  # a branch of a law
     ABOVE = "above"
-    APART = "apart"  # nothing touches, so nothing sticks or slips; or nobody told
 
 
 @dataclass(frozen=True)

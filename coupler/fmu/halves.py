@@ -55,13 +55,7 @@ def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
     module = known[kind].module
     cache = cache_directory() if cache is None else cache
     place = cache / f"{kind}-{_key(kind, module, directory)}"
-    fmu = place / "half.fmu"
-    if not fmu.is_file():
-        _put(place, lambda new: _run_builder(kind, module, directory, new))
-    # A cache that belongs to another user may be read all the same.
-    with contextlib.suppress(OSError):
-        os.utime(place)
-    return fmu
+    return _cached(place, lambda new: _run_builder(kind, module, directory, new))
 
 
 def _ready(fmu: Path, cache: Path) -> Path:
@@ -70,17 +64,21 @@ def _ready(fmu: Path, cache: Path) -> Path:
         content = fmu.read_bytes()
     except OSError as exc:
         raise HalfError(f"{fmu} cannot be read ({exc.strerror})") from exc
+    if not zipfile.is_zipfile(io.BytesIO(content)):  # told by its own path, not by that of a copy
+        raise HalfError(f"{fmu} cannot be unpacked: an FMU is a zip archive, this is none")
     place = cache / f"ready-{hashlib.sha256(content).hexdigest()[:32]}"
-    if not (place / "half.fmu").is_file():
-        def write(new: Path) -> None:
-            if not zipfile.is_zipfile(io.BytesIO(content)):  # told by its own path, not by that of a copy
-                raise HalfError(f"{fmu} cannot be unpacked: an FMU is a zip archive, this is none")
-            new.write_bytes(content)
+    return _cached(place, lambda new: new.write_bytes(content))
 
-        _put(place, write)
+
+def _cached(place: Path, make: Callable[[Path], object]) -> Path:
+    """The FMU at a place of the cache, made if it is not there yet."""
+    fmu = place / "half.fmu"
+    if not fmu.is_file():
+        _put(place, make)
+    # A cache that belongs to another user may be read all the same.
     with contextlib.suppress(OSError):
         os.utime(place)
-    return place / "half.fmu"
+    return fmu
 
 
 def cache_directory() -> Path:

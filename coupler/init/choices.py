@@ -9,7 +9,9 @@ from typing import Any
 
 from coupler.errors import ScenarioError
 from coupler.init.materials import Material, exchangeable, material_named, put_in_place
+from coupler.scenario.document import dotted
 from coupler.scenario.quantity import did_you_mean
+from coupler.scenario.scaled import cells_times
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,8 @@ def _ended(tree: Mapping[str, Any], end: float) -> dict[str, Any]:
 
 
 def _meshed(tree: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Cells of all rectangles; an edge of one cell stands for no direction and stays one."""
+    """Cells of all rectangles."""
     if not 0 < factor < math.inf:
         raise ScenarioError("a mesh is so many times as fine, a number above 0", key="--mesh", value=factor,
                             remedy="2 halves the cells' edges, .5 doubles them")
-    return {f"bodies.{name}.mesh.rectangle.cells": [1 if n == 1 else max(round(n * factor), 1)
-                                                    for n in body["mesh"]["rectangle"]["cells"]]
-            for name, body in tree["bodies"].items() if "rectangle" in body["mesh"]}
+    return {dotted(key): cells for key, cells in cells_times(tree, factor).items()}

@@ -68,7 +68,8 @@ def _from_left(piece: Ints, X: Array) -> Ints:
 def _pieces(edges: Ints) -> list[Ints]:
     """The chains that the edges make, each as its nodes in order."""
     left = {int(a): int(b) for a, b in edges}
-    begins = [a for a in left if a not in set(left.values())]
+    led_to = set(left.values())
+    begins = [a for a in left if a not in led_to]
     found = []
     while left:
         node = begins.pop(0) if begins else next(iter(left))

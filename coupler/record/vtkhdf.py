@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from coupler.errors import ResultsError
 
 VTK_TRIANGLE, VTK_QUAD = 5, 9
+UNITS = {"T": "K", "f_s": "1", "q": "W/m2", "u": "m", "p": "Pa", "gap": "m", "sigma_v": "Pa", "sigma": "Pa"}
 # Fields of two columns are vectors (the third is zero); sigma is 11, 22, 12, 33 and becomes XX, YY, ZZ, XY, YZ, XZ,
 # which ParaView takes for a symmetric tensor.
-UNITS = {"T": "K", "f_s": "1", "q": "W/m2", "u": "m", "p": "Pa", "gap": "m", "sigma_v": "Pa", "sigma": "Pa"}
 WIDTHS = {"u": 3, "q": 3, "sigma": 6}
 Array = NDArray[np.float64]
 

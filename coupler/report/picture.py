@@ -39,7 +39,7 @@ class Picture:
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure [inches] that keeps its labels inside, whatever they are; a page has `page_figure`."""
+    """An empty figure [inches] that keeps its labels inside, for the pictures of the docs; a page has `page_figure`."""
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 

@@ -9,9 +9,9 @@ from typing import Any
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Key, dotted
 from coupler.scenario.quantity import did_you_mean
+from coupler.scenario.scaled import Tree, cells_times, windows_times
 from coupler.scenario.schema_tolerance import ErrorTolerances
 from coupler.schemes.level import Scheme
-from coupler.trials.scaled import Tree, cells_as, windows_times
 
 Sets = dict[str, Any]  # dotted key -> value
 
@@ -68,12 +68,12 @@ def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
 
 
 def _mesh(axis: str, factor: float, tree: Tree) -> Sets:
-    """`factor` times as many cells along every edge; an edge of one cell stands for no direction and stays one."""
+    """`factor` times as many cells along every edge."""
     for name, body in tree.get("bodies", {}).items():
         if body.get("mesh", {}).get("rectangle") is None:
             raise ScenarioError(f"the mesh of {name!r} is a file, which cannot be refined", key=f"grid {axis}",
                                 value=factor, remedy=f"Give the files: bodies.{name}.mesh.file.path: [a, b].")
-    return _dotted(cells_as(tree, lambda n: 1 if n == 1 else max(round(n * factor), 1)))
+    return _dotted(cells_times(tree, factor))
 
 
 def _dotted(values: Mapping[Key, Any]) -> Sets:

@@ -19,7 +19,7 @@ from coupler.trials.trial import Trial, trial_from
 
 FORMAT, VERSION = "slideline.trial", 1
 # Parts of the coupler that change nothing in a trial.
-APART = ("study", "advise", "report", "cli.py")
+APART = ("study", "advise", "report", "deck", "init", "verify", "cli.py")
 
 
 def sources() -> str:

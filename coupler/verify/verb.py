@@ -23,7 +23,7 @@ _COLOUR = {Verdict.PASS: "green", Verdict.FAIL: "bold red", Verdict.NOT_APPLICAB
 HalfArgument = Annotated[str, typer.Argument(
     help="An FMU, file.fmu, or the name of a half that is installed: thermal, elastic, ...", show_default=False)]
 ScenarioOption = Annotated[Path | None, typer.Option(
-    "--scenario", metavar="FILE", help="Of a half by name: a scenario that uses it (ours have one).",
+    "--scenario", metavar="FILE", help="Of a half by name: a scenario that uses it; for our own halves there is one.",
     show_default=False)]
 StepOption = Annotated[float, typer.Option("--step", metavar="SECONDS",
                                            help="Substep to begin with; halved while the half refuses it.")]

@@ -28,3 +28,8 @@ def cells_as(tree: Tree, count: Callable[[int], int]) -> dict[Key, Any]:
     return {("bodies", name, "mesh", "rectangle", "cells"): [count(int(n)) for n in rectangle["cells"]]
             for name, body in tree.get("bodies", {}).items()
             if (rectangle := (body.get("mesh") or {}).get("rectangle")) is not None}
+
+
+def cells_times(tree: Tree, factor: float) -> dict[Key, Any]:
+    """`factor` times as many cells along every edge; an edge of one cell stands for no direction and stays one."""
+    return cells_as(tree, lambda n: 1 if n == 1 else max(round(n * factor), 1))
