@@ -4,7 +4,7 @@
 
 The deck is that of calculix.py: two pressed blocks, conductance from the pressure, 2500 s from a jump of 1000 K between
 them.  Compared at every increment: the temperature of the middle of the lower block's top.  Both step by backward Euler
-and iterate heat and deformation to agreement, so at equal steps what is left is how contact and cells are integrated.
+and iterate heat and deformation to agreement.
 """
 
 from __future__ import annotations
