@@ -55,8 +55,7 @@ def limits() -> list[dict[str, object]]:
     from cases import CASES, chatter, e3c_limit, e5_limit, lagged_gap
     from fake_halves import A_LAG, B_LAG
 
-    from coupler.schemes.iteration import Seen
-    from coupler.schemes.level import Scheme
+    from coupler.scenario.options import Scheme, Seen
 
     E1, E4, E3c, a, b = CASES["E1"], CASES["E4"], CASES["E3c"], A_LAG, B_LAG
     middle, soft = CASES["E4 midpoint"], replace(E3c, make=lambda d: chatter(d, "midpoint"))

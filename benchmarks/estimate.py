@@ -30,8 +30,8 @@ from true_error import Window, windows  # noqa: E402
 
 from coupler import load_scenario  # noqa: E402
 from coupler.runner import Run  # noqa: E402
-from coupler.schemes.level import Scheme  # noqa: E402
-from coupler.schemes.schedule import WindowRange, schedule  # noqa: E402
+from coupler.scenario.options import Scheme, WindowRange  # noqa: E402
+from coupler.schemes.schedule import schedule  # noqa: E402
 from coupler.schemes.window import wanted_outputs  # noqa: E402
 
 FACTOR, FLOORS = 3.0, 10.0

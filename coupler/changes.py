@@ -10,8 +10,7 @@ from coupler.control.state import ControlState
 from coupler.errors import ScenarioError
 from coupler.rules.fit import unfit
 from coupler.rules.model import Rule
-from coupler.schemes.iteration import Iteration
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Iteration, Scheme
 from coupler.schemes.window import Halves
 
 METHOD, SIDES = "control.method", ("thermal", "mechanical")

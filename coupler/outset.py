@@ -19,9 +19,10 @@ from coupler.record.measure import measure
 from coupler.rules.engine import wanted
 from coupler.rules.fit import schemes_of, unfit
 from coupler.scenario import Scenario
+from coupler.scenario.options import Scheme
 from coupler.schemes.account import HEATS, EnergyAccount
 from coupler.schemes.adiabatic import check_adiabatic
-from coupler.schemes.level import Level, Scheme
+from coupler.schemes.level import Level
 from coupler.schemes.schedule import schedule
 from coupler.schemes.window import CoupledState, Halves, wanted_outputs
 

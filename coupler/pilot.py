@@ -16,9 +16,8 @@ from coupler.control.predict import TURNS, Feedback, Limits, feedback, limits
 from coupler.fmu.launch import launch
 from coupler.outset import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
-from coupler.schemes.iteration import Tolerance, Tolerances
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import Scheme, Tolerance, Tolerances, WindowRange
+from coupler.schemes.schedule import schedule
 from coupler.schemes.sweep import DiscardError
 from coupler.schemes.window import CoupledState, Halves, Span
 

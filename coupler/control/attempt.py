@@ -7,10 +7,10 @@ from types import TracebackType
 
 from coupler.control.auto import runs_away, squeezes
 from coupler.errors import CouplingError
+from coupler.scenario.options import Scheme
 from coupler.schemes.adiabatic import check_adiabatic, with_mode
 from coupler.schemes.along_heat import solve_along_heat
 from coupler.schemes.iterate import solve_iterated
-from coupler.schemes.level import Scheme
 from coupler.schemes.scheme import ONCE, extrapolated
 from coupler.schemes.settings import Settings
 from coupler.schemes.sweep import DiscardError

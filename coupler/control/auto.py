@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.estimate import front_moves
+from coupler.scenario.options import Iteration, Scheme, Seen, Tolerances
 from coupler.schemes.curve import STEADIEST, closest, zigzag
-from coupler.schemes.iteration import Iteration, Seen, Tolerances
-from coupler.schemes.level import Scheme, predicted
+from coupler.schemes.level import predicted
 from coupler.schemes.window import CoupledState, Course, Solved
 
 Array = NDArray[np.float64]

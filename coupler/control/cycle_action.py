@@ -10,8 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from coupler.control.cycle import Watch, note
-from coupler.control.plan import OnCycle
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import OnCycle, Scheme
 from coupler.schemes.settings import Settings
 
 # A contraction of plain iteration up to this, (b dt/2)/(1 + a dt) <= .4, means b dt < 1 where a dt is small: every

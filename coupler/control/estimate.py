@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.closing import closes
-from coupler.control.tolerance import ErrorTolerances
-from coupler.schemes.iteration import Iteration, Tolerance
-from coupler.schemes.level import Level, Scheme
+from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance
+from coupler.schemes.level import Level
 from coupler.schemes.window import CoupledState, Solved, Span
 
 Array = NDArray[np.float64]
@@ -205,7 +204,7 @@ def _share(error: float, scale: float, tolerance: Tolerance) -> float:
 
 
 def _scale(name: str, levels: Sequence[Level], solved: Solved) -> float:
-    """What the relative part of a tolerance is measured by (coupler.control.tolerance)."""
+    """What the relative part of a tolerance is measured by (coupler.scenario.options)."""
     now, start = levels[0], levels[1]
     if name == "temperature":
         return max(float(now.T.max()), float(start.T.max())) - min(float(now.T.min()), float(start.T.min()))

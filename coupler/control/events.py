@@ -21,7 +21,8 @@ from coupler.control.crossing import MOST
 from coupler.control.plan import Plan
 from coupler.control.search import Reach, Search
 from coupler.control.sights import Sight, Status, changed
-from coupler.schemes.level import Level, Scheme
+from coupler.scenario.options import Scheme
+from coupler.schemes.level import Level
 from coupler.schemes.window import CoupledState, Solved, Span
 
 # An event is located to this share of its window where the scenario does not say: of what the most exact scheme leaves

@@ -17,8 +17,7 @@ from coupler.control.state import ControlState
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
 from coupler.rules.engine import Firing
-from coupler.schemes.iteration import OnMax
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import OnMax, Scheme
 from coupler.schemes.window import Solved, Verdict
 
 # So many windows on end in which hardly anything changes are a steady state.

@@ -17,8 +17,8 @@ from coupler.control.plan import Plan
 from coupler.control.proposal import propose
 from coupler.control.state import Committed, ControlState, first, opened
 from coupler.rules.engine import Firing
+from coupler.scenario.options import Scheme
 from coupler.schemes.adiabatic import can_freeze
-from coupler.schemes.level import Scheme
 from coupler.schemes.window import CoupledState, Halves, Solved, Span
 
 __all__ = ["Plan", "Tried", "finished", "step", "windows"]

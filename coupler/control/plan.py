@@ -5,35 +5,15 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
 
 from coupler.control.branches import Branch, side
 from coupler.control.sights import Place, Sight, seen
-from coupler.control.tolerance import ErrorTolerances
 from coupler.rules.model import Rule
-from coupler.schemes.iteration import Iteration
-from coupler.schemes.level import Level, Scheme
+from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme
+from coupler.schemes.level import Level
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.settings import Settings
-
-
-class OnCycle(Enum):
-    """What follows when a quantity goes up and down from window to window because of the exchange."""
-
-    NOTE = "note"  # say so
-    ITERATE = "iterate"  # say so, and iterate the windows that follow
-    CUT = "cut"  # put the window back and halve it
-
-
-@dataclass(frozen=True)
-class Adaptive:
-    """Windows that find their own size [s].  least : shorter ones only end at a kink or an event."""
-
-    first: float
-    least: float
-    most: float
-    tolerance: ErrorTolerances = field(default_factory=ErrorTolerances)
 
 
 @dataclass(frozen=True)

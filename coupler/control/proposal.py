@@ -6,8 +6,9 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
-from coupler.control.plan import Adaptive, Plan
+from coupler.control.plan import Plan
 from coupler.control.state import ControlState
+from coupler.scenario.options import Adaptive
 
 # A rest shorter than this share of a window is joined to it; a longer one makes two equal windows of both.
 REST = 1.0 / 3.0

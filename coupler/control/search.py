@@ -7,7 +7,7 @@ from functools import cached_property
 
 from coupler.control.crossing import Crossing, crossing
 from coupler.control.sights import Sight
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 from coupler.schemes.window import Span
 
 # Every so many tries the interval is halved, however well the curve through the tries looks.

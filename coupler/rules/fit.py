@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from coupler.control.monitor_names import COUPLER, INCREMENT, RATE, outputs
 from coupler.fmu.half import Block
 from coupler.rules.model import Give, Rule, UseScheme
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 from coupler.schemes.sweep import FEW
 
 Blocks = Mapping[str, Mapping[str, Block]]

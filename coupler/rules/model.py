@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
 
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 
 
 class Of(Enum):

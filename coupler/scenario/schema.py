@@ -6,8 +6,8 @@ from enum import StrEnum
 
 from pydantic import Field, model_validator
 
-from coupler.control.plan import OnCycle
 from coupler.scenario.base import Part, SignalSpec, exactly_one
+from coupler.scenario.options import OnCycle, Scheme
 from coupler.scenario.quantity import DottedName, Name, NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.schema_contact import ContactPair
 from coupler.scenario.schema_control import Adaptive, Events, Stop
@@ -18,7 +18,6 @@ from coupler.scenario.schema_rules import RuleSpec
 from coupler.scenario.schema_scene import Body
 from coupler.scenario.schema_study import Study
 from coupler.scenario.schema_thermal import Thermal
-from coupler.schemes.level import Scheme
 
 FORMAT_VERSION = 1
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import StrictBool, model_validator
 
-from coupler.control.plan import Adaptive as Sizes
 from coupler.scenario.base import Part
+from coupler.scenario.options import Adaptive as Sizes
 from coupler.scenario.quantity import NotNegative, Positive, problem
 from coupler.scenario.schema_tolerance import ErrorTolerances
 

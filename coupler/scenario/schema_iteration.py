@@ -1,13 +1,13 @@
-"""The scenario file's `coupling.iteration`; defaults and their reasons are those of coupler.schemes.iteration."""
+"""The scenario file's `coupling.iteration`; defaults and their reasons are those of coupler.scenario.options."""
 
 from __future__ import annotations
 
 from pydantic import model_validator
 
 from coupler.scenario.base import Part
+from coupler.scenario.options import Acceleration, OnMax, Seen, Tolerance, Tolerances
+from coupler.scenario.options import Iteration as Method
 from coupler.scenario.quantity import NotNegative, Positive, Whole, problem
-from coupler.schemes.iteration import Acceleration, OnMax, Seen, Tolerance, Tolerances
-from coupler.schemes.iteration import Iteration as Method
 
 METHOD = Method()
 DEFAULT = METHOD.tolerance

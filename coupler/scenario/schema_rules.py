@@ -10,8 +10,8 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from coupler.rules.model import Change, Of
 from coupler.scenario.base import Part, exactly_one
+from coupler.scenario.options import Scheme
 from coupler.scenario.quantity import Name, NotNegative, Number, Positive, Text, Whole, number, problem
-from coupler.schemes.level import Scheme
 
 _TIMES = re.compile(r"x\s*((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 

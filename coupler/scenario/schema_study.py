@@ -7,8 +7,8 @@ from typing import Any
 from pydantic import Field, field_validator, model_validator
 
 from coupler.scenario.base import Part
+from coupler.scenario.options import Scheme
 from coupler.scenario.quantity import DottedName, NotNegative, Number, Text, Whole, problem
-from coupler.schemes.level import Scheme
 
 Values = tuple[Any, ...]
 

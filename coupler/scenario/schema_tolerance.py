@@ -1,11 +1,11 @@
-"""The scenario file's `coupling.adaptive.tolerance`; defaults and reasons are those of coupler.control.tolerance."""
+"""The scenario file's `coupling.adaptive.tolerance`; defaults and reasons are those of coupler.scenario.options."""
 
 from __future__ import annotations
 
-from coupler.control.tolerance import ErrorTolerances as Method
 from coupler.scenario.base import Part
+from coupler.scenario.options import ErrorTolerances as Method
+from coupler.scenario.options import Tolerance
 from coupler.scenario.quantity import NotNegative, Positive
-from coupler.schemes.iteration import Tolerance
 
 DEFAULT = Method()
 

@@ -8,14 +8,11 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from coupler.control.plan import Adaptive, OnCycle
 from coupler.scenario.convert import jumps_in, kinks_in
 from coupler.scenario.document import Document, Key
+from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme, WindowRange
 from coupler.scenario.schema import Coupling as CouplingSpec
 from coupler.scenario.schema import Windows
-from coupler.schemes.iteration import Iteration
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange
 
 # More windows than this is a misplaced decimal point: a run of days that nobody meant.
 MAX_WINDOWS = 5_000_000

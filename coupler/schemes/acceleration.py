@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.iteration import Acceleration, Iteration
+from coupler.scenario.options import Acceleration, Iteration
 
 Array = NDArray[np.float64]
 Column = tuple[Array, Array]  # differences of two residuals and of the two outcomes

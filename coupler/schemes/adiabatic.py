@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 
 MODE = "control.mode"
 ISOTHERMAL, FROZEN = 0.0, 1.0

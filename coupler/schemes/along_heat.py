@@ -21,7 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.level import Level, Scheme
+from coupler.scenario.options import Scheme
+from coupler.schemes.level import Level
 from coupler.schemes.scheme import Swept, thermal_first
 from coupler.schemes.window import CoupledState, Halves, Solved, Span
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.iteration import Tolerance, Tolerances
+from coupler.scenario.options import Tolerance, Tolerances
 from coupler.schemes.level import Level
 
 Array = NDArray[np.float64]

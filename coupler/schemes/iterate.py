@@ -15,10 +15,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.scenario.options import Iteration, OnMax, Scheme, Seen
 from coupler.schemes.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
 from coupler.schemes.convergence import Step, misfits
-from coupler.schemes.iteration import Iteration, OnMax, Seen
-from coupler.schemes.level import Level, Scheme, exchanged, predicted
+from coupler.schemes.level import Level, exchanged, predicted
 from coupler.schemes.scheme import Swept, mechanical_first
 from coupler.schemes.window import NO_WORK, CoupledState, Course, Halves, Solved, Span, Verdict, Work
 

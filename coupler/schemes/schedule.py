@@ -6,16 +6,8 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
+from coupler.scenario.options import WindowRange
 from coupler.schemes.clock import Clock, clock_with_marks
-
-
-@dataclass(frozen=True)
-class WindowRange:
-    """Windows up to `until` [s], growing or shrinking geometrically from `first` to `last` [s]."""
-
-    until: float
-    first: float
-    last: float
 
 
 @dataclass(frozen=True)

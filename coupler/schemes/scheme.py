@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.scenario.options import Scheme
 from coupler.schemes.account import EnergyAccount, delivered, with_made
 from coupler.schemes.curve import drawn_on
-from coupler.schemes.level import Level, Scheme, Slope, exchanged
+from coupler.schemes.level import Level, Slope, exchanged
 from coupler.schemes.sweep import STORED, Leading, Pass, Sent, mechanical_pass, thermal_pass
 from coupler.schemes.window import NO_WORK, CoupledState, Course, Halves, Solved, Span, Verdict, Work
 

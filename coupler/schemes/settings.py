@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from coupler.schemes.iteration import Iteration
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Iteration, Scheme
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.fmu.half import Half
+from coupler.scenario.options import Scheme
 from coupler.schemes.acceleration import Memory
 from coupler.schemes.account import HEATS, Accounts
 from coupler.schemes.clock import Clock
 from coupler.schemes.ledger import PREFIX
-from coupler.schemes.level import Level, Scheme
+from coupler.schemes.level import Level
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Key, dotted
+from coupler.scenario.options import Scheme
 from coupler.scenario.quantity import did_you_mean
 from coupler.scenario.scaled import Tree, cells_times, windows_times
 from coupler.scenario.schema_tolerance import ErrorTolerances
-from coupler.schemes.level import Scheme
 
 Sets = dict[str, Any]  # dotted key -> value
 

@@ -9,10 +9,9 @@ from coupled_run import start
 from fake_halves import FakeHalf, gap_of, lumped, shrinking
 
 from coupler.control.loop import Plan, Tried, windows
-from coupler.control.plan import Adaptive
+from coupler.scenario.options import Adaptive, Scheme, WindowRange
 from coupler.schemes.ledger import Ledger
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.schedule import schedule
 from coupler.schemes.window import wanted_outputs
 
 END = 20.0

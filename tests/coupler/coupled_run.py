@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from coupler.control.loop import Plan, Tried, windows
+from coupler.scenario.options import Iteration, Scheme, WindowRange
 from coupler.schemes.account import EnergyAccount
-from coupler.schemes.iteration import Iteration
-from coupler.schemes.level import Level, Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.level import Level
+from coupler.schemes.schedule import schedule
 from coupler.schemes.window import CoupledState, wanted_outputs
 
 

@@ -11,9 +11,8 @@ from fake_halves import T_IN, T_OUT, X_IN, X_OUT, FakeHalf, blocks_of
 from coupler.control.loop import Plan, Tried, windows
 from coupler.fmu.half import Block
 from coupler.rules.engine import Rule, wanted
-from coupler.schemes.iteration import Iteration
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import Iteration, Scheme, WindowRange
+from coupler.schemes.schedule import schedule
 from coupler.schemes.window import wanted_outputs
 
 

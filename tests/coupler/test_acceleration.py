@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from coupler.scenario.options import Acceleration, Iteration
 from coupler.schemes.acceleration import LARGEST_FACTOR, LEAST_FACTOR, Trail, contraction, next_guess, remembered
-from coupler.schemes.iteration import Acceleration, Iteration
 
 NONE, CONSTANT, AITKEN, IQN_ILS = Acceleration
 

@@ -10,9 +10,10 @@ import pytest
 
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
+from coupler.scenario.options import Scheme
 from coupler.schemes.account import EnergyAccount
 from coupler.schemes.adiabatic import with_mode
-from coupler.schemes.level import Level, Scheme
+from coupler.schemes.level import Level
 from coupler.schemes.window import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -14,7 +14,8 @@ from coupler.control.sights import Place, Status, places_of
 from coupler.errors import ScenarioError
 from coupler.outset import plan_of
 from coupler.scenario import load_scenario
-from coupler.schemes.level import Level, Scheme
+from coupler.scenario.options import Scheme
+from coupler.schemes.level import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import ROOT

@@ -12,14 +12,11 @@ import pytest
 
 from coupler.control.cutting import MAX_TRIES
 from coupler.control.loop import windows
-from coupler.control.plan import Adaptive, OnCycle
 from coupler.control.proposal import propose
 from coupler.control.state import ControlState, first
-from coupler.control.tolerance import ErrorTolerances
 from coupler.errors import CouplingError
 from coupler.rules.model import Retry, Rule, Stop, Test, When
-from coupler.schemes.iteration import Tolerance
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Adaptive, ErrorTolerances, OnCycle, Scheme, Tolerance
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.scheme import thermal_first
 from coupler.schemes.settings import Settings

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from coupler.control.loop import Plan, Tried, windows
-from coupler.control.plan import OnCycle
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import OnCycle, Scheme, WindowRange
+from coupler.schemes.schedule import schedule
 from coupler.schemes.window import Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -20,14 +20,13 @@ from coupler.control.attempt import Kept, Way, solve
 from coupler.control.doubling import doubled, halved
 from coupler.control.estimate import Memory
 from coupler.control.loop import windows as run_windows
-from coupler.control.plan import Adaptive, Plan
-from coupler.control.tolerance import ErrorTolerances
+from coupler.control.plan import Plan
 from coupler.fmu.half import Block
+from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, Scheme, Tolerance, WindowRange
 from coupler.schemes.account import EnergyAccount
 from coupler.schemes.clock import Clock
-from coupler.schemes.iteration import Iteration, Tolerance
-from coupler.schemes.level import Level, Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.schemes.level import Level
+from coupler.schemes.schedule import schedule
 from coupler.schemes.settings import Settings
 from coupler.schemes.window import CoupledState, Solved, Span, Verdict, Work, wanted_outputs
 

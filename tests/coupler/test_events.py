@@ -16,8 +16,9 @@ from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
 from coupler.control.sights import SLIPPING, Place, Status, changed, places_of, seen
 from coupler.fmu.half import Block
-from coupler.schemes.level import Level, Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.level import Level
+from coupler.schemes.schedule import schedule
 from coupler.schemes.window import wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))

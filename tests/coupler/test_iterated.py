@@ -15,8 +15,7 @@ from coupler.console import summary
 from coupler.control.loop import Tried
 from coupler.errors import CouplingError
 from coupler.report.page import render
-from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Tolerance, Tolerances
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Acceleration, Iteration, OnMax, Scheme, Tolerance, Tolerances
 from coupler.schemes.window import CoupledState, Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -11,8 +11,8 @@ import pytest
 from coupler.control.plan import Plan
 from coupler.control.predict import Feedback, feedback, limits
 from coupler.pilot import Prediction, along
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.schedule import schedule
 from coupler.schemes.window import Span, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))

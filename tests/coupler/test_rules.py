@@ -12,14 +12,13 @@ import pytest
 
 from contact.messages import decode, encode, kinds_of
 from coupler.control.loop import Plan, windows
-from coupler.control.plan import Adaptive, OnCycle
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
 from coupler.rules.drive import Driven
 from coupler.rules.engine import Memory, Past, fire, fire_failed
 from coupler.rules.model import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import Adaptive, OnCycle, Scheme, WindowRange
+from coupler.schemes.schedule import schedule
 from coupler.schemes.settings import Settings
 from coupler.schemes.window import Verdict, wanted_outputs
 

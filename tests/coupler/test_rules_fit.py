@@ -13,7 +13,7 @@ from coupler.errors import ScenarioError
 from coupler.fmu.half import Block
 from coupler.rules.fit import unfit
 from coupler.rules.model import Change, Drive, Give, Rule, Stop, Test, When
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 from coupler.schemes.settings import Settings
 from coupler.schemes.window import wanted_outputs
 

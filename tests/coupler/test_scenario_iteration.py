@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Tolerance, Tolerances
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Acceleration, Iteration, OnMax, Scheme, Tolerance, Tolerances
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, load_text

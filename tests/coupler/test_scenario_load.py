@@ -12,8 +12,7 @@ import pytest
 
 from contact.half.interface import read_interface
 from coupler.scenario import load_scenario
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange
+from coupler.scenario.options import Scheme, WindowRange
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, ROOT, load_text

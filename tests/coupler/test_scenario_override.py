@@ -10,7 +10,7 @@ import pytest
 
 from coupler.errors import ScenarioError
 from coupler.scenario import parse_override
-from coupler.schemes.schedule import WindowRange
+from coupler.scenario.options import WindowRange
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text

@@ -10,7 +10,7 @@ import pytest
 
 from coupler.errors import ScenarioError
 from coupler.rules.model import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, line_of, load_text

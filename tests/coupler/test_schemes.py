@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from coupler.control.cycle import Swing, Watch, note, swung, two_cycles
-from coupler.schemes.level import Level, Scheme, geometry_at, predicted
+from coupler.scenario.options import Scheme
+from coupler.schemes.level import Level, geometry_at, predicted
 from coupler.schemes.window import Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))

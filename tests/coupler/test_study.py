@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError, ScenarioError
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Scheme
 from coupler.study import grid_of, parse_axis, pool
 from coupler.study.chart import draw
 from coupler.study.cluster import run_there

@@ -16,9 +16,7 @@ import numpy as np
 from coupler.control import estimate
 from coupler.control.attempt import Kept, Way, solve
 from coupler.control.doubling import doubled
-from coupler.control.tolerance import ErrorTolerances
-from coupler.schemes.iteration import Iteration, Tolerance, Tolerances
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
 from coupler.schemes.schedule import Schedule
 from coupler.schemes.settings import Settings
 from coupler.schemes.window import CoupledState, Halves, Solved, Span

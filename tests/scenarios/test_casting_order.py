@@ -20,9 +20,8 @@ from coupler import Run, load_scenario
 from coupler.control.loop import finished, step
 from coupler.control.plan import Plan
 from coupler.control.state import first
-from coupler.schemes.iteration import Iteration, Tolerance, Tolerances
-from coupler.schemes.level import Scheme
-from coupler.schemes.schedule import WindowRange, schedule
+from coupler.scenario.options import Iteration, Scheme, Tolerance, Tolerances, WindowRange
+from coupler.schemes.schedule import schedule
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/casting_1d.yaml"
 FROZEN = 20.0  # s, .306 solid

@@ -10,8 +10,7 @@ import numpy as np
 from cases import Case
 from numpy.typing import NDArray
 
-from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Seen
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Acceleration, Iteration, OnMax, Scheme, Seen
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
 from coupled_run import couple

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from coupler.scenario.options import Acceleration, Iteration, OnMax, Seen, Tolerance, Tolerances
 from coupler.schemes.account import EnergyAccount
-from coupler.schemes.iteration import Acceleration, Iteration, OnMax, Seen, Tolerance, Tolerances
 from coupler.schemes.level import Level
 from coupler.schemes.window import CoupledState
 

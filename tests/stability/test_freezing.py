@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.schemes.iteration import Iteration, Tolerance, Tolerances
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Iteration, Scheme, Tolerance, Tolerances
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

@@ -12,8 +12,8 @@ import pytest
 from scipy.optimize import brentq
 
 from coupler.control.cycle import two_cycles
-from coupler.schemes.iteration import Acceleration, OnMax, Seen, Tolerance
-from coupler.schemes.level import Level, Scheme
+from coupler.scenario.options import Acceleration, OnMax, Scheme, Seen, Tolerance
+from coupler.schemes.level import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import CouplingError
-from coupler.schemes.iteration import Acceleration, Iteration, OnMax
-from coupler.schemes.level import Scheme
+from coupler.scenario.options import Acceleration, Iteration, OnMax, Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
