@@ -182,6 +182,8 @@ class ZenohLink:
         unknown = isinstance(reply, Refused) and reply.code == "unknown_surfaces"
         if unknown and not isinstance(request, Register):
             known = self._registered.get(request.surfaces)
+            # fault: the next life of the service is not told the surfaces -> if known is None and
+            #   isinstance(self._call(known), Registered): | contact/test_killed
             if known is not None and isinstance(self._call(known), Registered):
                 return self._call(request)
         return reply

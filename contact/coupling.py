@@ -74,6 +74,7 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
         chosen[i] = doing[i] > OPEN or doing[i + 1] > OPEN
         for side in range(2):
             for end in range(2):
+                # fault: pieces with multipliers but open left out -> chosen[i] |= False | contact/test_coupling
                 chosen[i] |= multipliers[edges[met[i, side], end]] < 0.0
         n_blocks += chosen[i]
     nodes, out = np.empty((n_blocks, NODES), dtype=np.int32), np.zeros((n_blocks, NODES, len(ENDS), 5))
@@ -143,6 +144,8 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
         d_shape = (-d_xi[j], d_xi[j], -deta, deta)
         for k in range(4):
             whole = multipliers[nodes[ENDS[k]]] + p
+            # fault: multipliers moved by a place, but not with their area -> out[i, k, 2 + j % 2] += (0.0 * shape[k] +
+            #   area * d_shape[k]) * whole + area * shape[k] * dp | contact/test_coupling
             out[i, k, 2 + j % 2] += (d_area[j] * shape[k] + area * d_shape[k]) * whole + area * shape[k] * dp
 
 
@@ -153,6 +156,7 @@ def by_multiplier(n: Floats, points: Floats, c: Floats, doing: Floats, q: int, o
     nx, ny = field_normal(n, xi)[:2]
     drag = 0.0
     if int(doing[q]) >= SLIPS_FORWARD:
+        # fault: a slipping point drags nothing for its multiplier -> drag = 0.0 | contact/test_coupling
         drag = -c[q, MU] if int(doing[q]) == SLIPS_BACK else c[q, MU]
     shape = (1.0 - xi, xi, 1.0 - eta, eta)
     for j in range(2):

@@ -108,6 +108,8 @@ def covered_shares(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.b
     for i in range(met.shape[0]):
         for side in range(2):
             a, b = edges[met[i, side], 0], edges[met[i, side], 1]
+            # fault: covered share by the other node's shape function -> faced[a] += values[i, side] * values[i, 3 +
+            #   side] | contact/test_facing
             faced[a] += (1.0 - values[i, side]) * values[i, 3 + side]
             faced[b] += values[i, side] * values[i, 3 + side]
     for s in range(x.shape[0]):

@@ -24,6 +24,7 @@ SLIVER = 1e-13  # cuts closer than this share of an edge are one cut: round-off,
 STRAIGHT = 1e-6  # master pieces shorter than this share of their edge are weighted as if the map were linear
 REACH = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
 ITSELF_BACK = 0.25  # a surface that folds onto itself is followed this share of an edge into the body
+# fault: Gauss points of a piece nearer to its ends -> GAUSS = 0.35 | scenarios/test_contact_robust
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
@@ -149,6 +150,10 @@ def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float,
 @kernel
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
     """Is gap g of master edge m to be preferred to the best so far?  Nearest first, then the lower number."""
+    # fault: the farther of two master edges met -> return abs(g) > abs(best) + slack or (m < best_m and abs(g) <=
+    #   abs(best) + slack) | contact/test_facing
+    # fault: of two branches the farther one is faced -> return abs(g) > abs(best) - slack or (m < best_m and abs(g) <=
+    #   abs(best) + slack) | scenarios/test_contact_robust
     return abs(g) < abs(best) - slack or (m < best_m and abs(g) <= abs(best) + slack)
 
 
@@ -183,6 +188,7 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts
                     _, g, facing = ray(frame, xi, x, edges, m)
                     if facing < -FACING_COS:
                         note_node(near, s, g, back, ahead)
+                # fault: slave edges cut at some of the master's nodes only -> if 0.4 < xi < 0.6: | contact/test_facing
                 if 0.0 < xi < 1.0:
                     i = n
                     while cuts[i - 1] > xi:
@@ -218,6 +224,8 @@ def meet(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Fl
         while i < n_cuts - 1 and cuts[i] < spans[k, 1]:
             middle = 0.5 * (cuts[i] + cuts[i + 1])
             xi_m, g, facing = ray(frame, middle, x, edges, m)
+            # fault: areas not clipped at the master's end -> hit = -0.5 <= xi_m <= 1.5 and facing < -FACING_COS and
+            #   -back <= g < ahead | contact/test_facing
             hit = -SLIVER <= xi_m <= 1.0 + SLIVER and facing < -FACING_COS and -back <= g < ahead
             if hit and (met[i] < 0 or nearer(g, m, met_gap[i], met[i], slack)):
                 met[i], met_gap[i] = m, g
@@ -236,6 +244,7 @@ def master_weights(xi: tuple[float, float], low: float, high: float, size: float
     s0, s1 = 0.5 - GAUSS, 0.5 + GAUSS
     if abs(high - low) > STRAIGHT:
         t0, t1 = (xi[0] - low) / (high - low), (xi[1] - low) / (high - low)
+        # fault: master pieces weighted as if the map were linear -> if t0 < m1 / m0 < t0: | contact/test_facing
         if t0 < m1 / m0 < t1:  # outside of that a weight would be negative
             s0, s1 = t0, t1
     second = (m1 - s0 * m0) / (s1 - s0)
@@ -245,6 +254,8 @@ def master_weights(xi: tuple[float, float], low: float, high: float, size: float
 @kernel
 def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
     """2 pi r at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 metre of depth."""
+    # fault: 2 pi r dropped from the areas -> return max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0 |
+    #   contact/test_facing
     return 2.0 * np.pi * max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0
 
 
@@ -259,6 +270,8 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
         xi_m = min(max(xi_m, 0.0), 1.0)
         if k < 2:
             values[i + k, 0], values[i + k, 1], values[i + k, 2] = xi, xi_m, g
+            # fault: area of contact halved -> values[i + k, 3] = 0.25 * (high - low) * length_s * ring(frame[0],
+            #   frame[2], xi, axisymmetric) | mechanical_fmu/test_hertz contact/test_traction
             values[i + k, 3] = 0.5 * (high - low) * length_s * ring(frame[0], frame[2], xi, axisymmetric)
         else:
             values[i + k - 2, 4] = xi_m

@@ -62,6 +62,7 @@ def closed_conductance(law: Law, p: ArrayLike, T_mean: ArrayLike) -> tuple[Array
 def open_conductance(law: Law, g: ArrayLike, T_mean: ArrayLike) -> tuple[Array, Array]:
     """Apart: (h, dh/dT) from gap g : (n,) [m] and T_mean : (n,) [K]; a negative gap reads as 0.  Eq. (10)."""
     g_, T = np.broadcast_arrays(np.asarray(g, dtype=float), np.asarray(T_mean, dtype=float))
+    # fault: negative gaps reach the law -> return law.of(np.zeros(g_.shape), g_, T) | contact/test_laws
     return law.of(np.zeros(g_.shape), np.maximum(g_, 0.0), T)
 
 
@@ -79,6 +80,8 @@ def gap_factor(g: ArrayLike, d_cut: float, d_full: float) -> Array:
     """
     if not 0.0 <= d_cut < d_full:
         raise ValueError(f"the gap factor needs 0 <= d_cut < d_full, got {d_cut!r} and {d_full!r}")
+    # fault: gap factor as misprinted in the paper -> return np.clip((np.asarray(g, dtype=float) - d_full) / (d_full -
+    #   d_cut), 0.0, 1.0) | contact/test_laws
     return np.clip((np.asarray(g, dtype=float) - d_cut) / (d_full - d_cut), 0.0, 1.0)
 
 

@@ -183,6 +183,7 @@ def _one_of_form(kinds: Kinds) -> Form:
     # The forms are found when first used: one of them may hold the union again.
     def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
         name = type(value).__name__
+        # fault: one of several dataclasses comes back as the first that fits its name -> if False: | contact/test_forms
         if kinds.get(name) is not type(value):
             raise WireError(f"{path}: one of {', '.join(sorted(kinds))} was expected, not {name}")
         kind: Any = kinds[name]

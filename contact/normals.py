@@ -14,6 +14,7 @@ from contact.wire import Floats, Ints
 
 # A turn of more than 60 degrees is a corner of the body, where both edges keep their own normals: with the mean,
 # the pressure beside a square corner would push 45 degrees off the face.
+# fault: normals averaged round square corners -> CORNER_COS = -0.5 | contact/test_facing
 CORNER_COS = 0.5
 
 
@@ -35,6 +36,8 @@ def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tupl
         for end in range(2):
             other = previous[e] if end == 0 else following[e]
             nx, ny = normal[e, 0, 0], normal[e, 0, 1]
+            # fault: normals jump from edge to edge -> if other < -1 and nx * normal[other, 0, 0] + ny * normal[other,
+            #   0, 1] >= CORNER_COS: | contact/test_facing
             if other >= 0 and nx * normal[other, 0, 0] + ny * normal[other, 0, 1] >= CORNER_COS:
                 nx, ny = nx + normal[other, 0, 0], ny + normal[other, 0, 1]
                 size = np.sqrt(nx * nx + ny * ny)

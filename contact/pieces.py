@@ -45,6 +45,8 @@ def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
     for k in range(2):
         add_turn(x, 0, 1, 0.5 if smooth[k] else 1.0, d_phi[k])
     if smooth[0]:
+        # fault: normals do not turn with the neighbouring edge -> add_turn(x, 2, 0, 0.0, d_phi[0]) |
+        #   contact/test_traction
         add_turn(x, 2, 0, 0.5, d_phi[0])
     if smooth[1]:
         add_turn(x, 1, 3, 0.5, d_phi[1])
@@ -162,11 +164,15 @@ def add_point(x: Floats, n: Floats, before: Floats, points: Floats, c: Floats, d
         i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
         own = N[i] if i < 2 else 0.0
         other = M[i - 4] if i >= 4 else 0.0
+        # fault: normals of the field do not turn -> turn = 0.0 * d_phi[0, j] + by_1 * d_phi[1, j] + by_xi * d_xi[j] |
+        #   mechanical_fmu/test_contact_newton
         turn = by_0 * d_phi[0, j] + by_1 * d_phi[1, j] + by_xi * d_xi[j]
         # P + g n = M(eta): what its two sides do for fixed eta and g, then eta and g follow.
         dpx, dpy = own * along_x + d_xi[j] * sx, own * along_y + d_xi[j] * sy
         wx = dpx - g * turn * ny - other * along_x
         wy = dpy + g * turn * nx - other * along_y
+        # fault: sliding along a tilted master edge forgotten -> dg, deta = (wy * ex - wx * ey) / cross, 0.0 * cross |
+        #   contact/test_traction
         dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
         dp = -d_xi[j] * slope - c[q, EPS_N] * dg
         vx = dpx - other * along_x - deta * ex - d_xi[j] * bsx + deta * bex
@@ -187,4 +193,5 @@ def add_point(x: Floats, n: Floats, before: Floats, points: Floats, c: Floats, d
         force[k, 0] += N[k] * area * fx
         force[k, 1] += N[k] * area * fy
         force[4 + k, 0] -= M[k] * area * fx
+        # fault: master pushed less than the slave -> force[4 + k, 1] -= 0.9 * M[k] * area * fy | contact/test_traction
         force[4 + k, 1] -= M[k] * area * fy

@@ -64,6 +64,7 @@ class Tally:
                 c.recent[c.count % RECENT] = seconds
             c.count += 1
             c.total += seconds
+            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_tally
             c.most = max(c.most, seconds)
             c.bytes_in += bytes_in
             c.bytes_out += bytes_out

@@ -112,6 +112,7 @@ def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, nor
         xi, eta, area = values[i, 0], values[i, 1], values[i, 3]
         p = -(c[i, LAMBDA_1] + xi * (c[i, LAMBDA_2] - c[i, LAMBDA_1])) - c[i, EPS_N] * values[i, 2]
         doing[i] = OPEN
+        # fault: contact may pull -> if not area > 0.0: | contact/test_traction
         if not (p > 0.0 and area > 0.0):
             continue
         p_N[i], doing[i] = p, STICKS
@@ -129,9 +130,13 @@ def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, nor
         trial = c[i, SHEAR_1] + xi * (c[i, SHEAR_2] - c[i, SHEAR_1]) - c[i, EPS_T] * slip
         bound = c[i, MU] * p
         tau[i] = trial
+        # fault: friction without its bound -> if abs(trial) > 1e9 * bound: | mechanical_fmu/test_friction
         if abs(trial) > bound:
+            # fault: what slips is told as sticking -> doing[i] = STICKS | scenarios/test_contact_robust
             doing[i] = SLIPS_FORWARD if trial > 0.0 else SLIPS_BACK
             tau[i] = bound if trial > 0.0 else -bound
+            # fault: friction heat halved -> heat[i] = 0.5 * tau[i] * (trial - tau[i]) / c[i, EPS_T] * area |
+            #   mechanical_fmu/test_friction
             heat[i] = tau[i] * (trial - tau[i]) / c[i, EPS_T] * area
 
 
@@ -161,6 +166,8 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
                     made[s] += N * heat[i]
     for s in range(n_nodes):
         pushed[s] = -pushed[s] / faced[s] if pushed[s] > 0.0 else 0.0
+        # fault: shear that is held smears out -> dragged[s] = 0.9 * before[s] + dragged[s] / touched[s] if touched[s] >
+        #   0.0 else 0.0 | contact/test_shear_history
         dragged[s] = before[s] + dragged[s] / touched[s] if touched[s] > 0.0 else 0.0
     return pushed, dragged, made
 
@@ -176,6 +183,7 @@ def shares_slipping(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing:
             s = edges[met[i, 0], end]
             weight = (values[i, 0] if end == 1 else 1.0 - values[i, 0]) * values[i, 3]
             touches[s] += weight
+            # fault: what sticks is told as slipping -> if doing[i] >= STICKS: | contact/test_traction
             if doing[i] >= SLIPS_FORWARD:
                 slips[s] += weight
     for s in range(n_nodes):
@@ -246,4 +254,5 @@ def piece_cuts(frame: tuple[float, float, float, float, float, float, float, flo
         for node in range(4, NODES):
             first, second = feet(frame, here[node, 0], here[node, 1])
             if abs(first - ends[k]) <= SAME_CUT or abs(second - ends[k]) <= SAME_CUT:
+                # fault: cuts do not move with the other side's nodes -> moves[k] = FIXED | contact/test_traction
                 moves[k] = node

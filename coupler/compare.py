@@ -44,6 +44,7 @@ class Difference:
 
     @property
     def by(self) -> float:
+        # fault: two runs compared the wrong way round -> return self.a - self.b | coupler/test_compare
         return self.b - self.a
 
 
@@ -79,6 +80,7 @@ def compare(a: Results, b: Results) -> Comparison:
     if not len(a.t) or not len(b.t):
         raise ResultsError(f"{(b if len(a.t) else a).path}: the run ended before its first window; nothing to compare")
     low, until = max(float(a.t[0]), float(b.t[0])), min(float(a.t[-1]), float(b.t[-1]))
+    # fault: two runs compared at the times of one -> t = a.t | coupler/test_compare
     t = np.union1d(a.t, b.t)
     t = t[(t >= low) & (t <= until)]
     if not len(t):
@@ -106,6 +108,8 @@ def _at(run: Results, name: str, t: Array) -> Array:
     own, value = run.probe(name)
     if run.quantity(name) == "gap":
         nothing = np.isin(value, [float(p["gap_max"]) for p in run.header["pairs"]])
+        # fault: a surface that faces nothing has a gap of gap_max -> value = np.where(nothing, value, value) |
+        #   coupler/test_compare
         value = np.where(nothing, np.nan, value)
     exact = np.searchsorted(own, t).clip(max=len(own) - 1)
     # np.interp at a node next to one without a value would lose it too: 0 times nothing is nothing.

@@ -138,4 +138,6 @@ def summary(results: Results, told: Collection[str] = ()) -> str:
         lines.insert(1, f"  {results.message}")
     if can_resume(results.path):
         lines.append(f"  to go on: slideline resume {results.path}")
+    # fault: notes told at the start are told at the end again -> return "\n".join(lines + [f"  note: {n}" for n in
+    #   results.notes]) | coupler/test_console
     return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in told])

@@ -77,6 +77,8 @@ def first_state(launched: Launched, halves: Halves, interface: Interface, end: f
     first = thermal.initialise(0.0, end, link, {"x": interface.nodes} | own["thermal"], [
         "T", *(n for n in ("f_s",) if n in halves.thermal_outputs)])
     given = {n: v for n, v in first.items() if n in mechanical.blocks}
+    # fault: a half starts under all of a driven load -> out = mechanical.initialise(0.0, end, link, given, [ |
+    #   scenarios/test_superplastic_bulge
     out = mechanical.initialise(0.0, end, link, given | own["mechanical"], [
         n for n in halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
     now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
@@ -103,6 +105,8 @@ def without_checkpoints(halves: Mapping[str, Half], every: float | None) -> list
     if every is None:
         return []
     return [f"{half.name} cannot write its state down (canSerializeFMUstate): there are no checkpoints to resume from"
+            # fault: a run without checkpoints does not say so -> for half in halves.values() if False] |
+            #   coupler/test_coupling
             for half in halves.values() if not half.can_serialise]
 
 

@@ -68,6 +68,8 @@ class PartWayError(ArithmeticError):
 def loading_of(system: System, task: Task, share: float, dt: float, history: Floats) -> Loading:
     """The loading after a share of the step, dt [s] after history.  Raises MaterialRangeError."""
     drive = between(task.start, task.end, share)
+    # fault: a given solid fraction is not heeded -> moduli = system.moduli(drive.T) |
+    #   mechanical_fmu/test_solution_melting scenarios/test_freezing_column
     moduli = system.moduli(drive.T, drive.f_s)
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
@@ -147,6 +149,8 @@ def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
 
 
 def _joined(first: Found, then: Found) -> Found:
+    # fault: heat of all pieces of a step but the last forgotten -> heat = then.heat |
+    #   mechanical_fmu/test_solution_methods
     heat = first.heat + then.heat if first.heat.size else then.heat
     return Found(then.balance, then.motion, heat, first.iterations + then.iterations,
                  max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last)

@@ -19,6 +19,7 @@ from mechanical_fmu.semi_smooth import solve_at_once
 from mechanical_fmu.system import Balance, Loading, System
 from mechanical_fmu.tangent import Anchor
 
+# fault: one round of augmentation, whatever is left -> MOST_ROUNDS = 1 | mechanical_fmu/test_augment
 MOST_ROUNDS = 40
 
 
@@ -38,12 +39,15 @@ def settle(system: System, loading: Loading, start: Balance, anchor: Anchor | No
         assert found.balance.tractions is not None
         pressed = np.where(augmented, found.balance.tractions.multipliers, 0.0)
         changes = pressed - ask.history.multipliers
+        # fault: pressures settle at once -> if np.abs(changes).max() <= 1e3 * float(np.abs(pressed).max()): |
+        #   mechanical_fmu/test_augment
         if np.abs(changes).max() <= share * float(np.abs(pressed).max()):
             return found
         ask = ask.pressed(pressed)
         again = replace(loading, ask=ask)
         more = solve(system, again, system.balance(found.balance.u, again), anchor, settings)
         found = replace(more, history=found.history + more.history[1:], fresh=found.fresh or more.fresh)
+        # fault: settling asked of round-off -> if more.iterations < 0: | mechanical_fmu/test_augment
         if more.iterations == 0:
             # The forces do not feel the change: where bodies just touch, pressures are round-off and never settle.
             return found
@@ -58,5 +62,7 @@ def remembered(system: System, balance: Balance, before: History) -> History:
         return before
     at = system.interface.contact_nodes
     augmented = system.contact.on_slaves(system.spec.augmented)
+    # fault: multipliers forgotten between steps -> return History(np.where(augmented, 0.0, 0.0),
+    #   (system.interface.nodes + balance.u)[at], | mechanical_fmu/test_augment
     return History(np.where(augmented, balance.tractions.multipliers, 0.0), (system.interface.nodes + balance.u)[at],
                    balance.tractions.shear)

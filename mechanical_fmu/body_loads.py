@@ -70,4 +70,6 @@ def edge_shares(interface: Interface, edges: Ints) -> Floats:
     """(n_edges, 2) [m2]: int N_a (2 pi R) dS."""
     X = interface.nodes[edges]
     length = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
+    # fault: traction shared over the edge as if it were flat about the axis -> return length[:, None] *
+    #   edge_weights(X[:, :, 0], False)[0] | mechanical_fmu/test_solution_loads
     return length[:, None] * edge_weights(X[:, :, 0], interface.axisymmetric)[0]

@@ -172,6 +172,8 @@ def close_cell(shape: Shape, law: Law, e: int, cell: Cell, out: Out) -> None:
             v += shape.weight[e, q] * cell.J[q]
         log = np.log(v / shape.volume[e]) - law.e_th[e]
         p = law.kappa[e] * log * shape.volume[e] / v
+        # fault: tangent of the mean pressure at no pressure -> factor = law.kappa[e] * shape.volume[e] / (v * v) |
+        #   mechanical_fmu/test_elements_points
         factor = law.kappa[e] * (1.0 - log) * shape.volume[e] / (v * v)
         for q in range(nq):
             dilatation_gradient(cell.F[q], dJ)

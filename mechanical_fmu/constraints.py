@@ -64,6 +64,8 @@ class Constraints:
         size = 2 * self.n_bodies
         n = np.bincount(group[inside], minlength=size)
         total = np.bincount(group[inside], weights=increment[inside], minlength=size)
+        # fault: predictor leaves driven bodies behind -> mean = 0.0 * (total / np.maximum(n, 1)).reshape(-1, 2) |
+        #   mechanical_fmu/test_elastic_patch
         mean = (total / np.maximum(n, 1)).reshape(-1, 2)
         moved = u + np.where(self.node_body[:, None] >= 0, mean[self.node_body], 0.0)
         if self.rigid is None:
@@ -124,6 +126,7 @@ def constraints_of(interface: Interface, displacements: Sequence[Displacement],
     for i, d in enumerate(displacements):
         for dof in _dofs(d, rigid):
             first = given.setdefault(int(dof), i)
+            # fault: disagreeing prescriptions taken -> if first != i and first < 0: | mechanical_fmu/test_elastic_spec
             if first != i and not _same(displacements[first], d):
                 raise ValueError(f"model.json: boundary on {displacements[first].on} and on {d.on} both prescribe "
                                  f"component {d.component} of node {dof // 2 + 1}, differently")

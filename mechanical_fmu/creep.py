@@ -20,6 +20,8 @@ LARGEST = 700.0
 @inner
 def relaxed(Q: float, G: float, dt: float, log_a: float, n: float) -> tuple[float, float]:
     """q [Pa] at the end of the step and the creep strain made in it, from the trial stress Q > 0 [Pa]."""
+    # fault: creep strain of a whole step at twice the rate -> lc = np.log(6.0 * G) + np.log(dt) + log_a + (n - 1.0) *
+    #   np.log(Q) | mechanical_fmu/test_points_flow mechanical_fmu/test_points_verification
     lc = np.log(3.0 * G) + np.log(dt) + log_a + (n - 1.0) * np.log(Q)
     v = -max(lc, 0.0) / n
     for _ in range(MOST):

@@ -37,12 +37,16 @@ def inertia_of(masses: Masses, how: Dynamics, now: Motion, dt: float) -> Inertia
     """
     M = masses.matrix(how.lumped)
     scale = (1.0 - how.alpha_m) / ((1.0 - how.alpha_f) * how.beta * dt * dt)
+    # fault: generalised alpha without the forces at the start -> rest = 0.0 * now.f + how.alpha_m * (M @
+    #   now.a.ravel()).reshape(now.a.shape) | mechanical_fmu/test_solution_dynamics
     rest = how.alpha_f * now.f + how.alpha_m * (M @ now.a.ravel()).reshape(now.a.shape)
     return Inertia(scale * M, free_flight(how, now, dt), rest / (1.0 - how.alpha_f))
 
 
 def free_flight(how: Dynamics, now: Motion, dt: float) -> Floats:
     """(n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
+    # fault: Newmark's free flight without its acceleration -> return now.u + dt * now.v |
+    #   mechanical_fmu/test_solution_dynamics
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 

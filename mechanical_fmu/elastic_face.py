@@ -112,11 +112,17 @@ def _stresses(system: System, found: Found, moved: Moved) -> tuple[Floats, Float
     """
     volume, moduli = system.volume, moved.loading.moduli
     # At its end a history knows all stresses but a liquid's, which is of the rate and needs the last piece itself.
+    # fault: a liquid's stress lost after its step -> now = volume.stress(found.balance.u, moduli, Step(0.0,
+    #   found.balance.history)) | mechanical_fmu/test_solution_melting
     now = volume.stress(found.balance.u, moduli, found.last if system.melts else Step(0.0, found.balance.history))
     sigma, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
     for cells, (stress, _) in zip(volume.kinds, now, strict=True):
+        # fault: shear for thickness in the stress that goes out -> sigma[cells.number], sigma_v[cells.number] =
+        #   stress[:, :, [0, 1, 3, 2]].mean(axis=1), von_mises(stress).mean(axis=1) | mechanical_fmu/test_solution_fmu
         sigma[cells.number], sigma_v[cells.number] = stress.mean(axis=1), von_mises(stress).mean(axis=1)
     then = moduli if volume.elastic else system.moduli(moved.drive.T, moved.drive.f_s)
+    # fault: strain before a step by the history after it -> before = volume.stress(moved.u, then, Step(0.0,
+    #   found.balance.history)) | mechanical_fmu/test_solution_melting
     before = volume.stress(moved.u, then, Step(0.0, moved.history))
     increment = max([float(np.abs(a[1] - b[1]).max()) for a, b in zip(now, before, strict=True)], default=0.0)
     return sigma, sigma_v, increment

@@ -90,8 +90,13 @@ class ElasticHalf:
 
     def _step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done:
         system = self.system
+        # fault: jumps seen from the right -> drive = drive_of(system, inputs, t + h, 1) |
+        #   mechanical_fmu/test_elastic_patch
         drive = drive_of(system, inputs, t + h, -1)
         if self._skips(state, drive):
+            # fault: skipped steps measured from the last one, solved or not -> after = replace(state, t=t + h,
+            #   drive=drive, skipped=state.skipped + 1, all_skipped=state.all_skipped + 1) |
+            #   mechanical_fmu/test_solution_methods
             after = replace(state, t=t + h, skipped=state.skipped + 1, all_skipped=state.all_skipped + 1)
             return Done(after, self._skipped_outputs(after))
         method = self._method(int(inputs.get("control.method", 0)))
@@ -206,6 +211,7 @@ class ElasticHalf:
         return stable_step(self.system, balance.u, loading) if self.system.spec.method == "explicit" else 0.0
 
     def _anchor(self, state: ElasticState) -> Anchor:
+        # fault: an old factor used whatever the state says -> key = b"" | mechanical_fmu/test_elastic_contact
         key = state.anchor_u.tobytes() + state.anchor_T.tobytes()
         anchor = self._anchors.pop(key, None)
         if anchor is None:

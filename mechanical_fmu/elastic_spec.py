@@ -162,6 +162,7 @@ def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str,
             augmented[name] = number(value["share"], f"{at}.share", 0.0, 1.0)
         elif value is not None:
             methods[name], augmented[name] = AUGMENTED[0], number(value, at, 0.0, 1.0)
+    # fault: different ways to settle taken as one -> if False: | mechanical_fmu/test_semi_smooth
     if len(set(methods.values())) > 1:
         raise ValueError("model.json: pairs: all augmented pairs are solved together and need one method, not "
                          + ", ".join(f"{method} ({name})" for name, method in methods.items()))

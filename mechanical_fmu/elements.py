@@ -117,11 +117,14 @@ def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tup
     if interface.axisymmetric:
         _refuse(interface, body, number, R <= 0.0, "lies on the wrong side of the axis (x = r must be positive)")
     B = np.einsum("qaj,eqji->eqai", dN, np.linalg.inv(jacobian))
+    # fault: 2 pi R dropped from the cells -> weight = det * table.w * (R if interface.axisymmetric else 1.0) |
+    #   mechanical_fmu/test_elastic_cylinder
     weight = det * table.w * (2.0 * np.pi * R if interface.axisymmetric else 1.0)
     N_over_R = N / R[:, :, None] if interface.axisymmetric else np.zeros((*R.shape, N.shape[1]))
     volume = weight.sum(axis=1)
     mean = np.einsum("eq,qa->ea", weight, N) / volume[:, None]
     modes = (np.empty((*det.shape, 0, 2)), np.empty((*det.shape, 0)))
+    # fault: quads without their modes -> if False: | mechanical_fmu/test_elements_bending
     if treatment.enhanced:
         modes = mode_gradients(X, N, det, interface.axisymmetric)
     return Cells(np.ascontiguousarray(nodes), body, number, N, np.ascontiguousarray(B),

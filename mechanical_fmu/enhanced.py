@@ -41,6 +41,7 @@ def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tup
     """
     xi = N @ CORNERS
     middle = 0.25 * np.einsum("eai,aj->eij", X, CORNERS)
+    # fault: modes do work on constant stress -> scale = np.ones_like(det) | mechanical_fmu/test_elements_patch
     scale = 4.0 * np.linalg.det(middle)[:, None] / det
     R = np.einsum("qa,ea->eq", N, X[:, :, 0])
     R_0 = X[:, :, 0].mean(axis=1)[:, None]

@@ -88,6 +88,8 @@ def _piece(system: System, now: Motion, loading: Loading, h: float) -> tuple[Mot
     balance = system.balance(u, loading)
     m = system.masses.lumped.reshape(-1, 2)
     a = np.divide(-balance.r * free, m, out=np.zeros_like(u), where=m > 0.0)
+    # fault: explicit velocities from the new acceleration alone -> v = now.v + h * a |
+    #   mechanical_fmu/test_solution_dynamics
     v = now.v + 0.5 * h * (now.a + a)
     v.ravel()[fixed] = (u - now.u).ravel()[fixed] / h
     return Motion(u, v, a, balance.r), balance
@@ -106,6 +108,8 @@ def stable_step(system: System, u: Floats, loading: Loading) -> float:
         m = np.repeat(rho[:, None] * np.einsum("eq,qa->ea", cells.weight, cells.N), 2, axis=1) ** -0.5
         scaled = 0.5 * (K + K.transpose(0, 2, 1)) * m[:, :, None] * m[:, None, :]
         largest = max(largest, float(np.linalg.eigvalsh(scaled)[:, -1].max()))
+    # fault: open contact not counted in the stable step -> return 2.0 / math.sqrt(max(largest, np.finfo(float).tiny)) |
+    #   mechanical_fmu/test_solution_waves
     return 2.0 / math.sqrt(max(largest + contact_rate(system), np.finfo(float).tiny))
 
 

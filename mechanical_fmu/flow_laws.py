@@ -150,6 +150,8 @@ class Plastic:
                 return f"{what} is {value.min():.6g} at {T[np.argmin(value)]:.6g} K"
         if self.kinematic and (self.C(T) <= 0.0).any():
             return f"the kinematic modulus C is {self.C(T).min():.6g} Pa at {T[np.argmin(self.C(T))]:.6g} K"
+        # fault: softening goes unsaid -> if self.softening and self.hardening.softens(T): |
+        #   mechanical_fmu/test_points_material
         if not self.softening and self.hardening.softens(T):
             return "its flow stress falls with plastic strain, which must be meant: write \"softening\": true"
         return self.hardening.refusal(T)
@@ -167,6 +169,8 @@ class Norton:
     def fill(self, p: Floats, T: Floats) -> None:
         with np.errstate(divide="ignore"):
             # A = 0 : log = -inf, which creeps nothing.
+            # fault: Arrhenius with the wrong sign -> p[:, P_LOG_A] = np.log(self.A(T)) + (self.Q / (GAS_CONSTANT * T)
+            #   if self.Q else 0.0) | mechanical_fmu/test_points_flow
             p[:, P_LOG_A] = np.log(self.A(T)) - (self.Q / (GAS_CONSTANT * T) if self.Q else 0.0)
         p[:, P_N], p[:, P_CHI_VISCOUS] = self.n, self.heat
 

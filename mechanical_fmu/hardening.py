@@ -48,6 +48,8 @@ def curve(tables: Floats, strains: int, row: int, n: int, form: int, e: float) -
     low, high = 0, n - 1
     while high - low > 1:
         middle = (low + high) // 2
+        # fault: hardening forgotten past the first knot -> if tables[strains + middle] < 0.0: |
+        #   mechanical_fmu/test_points_material
         if tables[strains + middle] <= e:
             low = middle
         else:

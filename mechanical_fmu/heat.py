@@ -33,6 +33,8 @@ def moved_heat(system: System, at: tuple[Floats, Floats], u_n: Floats, u: Floats
     moduli, means = system.moduli(*at), system.volume.means(at[0])
     for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, moduli, means, strict=True)):
         per_volume = thermoelastic_heat(system.spec.materials, system.spec.body_material[cells.body], mean, m.kappa,
+                                        # fault: compression cools -> before[i] - after[i]) |
+                                        #   mechanical_fmu/test_solution_methods
                                         after[i] - before[i])
         out[cells.number] = per_volume * cells.volume
     return out
@@ -52,6 +54,8 @@ def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats, u_n
             rho_c[material == i] = spec.rho[i] * c(mean[material == i])
         g = heat / rho_c
         slope = heat / (m.kappa * mean)  # de_th/dT
+        # fault: frozen entropy no stiffer -> out.append(replace(m, kappa=m.kappa, e_th=(m.e_th + slope * g * start) /
+        #   (1.0 + slope * g))) | mechanical_fmu/test_solution_methods
         out.append(replace(m, kappa=m.kappa * (1.0 + slope * g), e_th=(m.e_th + slope * g * start) / (1.0 + slope * g)))
     return tuple(out)
 

@@ -72,6 +72,8 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
             return e
         theta = v / volume[e]
         log = np.log(theta) - e_th[e]
+        # fault: one dilatation a point instead of one a cell -> p = kappa[e] * np.log(J[0]) / theta |
+        #   mechanical_fmu/test_elements_locking
         p = kappa[e] * log / theta
         if tangent:
             K[e] = 0.0
@@ -79,6 +81,8 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
             I1 = F[q, 0] ** 2 + F[q, 1] ** 2 + F[q, 2] ** 2 + F[q, 3] ** 2 + F[q, 4] ** 2
             det = F[q, 0] * F[q, 3] - F[q, 1] * F[q, 2]
             w = weight[e, q]
+            # fault: isochoric exponent wrong -> c = w * mu[e] * J[q] ** (-1.0 / 3.0) |
+            #   mechanical_fmu/test_elastic_patch
             c = w * mu[e] * J[q] ** (-2.0 / 3.0)
             wJ = w * J[q]
             s = wJ * p - c * I1 / 3.0
@@ -87,6 +91,7 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
                 B0, B1, hoop = B[e, q, a, 0], B[e, q, a, 1], N_over_R[e, q, a]
                 g[a, 0] = (F[q, 3] * B0 - F[q, 2] * B1) / det
                 g[a, 1] = (F[q, 0] * B1 - F[q, 1] * B0) / det
+                # fault: hoop stretch left out of the forces -> h[a, 0] = g[a, 0] | mechanical_fmu/test_elastic_patch
                 h[a, 0] = g[a, 0] + hoop / F[q, 4]
                 h[a, 1] = g[a, 1]
                 k[a, 0] = F[q, 0] * B0 + F[q, 1] * B1 + F[q, 4] * hoop
@@ -95,10 +100,14 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
                     fe[a, i] += c * k[a, i] + s * h[a, i]
                     d[a, i] += wJ * h[a, i]
             if tangent:
+                # fault: a term of the tangent with the wrong sign -> add_tangent(B[e, q], N_over_R[e, q], F[q, 4], c,
+                #   s, 2.0 / 9.0 * c * I1 + wJ * p, g, h, k, K[e], | mechanical_fmu/test_elastic_patch
                 add_tangent(B[e, q], N_over_R[e, q], F[q, 4], c, -s, 2.0 / 9.0 * c * I1 + wJ * p, g, h, k, K[e],
                             corners)
         if tangent:
             # The volumetric part beyond fixed p: d2U/dtheta2 (d theta/du)(d theta/du)' V.
+            # fault: volumetric term of the tangent with the wrong sign -> close_tangent(kappa[e] * (1.0 + log) / (theta
+            #   * theta * volume[e]), d, K[e], corners) | mechanical_fmu/test_elastic_patch
             close_tangent(kappa[e] * (1.0 - log) / (theta * theta * volume[e]), d, K[e], corners)
         for a in range(nn):
             for i in range(2):

@@ -33,6 +33,7 @@ Floats = NDArray[np.float64]
 def solidify(p: Floats, h_n: Floats, h: Floats) -> None:
     """Turn h, a copy of h_n, into the history the solid at the end of the step begins it with."""
     f, f_n = p[P_SOLID], h_n[H_SOLID]
+    # fault: what solidifies inherits the strain of the liquid -> w = 1.0 | mechanical_fmu/test_points_melting
     w = 0.0 if f <= 0.0 else min(1.0, f_n / f)
     for i in range(4):
         h[H_INELASTIC + i] = h_n[H_STRAIN + i] - w * (h_n[H_STRAIN + i] - h_n[H_INELASTIC + i])
@@ -49,6 +50,7 @@ def mix(p: Floats, e: tuple[float, float, float, float], dt: float, h_n: Floats,
     e : deviator of E.  In no time (dt = 0) a liquid cannot flow: it answers as an elastic solid would.
     """
     f = p[P_SOLID]
+    # fault: a liquid that resists by its strain -> twice = 2.0 * p[P_ETA] | mechanical_fmu/test_points_melting
     twice = 2.0 * (p[P_ETA] / dt if dt > 0.0 else p[P_G])
     work = 0.0
     for i in range(4):

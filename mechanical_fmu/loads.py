@@ -23,6 +23,10 @@ def driven(value: Signal, name: str, t: float, side: int, inputs: Values) -> flo
     """
     if not name:
         return value.at(t, side)
+    # fault: prescribed displacement unfactored -> return value.at(t, side) + float(inputs[f"bc.{name}"]) |
+    #   mechanical_fmu/test_elastic_patch
+    # fault: bc.<name> scaled by load.<name> -> return (value.at(t, side) + float(inputs[f"bc.{name}"])) *
+    #   float(inputs[f"load.{name}"]) | mechanical_fmu/test_solution_loads
     return value.at(t, side) * float(inputs[f"load.{name}"]) + float(inputs[f"bc.{name}"])
 
 
@@ -33,6 +37,8 @@ def pressure_forces(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Fl
     """
     m, _ = edge_weights(x[edges][:, :, 0], axisymmetric)
     n = (x[edges[:, 1]] - x[edges[:, 0]]) @ TURN.T
+    # fault: pressure pulls -> return p[:, None, None] * m[:, :, None] * n[:, None, :] |
+    #   mechanical_fmu/test_elastic_cylinder
     return -p[:, None, None] * m[:, :, None] * n[:, None, :]
 
 
@@ -40,6 +46,8 @@ def pressure_blocks(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Fl
     """Stiffness -d(force)/dx : (n_edges, 4, 4) [N/m] on (node, component), of pressure_forces; not symmetric."""
     m, dm = edge_weights(x[edges][:, :, 0], axisymmetric)
     n = (x[edges[:, 1]] - x[edges[:, 0]]) @ TURN.T
+    # fault: follower pressure does not turn in the tangent -> dn = 0.0 * np.stack([-TURN, TURN]) |
+    #   mechanical_fmu/test_elastic_patch
     dn = np.stack([-TURN, TURN])  # by node b: (2, component, component)
     blocks = np.einsum("e,ea,bij->eaibj", p, m, dn)
     blocks[:, :, :, :, 0] += np.einsum("e,ei,ab->eaib", p, n, dm)

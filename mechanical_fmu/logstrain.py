@@ -40,6 +40,7 @@ def shape(y: float) -> tuple[float, float, float]:
                 ((((6.0 / 13.0 * y + 5.0 / 11.0) * y + 4.0 / 9.0) * y + 3.0 / 7.0) * y + 0.4) * y + 1.0 / 3.0,
                 (((30.0 / 13.0 * y + 20.0 / 11.0) * y + 4.0 / 3.0) * y + 6.0 / 7.0) * y + 0.4)
     g, g1, g2 = 0.0, 0.0, 0.0
+    # fault: series of the logarithm cut short -> for k in range(6, 1, -1): | mechanical_fmu/test_points_logstrain
     for k in range(15, 1, -1):
         a = 1.0 / (2.0 * k + 1.0)
         g = g * y + a
@@ -108,6 +109,8 @@ def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
     for i in range(4):
         q_i, w_i = d * ds[i] + c * cs[i], half * ds[i] + S[2] * cs[i]
         b_i, lean = b_m * F[i] + 2.0 * b_q * q_i, -mean * J * a[i]
+        # fault: curvature of the logarithmic strain without its last term -> along, across = w_mm * F[i] + w_mq * q_i,
+        #   w_mq * F[i] | mechanical_fmu/test_points_logstrain
         along, across = w_mm * F[i] + w_mq * q_i, w_mq * F[i] + w_qq * q_i
         for j in range(i + 1):
             q_j, w_j = d * ds[j] + c * cs[j], half * ds[j] + S[2] * cs[j]

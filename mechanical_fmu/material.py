@@ -73,6 +73,8 @@ def moduli(materials: tuple[Material, ...], material_of: Index, T: Floats, f_s: 
             mu[here], kappa[here], e_th[here] = _elasticity(material, T[here], solid)
             if flows:
                 p[here] = _parameters(material, T[here], solid, mu[here], start)
+        # fault: curves of the second material read from the first's place -> start += 0 |
+        #   mechanical_fmu/test_points_material
         start += material.flow.data.size
     tables = np.concatenate([m.flow.data for m in materials]) if flows else np.empty(0)
     return Moduli(mu, kappa, e_th, p, tables)
@@ -92,6 +94,7 @@ def thermoelastic_heat(materials: Sequence[Material], material_of: Index, T: Flo
             alpha, d_alpha = material.alpha(T[here]), material.alpha.slope(T[here])
             warm = T[here] - material.T_ref
             rate[here] = 3.0 * (alpha + d_alpha * warm) / (1.0 + alpha * warm)
+    # fault: expansion heats -> return kappa * T * rate * change | mechanical_fmu/test_points_verification
     return -kappa * T * rate * change
 
 
@@ -101,15 +104,22 @@ def _elasticity(material: Material, T: Floats, solid: Floats | None) -> tuple[Fl
     stretch = 1.0 + material.alpha(T) * (T - material.T_ref)
     liquid = material.flow.liquid
     if liquid is not None and solid is not None:
+        # fault: shrinkage with the wrong sign -> stretch = stretch + liquid.shrinkage * (solid - 1.0) |
+        #   mechanical_fmu/test_points_melting
+        # fault: a casting that shrinks by half of it -> stretch = stretch + 0.5 * liquid.shrinkage * (1.0 - solid) |
+        #   scenarios/test_aluminium_can
         stretch = stretch + liquid.shrinkage * (1.0 - solid)
     for value, what in ((E, "E"), (stretch, "the free stretch 1 + alpha (T - T_ref)"), (0.5 - nu, "1/2 - nu"),
                         (1.0 + nu, "1 + nu")):
         if not (value > 0.0).all():
             at = T[int(np.argmin(value))]
             raise MaterialRangeError(f"material {material.name}: {what} is {value.min():.6g} at {at:.6g} K")
+    # fault: bulk modulus of plane stress -> kappa = E / (3.0 * (1.0 - nu)) | mechanical_fmu/test_elastic_cylinder
     kappa = E / (3.0 * (1.0 - 2.0 * nu))
     if liquid is not None and solid is not None:
         kappa = solid * kappa + (1.0 - solid) * liquid.bulk(T)
+    # fault: thermal strain once instead of three times -> return E / (2.0 * (1.0 + nu)), kappa, np.log(stretch) |
+    #   mechanical_fmu/test_elastic_patch
     return E / (2.0 * (1.0 + nu)), kappa, 3.0 * np.log(stretch)
 
 

@@ -92,6 +92,7 @@ class Modified:
         y = (after.r - before.r).ravel() * free
         moved = (after.u - before.u).ravel()[self.system.constraints.fixed].any()
         if self.most and not moved and s @ y > FLAT * np.linalg.norm(s) * np.linalg.norm(y):
+            # fault: BFGS that learns nothing -> self.pairs = [] | mechanical_fmu/test_solution_methods
             self.pairs = [*self.pairs, (s, y)][-self.most :]
 
     def _factor(self, K: csr_matrix, taken: Balance) -> Solve:

@@ -82,6 +82,8 @@ def flow(kind: int, p: Floats, tables: Floats, dt: float, h: Floats, S: Floats, 
         rate = 3.0 * G * dc_dq / (1.0 + 3.0 * G * dc_dq)
     turn = r * d_theta * d_dp
     elastic(G * (1.0 - r), D)
+    # fault: tangent of plastic flow without the turn of the flow direction -> along = 3.0 * G * (0.0 - rate) - 1.5 *
+    #   turn * n_X | mechanical_fmu/test_points_flow
     along = 3.0 * G * (r - rate) - 1.5 * turn * n_X
     for i in range(4):
         first = along * S[i] + (turn * X[i] if kind & KINEMATIC else 0.0)
@@ -119,6 +121,8 @@ def _amounts(kind: int, p: Floats, tables: Floats, dt: float, h: Floats,
     q, slope = resistance(kind, p, tables, dt, h[H_PLASTIC], dp)
     dc = crept(q, dt, p[P_LOG_A], p[P_N]) if kind & CREEP else 0.0
     R = flow_stress(p, tables, h[H_PLASTIC] + dp)[0]
+    # fault: plastic heat at the stress of the end of the step -> return 0, (theta, dp, dc, q, Q, slope, q) |
+    #   mechanical_fmu/test_points_flow
     return 0, (theta, dp, dc, q, Q, slope, q + 0.5 * (R_n - R))
 
 
@@ -138,12 +142,18 @@ def _close(kind: int, p: Floats, amounts: tuple[float, float, float, float, floa
         h[H_INELASTIC + i] += 1.5 * (dp + dc) * n
         S[i] = q * n
         if kind & KINEMATIC:
+            # fault: backstress that does not forget -> h[H_BACK + i] = h[H_BACK + i] + p[P_C] * dp * n |
+            #   mechanical_fmu/test_points_flow
             h[H_BACK + i] = theta * (h[H_BACK + i] + p[P_C] * dp * n)
             XX += h[H_BACK + i] * h[H_BACK + i] * (2.0 if i == 2 else 1.0)
             S[i] += h[H_BACK + i]
     h[H_PLASTIC] += dp
     h[H_CREEP] += dc
+    # fault: energy stored in the backstress counted as heat -> lost = 1.5 * p[P_GAMMA] / p[P_C] * XX + 1e3 * p[P_GAMMA]
+    #   * XX / p[P_C] if p[P_GAMMA] > 0.0 else 0.0 | mechanical_fmu/test_points_flow
     lost = 1.5 * p[P_GAMMA] / p[P_C] * XX if p[P_GAMMA] > 0.0 else 0.0
+    # fault: plastic heat of half the work -> return 0.5 * p[P_CHI] * dp * (R_mean + lost) + p[P_CHI_VISCOUS] * dc * q |
+    #   scenarios/test_plastic_heating
     return p[P_CHI] * dp * (R_mean + lost) + p[P_CHI_VISCOUS] * dc * q
 
 
@@ -207,6 +217,7 @@ def plastic_strain(kind: int, p: Floats, tables: Floats, dt: float, e_p: float,
         elif grow > 0.0:
             new = dp + (excess - rise) / grow
         # Newton's method may hop between two sides of a bend: from time to time the bracket is halved.
+        # fault: Newton's method that hops -> if not low < new < high or i < 0: | mechanical_fmu/test_points_flow
         if not low < new < high or i % PATIENCE == PATIENCE - 1:
             new = np.sqrt(max(low, 1e-6 * high)) * np.sqrt(high) if low < 1e-3 * high else 0.5 * (low + high)
         if abs(new - dp) <= 1e-15 * dp or high - low <= 1e-15 * high:

@@ -91,6 +91,8 @@ def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Flo
     for i in range(5):
         h[i] /= J
         squares += F[i] * F[i]
+    # fault: pressure forgets what heat takes from it -> s = kappa * np.log(J) - c * squares / 3.0 |
+    #   mechanical_fmu/test_elements_patch
     s = kappa * (np.log(J) - e_th) - c * squares / 3.0
     n = 2.0 / 9.0 * c * squares + kappa - s
     for i in range(5):
@@ -177,4 +179,6 @@ def condense(A: Floats) -> None:
     """A of P33 = 0 in the plane."""
     for i in range(4):
         for j in range(4):
+            # fault: thickness not condensed from the tangent -> A[i, j] -= 0.0 * A[4, 4] |
+            #   mechanical_fmu/test_elements_points
             A[i, j] -= A[i, 4] * A[4, j] / A[4, 4]

@@ -79,6 +79,8 @@ class RigidBodies:
         c1, s = -2.0 * np.sin(0.5 * theta) ** 2, np.sin(theta)
         x, y = self.arm.T
         placed = u.copy()
+        # fault: lever of a rigid body not turned with it -> placed[self.nodes] = u[self.point_rows][self.owner] +
+        #   np.stack([-s * y, s * x], axis=1) | mechanical_fmu/test_solution_loads
         placed[self.nodes] = u[self.point_rows][self.owner] + np.stack([c1 * x - s * y, s * x + c1 * y], axis=1)
         return placed
 
@@ -89,6 +91,7 @@ class RigidBodies:
         out[self.nodes] = 0.0
         np.add.at(out, self.point_rows[self.owner], there)
         moment = (arm[:, 0] * there[:, 1] - arm[:, 1] * there[:, 0]) / self.size[self.owner]
+        # fault: moment of contact on a rigid body left out -> pass | mechanical_fmu/test_solution_loads
         np.add.at(out[:, 0], self.turn_rows[self.owner], moment)
         return out
 

@@ -67,8 +67,11 @@ class RigidHalf:
         for i, (pair, pressure) in enumerate(zip(self.interface.pairs, self.spec.pressure, strict=True)):
             met = facing.gap[facing.pair == i]
             p = 0.0 if pressure is None else pressure.at(t, side)
+            # fault: rigid pressure without touching -> if p > 0.0 and met.size: | mechanical_fmu/test_rigid
             if p > 0.0 and met.size and met.min() <= TOUCH:
                 # On the whole surfaces: a facing point takes it from its edge's nodes, some of which face nothing.
+                # fault: rigid pressure on the slave only -> nodes = np.concatenate([self.interface.surfaces[n].ravel()
+                #   for n in (pair.slave,)]) | mechanical_fmu/test_rigid
                 nodes = np.concatenate([self.interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
                 s = np.searchsorted(self.interface.contact_nodes, nodes)
                 t_N[s] = np.minimum(t_N[s], -p)

@@ -82,6 +82,8 @@ class MechanicalRod:
         strain = np.empty(T.size)
         for b, body in enumerate(self.spec.bodies):
             own, material = self.columns.of_body(b), body.material
+            # fault: rods shrink with the melt -> strain[own] = material.alpha(T[own]) * (T[own] - material.T_ref) +
+            #   material.shrinkage * f_s[own] | mechanical_fmu/test_rod
             strain[own] = material.alpha(T[own]) * (T[own] - material.T_ref) + material.shrinkage * (1.0 - f_s[own])
         return strain
 
@@ -97,6 +99,10 @@ class MechanicalRod:
         for meeting in self.spec.pairs:
             a, b = meeting.left, meeting.right
             gap = X[self.columns.first[b]] + rods[b].u[0] - X[self.columns.first[a + 1] - 1] - rods[a].u[-1]
+            # fault: rods press with the compliance of one side -> p = max(0.0, -gap) / (-rods[a].gives[-1]) |
+            #   mechanical_fmu/test_rod
+            # fault: rods pulled by their contact -> p = -gap / (-rods[a].gives[-1] + rods[b].gives[0]) |
+            #   mechanical_fmu/test_rod
             p = max(0.0, -gap) / (-rods[a].gives[-1] + rods[b].gives[0])
             pressures.append(p)
             u[a], u[b] = u[a] + p * rods[a].gives, u[b] + p * rods[b].gives

@@ -70,10 +70,12 @@ def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anch
         history.append(max(float(error.max()), float(np.abs(change).max(initial=0.0)) / largest))
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if float(error.max()) <= settings.tolerance and not gap.any():
+            # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
             if np.abs(change).max(initial=0.0) <= share * largest:
                 return Equilibrium(balance, float(error.max()), tuple(history), fresh)
             unfelt = replace(loading, ask=ask.pressed(np.where(augmented, ask.history.multipliers + change, 0.0)))
             again = system.balance(balance.u, unfelt)
+            # fault: round-off asked to settle at once -> if False: | mechanical_fmu/test_semi_smooth
             if float(system.error(again, floor).max()) <= settings.tolerance:
                 # The forces do not feel the change: where bodies just touch, pressures are round-off.
                 return Equilibrium(again, float(system.error(again, floor).max()), tuple(history), fresh)
@@ -101,6 +103,8 @@ def direction(system: System, loading: Loading, balance: Balance, gap: Floats, a
     a = answer_of(system, ask, balance, augmented)
     d, dl = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
     multipliers = np.zeros(ask.history.multipliers.size)
+    # fault: multipliers that pull -> multipliers[a.at] = np.minimum(ask.history.multipliers[a.at] + a.eps * dl, np.inf)
+    #   | mechanical_fmu/test_semi_smooth
     multipliers[a.at] = np.minimum(ask.history.multipliers[a.at] + a.eps * dl, 0.0)
     # Of what was cut off at 0 the forces know nothing.
     felt = (multipliers - ask.history.multipliers)[a.at] / a.eps
@@ -127,6 +131,7 @@ def answer_of(system: System, ask: Asking, balance: Balance, augmented: NDArray[
     D, i = np.eye(k), place[row[use]]
     inside = i >= 0
     np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
+    # fault: multipliers of a rigid body's nodes not gathered -> if False: | mechanical_fmu/test_semi_smooth
     if system.rigid is not None:
         B = csr_matrix(system.rigid.follow(balance.u).T @ B)
     B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
@@ -148,6 +153,7 @@ def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: A
         columns = solve(a.B[:, some].toarray())
         X[:, some] = columns if system.rigid is None else system.rigid.spread(columns, balance.u)
     dl = _solved(a.D + a.C @ X, -a.R - a.C @ d)
+    # fault: multipliers that answer for half -> return d + X @ dl, 0.5 * dl | mechanical_fmu/test_semi_smooth
     return d + X @ dl, dl
 
 
@@ -167,6 +173,7 @@ def _anchored(anchor: Anchor, balance: Balance, gap: Floats, a: Answer) -> tuple
     d_0 = anchor.solve(b)[dofs[active]]
     solved = _solved(np.block([[np.eye(m) + S @ E, -S @ B], [C, a.D]]), np.concatenate([d_0, -R]))
     d_s, dl = solved[:m], solved[m:]
+    # fault: anchored multipliers without their force -> b[dofs[active]] -= E @ d_s | mechanical_fmu/test_semi_smooth
     b[dofs[active]] -= E @ d_s - B @ dl
     return finish(system, balance, anchor.solve(b), gap), dl
 

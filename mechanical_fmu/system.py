@@ -136,6 +136,9 @@ class System:
                       for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
         if not self._drawn.any():
             return found
+        # fault: a poured body has its mesh's shape when it is solid -> return tuple(replace(m, e_th=m.e_th - 0.0 *
+        #   self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True)) |
+        #   mechanical_fmu/test_solution_melting
         return tuple(replace(m, e_th=m.e_th - self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True))
 
     @cached_property
@@ -165,6 +168,8 @@ class System:
         tractions = None
         if loading.ask is not None:
             tractions = loading.ask(x)
+            # fault: contact forces halved -> external += 0.5 * self.contact.force(tractions) |
+            #   mechanical_fmu/test_elastic_contact
             external += self.contact.force(tractions)
         if loading.dead is not None:
             external += loading.dead
@@ -210,6 +215,8 @@ class System:
     def _body_norms(self, f: Floats) -> Floats:
         squares = np.bincount(self.constraints.holder + 1, weights=f[:, 0] * f[:, 0] + f[:, 1] * f[:, 1],
                               minlength=len(self.interface.bodies) + 1)
+        # fault: tolerance of a body measured by the other -> return np.sqrt(squares[1:]) * [1.0, 0.0][:len(squares) -
+        #   1] | mechanical_fmu/test_elastic_contact
         return np.sqrt(squares[1:])
 
 

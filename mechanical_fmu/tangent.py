@@ -53,6 +53,7 @@ def stiffness(system: System, balance: Balance, loading: Loading) -> csr_matrix:
     if any(loading.pressure):
         K = K + system.load_matrix(balance.u, loading)
     if balance.tractions is not None and len(balance.tractions.blocks):
+        # fault: contact stiffness left out of the fresh tangent -> pass | mechanical_fmu/test_elastic_contact
         K = K + system.contact.matrix(balance.tractions)
     if balance.turning is not None:
         assert system.rigid is not None
@@ -142,6 +143,7 @@ class Anchor:
     def surface_change(self, tractions: Tractions | None) -> Floats:
         """E : (2 n_s, 2 n_s) [N/m], what contact and springs change in the anchor's stiffness."""
         free = self.system.constraints.free[self.system.contact.dofs]
+        # fault: springs never taken out again -> E = np.diag(0.0 * self.springs) | mechanical_fmu/test_elastic_contact
         E = np.diag(-self.springs)
         if tractions is not None and len(tractions.blocks):
             E = E + self.system.contact.dense(tractions) * np.outer(free, free)
@@ -159,6 +161,7 @@ def refuse_loose(system: System, balance: Balance) -> None:
         if balance.tractions is not None and len(balance.tractions.blocks):
             held = motions.T @ (system.contact.matrix(balance.tractions) @ motions)
         values, vectors = np.linalg.eigh(0.5 * (held + held.T))
+        # fault: loose bodies not looked for -> if values[0] > 1e300: | mechanical_fmu/test_elastic_patch
         if values[0] <= LOOSE * values[-1] or values[-1] <= 0.0:
             raise SingularMatrixError(_loose_text(system, body, Z @ vectors[:, 0]))
 

@@ -48,6 +48,7 @@ def advance(course: Course, stepping: Stepping, method: Method, begin: Begin, t:
         end = walk(course, method, stepping.adaptive, start, t, h)
         assert end.done is not None
         return Advanced(end.done, end.damped, end.pace, end.substeps, end.rejected)
+    # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time
     damped = DAMPED_SUBSTEPS if course.calendar.jump_within(t, h) else begin.damped
     done = (damped_step if damped > 0 else take_step)(course, method, begin.s, begin.anchor, t, h)
     return Advanced(done, max(damped - 1, 0), begin.pace)

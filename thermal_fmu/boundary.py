@@ -88,6 +88,7 @@ def boundary_flow(held: Held, loads: Loads, power_M: Floats, T: Floats) -> Bound
     _add_surroundings(total, held, loads, T)
     _add_pairs(total, held, loads, T)
     if held.friction is not None:
+        # fault: friction of the master only -> pass | thermal_fmu/test_thermal_friction
         total.gain("friction.slave", held.friction.slave)
         total.gain("friction.master", held.friction.master)
     return Boundary(total.f, inside, np.array([total.terms[name] for name in TERMS]), total.magnitude,

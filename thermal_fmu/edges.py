@@ -41,6 +41,7 @@ def gauss_points(edges: Ints, x: Floats, axisymmetric: bool) -> EdgePoints:
     edge = np.repeat(np.arange(len(edges)), EDGE_XI.size)
     N = shape_functions(np.tile(EDGE_XI, len(edges)))
     r = N[:, 0] * a[edge, 0] + N[:, 1] * b[edge, 0]
+    # fault: 2 pi r dropped on edges -> depth = 1.0 | thermal_fmu/test_thermal_space
     depth = 2.0 * np.pi * r if axisymmetric else 1.0
     return EdgePoints(edge, N, EDGE_WEIGHT * length * depth)
 

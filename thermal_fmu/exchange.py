@@ -63,9 +63,13 @@ def exchange_flow(group: Group, factor: float, T: Floats) -> tuple[Floats, Float
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
     conductance = closed_conductance if group.closed else open_conductance
     h, dh = conductance(group.law, group.argument, 0.5 * (T_s + T_m))
+    # fault: one-sided interface flux -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
+    #   thermal_fmu/test_thermal_contact
     out = np.concatenate([group.N_s, -group.N_m], axis=1)
     jump = T_s - T_m
     flow = (factor * group.area * h * jump)[:, None] * out
     mean = np.concatenate([group.N_s, group.N_m], axis=1)
+    # fault: derivative of h(T) forgotten -> dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.0 * dh *
+    #   jump)[:, None] * mean) | thermal_fmu/test_thermal_nonlinear
     dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.5 * dh * jump)[:, None] * mean)
     return flow, out[:, :, None] * dq[:, None, :]

@@ -52,9 +52,11 @@ def exposed_points(where: Exposed, slots: NDArray[np.int64], ground: Ground) -> 
     parts = [gauss_points(where.edges, ground.x, ground.axisymmetric)]
     points, first = ground.points, ground.surfaces.first.get(where.surface)
     if points is not None and first is not None and where.near is not None and where.far is not None:
+        # fault: no kappa -> excess = 0.0 * points.gap | thermal_fmu/test_thermal_contact
         excess = gap_factor(points.gap, where.near, where.far) - 1.0
         parts += [
             _pieces(points.slave_edge - first, points.N_s, excess * points.area_s, len(where.edges)),
+            # fault: kappa on the slave side only -> *(), | thermal_fmu/test_thermal_contact
             _pieces(points.master_edge - first, points.N_m, excess * points.area_m, len(where.edges)),
         ]
     edge = np.concatenate([part.edge for part in parts])

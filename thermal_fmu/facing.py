@@ -62,10 +62,12 @@ def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
     slave = surfaces.message.edges[facing.slave_edge]
     pressure = _own(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
     p = (N_s * pressure).sum(axis=1)
+    # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
     points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
                     facing.master_edge)
+    # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _as_the_pairs_say(points, exchanged)
 
@@ -76,6 +78,8 @@ def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.b
     A casting that stands on its corner touches below and not beside it; the corner's pressure must not close both.
     """
     pairs = surfaces.interface.pairs
+    # fault: a corner's pressure closes every pair it belongs to -> if len(pairs) > 0: |
+    #   thermal_fmu/test_thermal_contact
     if len(pairs) == 1:
         return True
     n = len(surfaces.interface.contact_nodes)

@@ -44,11 +44,16 @@ def film_flow(held: HeldFilm, level: tuple[Level, Level], T: Floats) -> tuple[Fl
     dT = T_a - resolve(level[1], held.Te)
     strength = resolve(level[0], held.h) * points.area
     if film.exponent != 0.0:
+        # fault: film exponent even -> strength = strength * np.abs(dT) ** (2 * film.exponent) |
+        #   thermal_fmu/test_thermal_time
         strength = strength * np.abs(dT) ** film.exponent
     if film.h_factor is None:
         dq = (1.0 + film.exponent) * strength
     else:
+        # fault: derivative of h_factor forgotten -> grows = 0.0 * T_a | thermal_fmu/test_thermal_fields
         grows = film.h_factor.slope(T_a) * strength * dT
+        # fault: h_factor at the ambient -> strength = film.h_factor(T_a - dT) * strength |
+        #   thermal_fmu/test_thermal_fields
         strength = film.h_factor(T_a) * strength
         dq = (1.0 + film.exponent) * strength + grows
     flow = (strength * dT)[:, None] * points.N

@@ -33,15 +33,19 @@ def friction_power(points: Points, share: Floats, E: Floats, is_slave: NDArray[n
     to the master's.  A node that finds nothing keeps what it carries.
     """
     rubbed, N = points.found_from
+    # fault: friction heat spread without areas -> weight = N | thermal_fmu/test_thermal_friction
     weight = N * points.area[:, None]
     whole = at_nodes(rubbed, weight, E.size)
     faces = whole > 0.0
     per_area = np.divide(E, whole, out=np.zeros(E.size), where=faces)
     Q = (per_area[rubbed] * weight).sum(axis=1)
+    # fault: joules of nodes that face nothing lost -> kept = np.where(faces, 0.0, 0.0 * E) |
+    #   thermal_fmu/test_thermal_friction
     kept = np.where(faces, 0.0, E)
     to_slave = at_nodes(points.nodes[:, :2], (share * Q)[:, None] * points.N_s, E.size)
     to_master = at_nodes(points.nodes[:, 2:], ((1.0 - share) * Q)[:, None] * points.N_m, E.size)
     slave, master = to_slave + np.where(is_slave, kept, 0.0), to_master + np.where(is_slave, 0.0, kept)
+    # fault: friction energy as power -> return Friction(slave, master) | thermal_fmu/test_thermal_friction
     return Friction(slave / h, master / h)
 
 
@@ -60,6 +64,7 @@ def slave_share(points: Points, pairs: Sequence[PairLaws | None], bodies: Sequen
         elif of.size:
             e_s, e_m = (_effusivity(points.nodes[of, side], N[of], bodies[node_body[points.nodes[of[0], side][0]]], at)
                         for side, N in ((slice(0, 2), points.N_s), (slice(2, 4), points.N_m)))
+            # fault: friction shares swapped -> out[of] = e_m / (e_s + e_m) | thermal_fmu/test_thermal_friction
             out[of] = e_s / (e_s + e_m)
     return out
 

@@ -70,11 +70,16 @@ def hold(scene: Scene, masses: tuple[Reference, ...], x: Floats, E_M: Floats, po
     Raises InvertedCellError.
     """
     volume, model = scene.volume, scene.model
+    # fault: conduction on the reference -> shapes = scene.kept_shapes.of(volume, masses, scene.interface.nodes) |
+    #   thermal_fmu/test_thermal_space
     shapes = scene.kept_shapes.of(volume, masses, x)
     ground = Ground(x, volume.axisymmetric, scene.surfaces, points)
     return Held(
         model.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
         plain_sources(volume, shapes, model.bodies), *hold_sources(volume, shapes, model.bodies, x),
+        # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
+        #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
+        #   thermal_fmu/test_thermal_fields
         tuple(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),
         tuple(_areas(b, x, volume) for b in model.fluxes),
         tuple(hold_film(film, slots, ground) for film, slots in zip(model.films, scene.film_slots, strict=True)),
@@ -114,6 +119,8 @@ def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
         return at_nodes(nodes, share, volume.n)
     shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
     assert shapes is not None
+    # fault: flux of a field not weighted in place -> return np.array([at_nodes(nodes, term.mean() * share, volume.n)
+    #   for term in shapes]) | thermal_fmu/test_thermal_fields
     return np.array([at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
 
 

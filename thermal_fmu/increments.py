@@ -84,6 +84,10 @@ def _increment(path: _Path, share: float, s: Floats, anchor: Anchor | None) -> S
     """share : lambda."""
     course, problem = path.course, path.problem
     fixed = course.scene.fixed
+    # fault: prescribed values do not move along -> guess = np.where(fixed, path.s_end, s) |
+    #   thermal_fmu/test_thermal_steady
     guess = np.where(fixed, (1.0 - share) * path.s_start + share * path.s_end, s)
+    # fault: increments without a path -> partial = replace(problem, earlier=0.0 * path.f) |
+    #   thermal_fmu/test_thermal_steady
     partial = replace(problem, earlier=-(1.0 - share) * problem.dt * path.f)
     return solve_stage(partial, guess, course.scene.model.stepping.tolerance, course.factors, anchor)

@@ -38,6 +38,7 @@ def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, ax
                 ys += dN[q, i, 1] * x[node, 1]
                 r += N[q, i] * x[node, 0]
             det = xr * ys - xs * yr
+            # fault: 2 pi r dropped in cells -> depth = 1.0 | thermal_fmu/test_thermal_space
             depth = 2.0 * np.pi * r if axisymmetric else 1.0
             if not det * depth > 0.0:
                 return e
@@ -115,6 +116,9 @@ def add_conduction_tensor(T: Floats, cells: Ints, N: Floats, G: Floats, K_q: Flo
                     for j in range(nn):
                         node = cells[e, j]
                         dot = kx * G[e, q, j, 0] + ky * G[e, q, j, 1]
+                        # fault: no word of f_s in the matrix -> change = (dot + by_T * N[q, j]) * dT[node] + 0.0 * by_f
+                        #   * N[q, j] * df[node] |
+                        #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
                         change = (dot + by_T * N[q, j]) * dT[node] + by_f * N[q, j] * df[node]
                         data[slots[e, i, j]] += scale * change
 
@@ -142,6 +146,8 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
             xx, xy, yy = (K_q[e, q, 0], 0.0, K_q[e, q, 0])
             if K_q.shape[2] == 3:
                 xy, yy = K_q[e, q, 1], K_q[e, q, 2]
+            # fault: heat flux up the gradient -> flux[e, 0] += dV[e, q] * (xx * gx + xy * gy) |
+            #   thermal_fmu/test_thermal_anisotropy::test_a13_patch_with_skewed_axes
             flux[e, 0] -= dV[e, q] * (xx * gx + xy * gy)
             flux[e, 1] -= dV[e, q] * (xy * gx + yy * gy)
         flux[e] /= dV[e].sum()
@@ -161,6 +167,8 @@ def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
                 node = cells[e, i]
                 across += x[node, 1] * G[e, q, i, 0] - x[node, 0] * G[e, q, i, 1]
                 along += x[node, 0] * G[e, q, i, 0] + x[node, 1] * G[e, q, i, 1]
+            # fault: the turn from one edge of F instead of its rotation -> turn[e, q] = np.arctan2(across, along) + 0.1
+            #   * (along - 2.0) | thermal_fmu/test_thermal_anisotropy::test_the_turn_is_that_of_the_polar_decomposition
             turn[e, q] = np.arctan2(across, along)
     return turn
 

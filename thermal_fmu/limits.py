@@ -48,6 +48,7 @@ def demand_limits(held: Held, loads: Loads, T: Floats) -> None:
 
 
 def _demand_kelvin(T: Floats, where: str) -> None:
+    # fault: kelvin not asked for -> if not (T > -1e9).all(): | thermal_fmu/test_thermal_radiation
     if not (T > 0.0).all():
         raise BadPropertyError(f"{where} radiates at {np.min(T):.6g}: radiation needs temperatures in kelvin, above 0")
 
@@ -56,6 +57,7 @@ def _demand_emissivity(emissivity: Property, T: Floats, where: str) -> None:
     if emissivity.is_constant:
         return
     eps = emissivity(T)
+    # fault: emissivity not watched -> wrong = eps > 1e9 | thermal_fmu/test_thermal_radiation
     wrong = ~((eps > 0.0) & (eps <= 1.0))
     if wrong.any():
         raise BadPropertyError(f"the emissivity of {where} is {eps[wrong][0]:.6g} at {T[wrong][0]:.6g} K; "

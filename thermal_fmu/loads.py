@@ -47,6 +47,8 @@ def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
         tuple(now(b.Q_T) for b in model.bodies),
         tuple(now(b.value, b.name) for b in model.fluxes),
         tuple((now(b.h, b.name), now(b.Te)) for b in model.films),
+        # fault: factor of radiation forgotten -> tuple((1.0, now(b.T_inf)) for b in model.radiators), |
+        #   thermal_fmu/test_thermal_radiation
         tuple((factor(b.name), now(b.T_inf)) for b in model.radiators),
         tuple(now(b.value, b.name) for b in model.prescribed),
         tuple((0.0, 0.0) if p is None else (p.closed_factor.at(t, side), p.open_factor.at(t, side))
@@ -71,6 +73,7 @@ class Calendar:
         if self.kinks.size == 0:
             return t
         near = float(self.kinks[np.argmin(np.abs(self.kinks - t))])
+        # fault: no snap -> return t | thermal_fmu/test_thermal_time
         return near if abs(near - t) <= _tolerance(t, h) else t
 
     def jump_within(self, t: float, h: float) -> bool:

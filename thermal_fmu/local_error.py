@@ -31,8 +31,12 @@ def local_error(course: Course, start: tuple[Floats, Floats], done: Stepped, t: 
         return 0.0, (s_1, f_1)  # nothing was solved: nothing flows
     factors = course.factors.of(done.anchor)
     bend = factors(np.where(free, f_0 - f_1, 0.0))
+    # fault: middle of a chord for the middle of the path -> middle = 0.5 * (s_0 + s_1) + 0.0 * bend |
+    #   thermal_fmu/test_thermal_adaptive
     middle = 0.5 * (s_0 + s_1) + np.where(free, 0.125 * h * bend, 0.0)
     _, f_m = flow_at(course, middle, t + 0.5 * h, h, 1)
+    # fault: local error by the trapezoidal rule -> missing = h / 2.0 * (f_0 + f_1) - done.moved |
+    #   thermal_fmu/test_thermal_adaptive
     missing = h / 6.0 * (f_0 + 4.0 * f_m + f_1) - done.moved
     error = factors(np.where(free, missing, 0.0))
     return float(np.abs(error[free]).max(initial=0.0)), (s_1, f_1)

@@ -37,6 +37,8 @@ class Phased:
         """Value at T : any shape [K] and f_s : same shape (None: solid)."""
         if self.is_one or f_s is None:
             return self.solid(T)
+        # fault: the liquid conducts like the solid -> return self.solid(T) |
+        #   thermal_fmu/test_thermal_phase::test_a9_two_phases
         return f_s * self.solid(T) + (1.0 - f_s) * self.liquid(T)
 
     def slope(self, T: Floats, f_s: Floats | None = None) -> Floats:

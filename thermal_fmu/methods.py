@@ -40,6 +40,7 @@ class Method:
     order: int = 2
 
 
+# fault: wrong gamma -> _GAMMA = 0.5 | thermal_fmu/test_thermal_time
 _GAMMA = 1.0 - 1.0 / sqrt(2.0)
 
 
@@ -48,16 +49,23 @@ def theta_method(theta: float) -> Method:
 
     Only at theta = 1 the stiff part of a jump is gone after a step; it is left times (1 - theta)/theta else.
     """
+    # fault: theta not damped -> return Method((Stage(theta, 1.0, theta),), (1.0,), damped=None if theta >= 0.5 else
+    #   ("backward_euler", 4), | thermal_fmu/test_thermal_order
+    # fault: theta at the wrong time -> return Method((Stage(1.0, 1.0, theta),), (1.0,), damped=None if theta == 1.0
+    #   else ("backward_euler", 4), | thermal_fmu/test_thermal_order
     return Method((Stage(theta, 1.0, theta),), (1.0,), damped=None if theta == 1.0 else ("backward_euler", 4),
                   order=2 if theta == 0.5 else 1)
 
 
 METHODS: dict[str, Method] = {
     # The true midpoint rule, Eq. (22).  It does not damp the stiff part of a jump, so it starts with backward Euler.
+    # fault: midpoint theta -> "midpoint": Method((Stage(0.5, 1.0, 0.6),), (1.0,), damped=("backward_euler", 4)), |
+    #   thermal_fmu/test_thermal_time
     "midpoint": Method((Stage(0.5, 1.0, 0.5),), (1.0,), damped=("backward_euler", 4)),
     "backward_euler": Method((Stage(1.0, 1.0, 1.0),), (1.0,), order=1),
     # L-stable, yet not monotone: without a damped start it overshoots once after a jump (10 of 100 K at dt a/h^2 = 8).
     "sdirk2": Method((Stage(_GAMMA, _GAMMA, 1.0), Stage(1.0, _GAMMA, 1.0, (1.0 - _GAMMA,))),
+                     # fault: sdirk2 undamped -> (1.0 - _GAMMA, _GAMMA)), | thermal_fmu/test_thermal_time
                      (1.0 - _GAMMA, _GAMMA), damped=("backward_euler", 4)),
     "steady": Method((Stage(1.0, 1.0, 1.0),), (1.0,), stores=False),
 }

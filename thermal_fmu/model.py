@@ -112,23 +112,37 @@ class ThermalHalf:
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
         points = self._facing(x, inputs, link)
+        # fault: mass from the current volume -> held = hold(scene, scene.masses(x), x, E_M, points) |
+        #   thermal_fmu/test_thermal_nonlinear
         held = hold(scene, self._masses_of(state.X), x, E_M, points)
         if points is not None:
             E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
             held = rubbed(held, scene, points, E_friction, phase.fields(scene.melting, np.array(state.s)), h)
         load = factors_of(scene.model, inputs)
+        # fault: E_M as power -> course = Course(scene, held, load, self._calendar, held.E_M, self._factors) |
+        #   thermal_fmu/test_thermal_nonlinear
         course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
         event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_jump(course, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
+        # fault: entropy part without its jump -> begin = Begin(np.array(state.s), state.anchor, |
+        #   thermal_fmu/test_thermal_entropy
         begin = Begin(np.array(state.s) if jump is None else jump.s, state.anchor,
+                      # fault: no damped restart after an event -> state.damped, state.pace) |
+                      #   thermal_fmu/test_thermal_time
                       DAMPED_SUBSTEPS if event != state.event else state.damped, state.pace)
         went = advance(course, scene.model.stepping, method, begin, t, h)
         done = went.done if jump is None else jump.then(went.done)
         stored = state.stored + float(done.heat.stored.sum())
+        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, went.damped, stored, None, |
+        #   thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, went.damped, stored, done.anchor,
+                           # fault: pace not part of the state -> state.anchor_S if jump is None else jump.anchor,
+                           #   state.pace) | thermal_fmu/test_thermal_adaptive
                            state.anchor_S if jump is None else jump.anchor, went.pace)
         outputs = self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, state.s))
+        # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, held.shapes, new.s,
+        #   done.moved - done.inside) | thermal_fmu/test_thermal_anisotropy::test_surfaces_tell_what_they_gave_off
         outputs |= field_outputs(scene, held.shapes, new.s, done.inside - done.moved)
         return Done(new, outputs | self._counts(went.substeps, went.rejected))
 

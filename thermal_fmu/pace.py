@@ -40,6 +40,7 @@ class Measure:
     @property
     def passes(self) -> bool:
         """Whether it keeps to both bounds; a measure that is no number does not."""
+        # fault: max_dT not kept to -> return self.error <= 1.0 | thermal_fmu/test_thermal_adaptive
         return self.error <= 1.0 and self.change <= 1.0
 
 
@@ -47,6 +48,7 @@ def length(h: float, left: float) -> float:
     """The step to try where h [s] is wished (0: no wish) and `left` [s] remain: never a sliver for the last one."""
     if h == 0.0 or h >= SHORTENED * left:
         return left
+    # fault: a sliver for the last inner step -> return h | thermal_fmu/test_thermal_adaptive
     return 0.5 * left if 2.0 * h > left else h
 
 

@@ -78,6 +78,8 @@ class PhaseChange:
         high0, high = (np.maximum(v - self._shift, self.T_l) for v in (s0, s))
         phi0, phi = self._phi(s0), self._phi(s)
         span = self.T_l - self.T_s
+        # fault: latent heat twice -> dh = self.solid.increase(low0, low) + self.liquid.increase(high0, high) + 2.0 *
+        #   self.L * (phi - phi0) | thermal_fmu/test_thermal_phase::test_a9_no_step_loses_latent_heat
         dh = self.solid.increase(low0, low) + self.liquid.increase(high0, high) + self.L * (phi - phi0)
         return dh + self.mush.increase(self.T_s + phi0 * span, self.T_s + phi * span) if span > 0.0 else dh
 

@@ -64,6 +64,8 @@ def near_groups(points: Points, pairs: Sequence[PairLaws | None]) -> tuple[NearG
         near, far = laws.radiation.near, laws.radiation.far
         share = np.ones(points.gap.size)
         if near is not None and far is not None:
+            # fault: near radiation at every gap -> share -= 0.0 * gap_factor(points.gap, near, far) |
+            #   thermal_fmu/test_thermal_radiation
             share -= gap_factor(points.gap, near, far)
         at = np.flatnonzero((points.pair == pair) & (share > 0.0))
         if at.size:
@@ -82,8 +84,11 @@ def far_flow(held: HeldRadiator, sigma: float, level: tuple[float, Level], T: Fl
     T_inf = resolve(level[1], held.T_inf)
     eps, deps = _emissivity(held.radiator.emissivity, T_a)
     strength = level[0] * sigma * points.area
+    # fault: radiation to 0 K whatever surrounds -> excess = _fourth(T_a) | thermal_fmu/test_thermal_radiation
     excess = _fourth(T_a) - _fourth(T_inf)
     flow = (strength * eps * excess)[:, None] * points.N
+    # fault: derivative of far radiation -> dq = strength * (deps * excess + 3.0 * eps * np.abs(T_a) ** 3) |
+    #   thermal_fmu/test_thermal_fields
     dq = strength * (deps * excess + 4.0 * eps * np.abs(T_a) ** 3)
     return flow, dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
 
@@ -96,13 +101,21 @@ def near_flow(group: NearGroup, sigma: float, T: Floats) -> tuple[Floats, Floats
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
+    # fault: emissivities mixed up between the sides -> eps_s, deps_s = _emissivity(group.spec.emissivity_slave, T_m) |
+    #   thermal_fmu/test_thermal_radiation
     eps_s, deps_s = _emissivity(group.spec.emissivity_slave, T_s)
     eps_m, deps_m = _emissivity(group.spec.emissivity_master, T_m)
+    # fault: black bodies between plates -> strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m) |
+    #   thermal_fmu/test_thermal_radiation
     strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m - 1.0)
     q = strength * (_fourth(T_s) - _fourth(T_m))
     per_resistance = q * strength / (sigma * group.area)
     dq_s = 4.0 * strength * np.abs(T_s) ** 3 + per_resistance * deps_s / eps_s**2
+    # fault: derivative of the master's emissivity forgotten -> dq_m = -4.0 * strength * np.abs(T_m) ** 3 + 0.0 *
+    #   per_resistance | thermal_fmu/test_thermal_fields
     dq_m = -4.0 * strength * np.abs(T_m) ** 3 + per_resistance * deps_m / eps_m**2
+    # fault: near radiation one-sided -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
+    #   thermal_fmu/test_thermal_friction
     out = np.concatenate([group.N_s, -group.N_m], axis=1)
     dq = np.concatenate([dq_s[:, None] * group.N_s, dq_m[:, None] * group.N_m], axis=1)
     return q[:, None] * out, out[:, :, None] * dq[:, None, :]

@@ -58,6 +58,8 @@ class Factors:
 
     def of(self, anchor: Anchor) -> Solve:
         """Factors of the anchor.  Raises SingularMatrixError."""
+        # fault: factors of an old matrix -> if self._solve is None or self._anchor is None : |
+        #   thermal_fmu/test_thermal_solver
         if self._solve is None or self._anchor is None or not _equal(self._anchor, anchor):
             self._solve = factorise(anchor.matrix())
             self.made += 1
@@ -96,6 +98,7 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
             H[: j + 1, j] += h
         H[j + 1, j] = np.linalg.norm(w)
         y, left = _least(H[: j + 2, : j + 1], start[: j + 2])
+        # fault: linear residual not checked -> if left <= 1e6 * target: | thermal_fmu/test_thermal_solver
         if left <= target:
             return np.asarray(y @ Z[: j + 1])
         if not np.isfinite(left) or (j >= PATIENCE and (left / size) ** (MAX_ITERATIONS / (j + 1)) * size > target):

@@ -86,6 +86,8 @@ def _at_quadrature(field: Field, block: Block, x: Floats) -> Floats | None:
 def _nodal(volume: Volume, field: Field, block: Block, shape: Shape, x: Floats) -> Floats:
     at = _at_quadrature(field, block, x)
     assert at is not None, "a uniform source without factor is a plain one"
+    # fault: source of a field not weighted in place -> return np.array([_to_nodes(block, term.mean() * shape.dV,
+    #   volume.n) for term in at]) | thermal_fmu/test_thermal_fields
     return np.array([_to_nodes(block, term.reshape(shape.dV.shape) * shape.dV, volume.n) for term in at])
 
 
@@ -103,5 +105,7 @@ def warm_flow(source: WarmSource, level: Level, T: Floats) -> tuple[Floats, Floa
     Q = np.reshape(resolve(level, source.shapes), (-1,) if source.shapes is None else source.volume.shape)
     T_q = at_points(T, source.block.cells, N)
     f = _to_nodes(source.block, Q * source.factor(T_q) * source.volume, T.size)
+    # fault: derivative of a source by temperature forgotten -> dQ = 0.0 * Q * source.factor.slope(T_q) * source.volume
+    #   | thermal_fmu/test_thermal_fields
     dQ = Q * source.factor.slope(T_q) * source.volume
     return f, -np.einsum("eq,qi,qj->eij", dQ, N, N)

@@ -95,6 +95,8 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     if problem.blur > 0.0:
         at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
+        # fault: stations see the boundary at the end of a stage only -> at = phase.between(problem.start, at, 1.0) |
+        #   thermal_fmu/test_lumped
         at = phase.between(problem.start, at, stage.theta)
     band = np.zeros((3 * scene.stations.width + 1, scene.stations.n))
     S, stored = _store(problem, s, band)
@@ -163,6 +165,7 @@ def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floa
     if change.T_s == change.T_l and change.solid.constant is not None and change.liquid.constant is not None:
         C = np.empty(s0.size)
         dh = melting_heat(s0, s1, (change.T_s, change.W, change.L), (change.solid.constant, change.liquid.constant), C)
+        # fault: lumped latent heat lost -> return mass * C * (s1 - s0), mass * C | thermal_fmu/test_lumped
         return mass * dh, mass * C
     return mass * change.increase(s0, s1), mass * _positive("heat capacity", change.capacity(s1), body)
 

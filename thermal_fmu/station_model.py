@@ -102,6 +102,8 @@ class StationHalf:
         if points is not None:
             E = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
             held = rub_stations(held, scene, points, E, phase.fields(scene.melting, s), h)
+        # fault: mass of a rod from where it is -> ground = Ground(scene, shape, shape, held) |
+        #   thermal_fmu/test_thermal_rod
         ground = Ground(scene, shape, self._shape_of(state.X), held)
         course = StationCourse(ground, factors_of(scene.model, inputs), self._calendar, held.E_M / h)
         event = whole(inputs, "control.event")

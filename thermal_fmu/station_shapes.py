@@ -69,11 +69,14 @@ class Ruler:
             length = np.diff(place[at])
             area = _between(height[at])
             if self.interface.axisymmetric:
+                # fault: rods around an axis without 2 pi r -> area = area * 1.0 | thermal_fmu/test_thermal_rod
                 area = area * 2.0 * np.pi * _between(place[at])
             if not (length > 0.0).all() or not (area > 0.0).all():
                 raise InvertedCellError(f"rod {self.interface.bodies[body]} is turned inside out by the coordinates "
                                         "that came in")
             dV = EDGE_WEIGHT * area * length[:, None]
+            # fault: rods conduct on half their area -> pieces.append(Piece(dV, 0.5 * EDGE_WEIGHT * area / length[:,
+            #   None])) | thermal_fmu/test_thermal_rod
             pieces.append(Piece(dV, EDGE_WEIGHT * area / length[:, None]))
             ends = dV @ N
             volume[own[:-1]] += ends[:, 0]
@@ -90,6 +93,8 @@ class Ruler:
             return out
         per_piece = np.bincount(columns.of_cell, weights=E, minlength=columns.count)
         for body, (own, piece) in enumerate(zip(self.stations.own, shape.pieces, strict=True)):
+            # fault: mechanical heat of a rod to the wrong column -> ends = piece.dV @ N *
+            #   (per_piece[columns.of_body(body)[1:]] / piece.dV.sum(axis=1))[:, None] | thermal_fmu/test_thermal_rod
             ends = piece.dV @ N * (per_piece[columns.of_body(body)[:-1]] / piece.dV.sum(axis=1))[:, None]
             out[own[:-1]] += ends[:, 0]
             out[own[1:]] += ends[:, 1]

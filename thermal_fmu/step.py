@@ -65,6 +65,7 @@ def take_step(course: Course, method: Method, s_n: Floats, anchor: Anchor | None
     for stage in method.stages:
         # The end of a step is before a jump that happens then.
         at = course.calendar.snap(t + stage.c * dt, dt)
+        # fault: jump seen too early -> loads = loads_at(model, course.load, at, 1) | thermal_fmu/test_thermal_time
         loads = loads_at(model, course.load, at, -1 if stage.c == 1.0 else 1)
         end = course.calendar.snap(t + dt, dt)
         held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, course.load, end, -1)
@@ -122,5 +123,7 @@ def _heat(scene: Scene, method: Method, solved: list[Solved], dt: float) -> Heat
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     through = np.zeros(np.count_nonzero(scene.fixed))
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
+        # fault: reaction of the last stage only -> through += (stage.c == 1.0) * s.balance.R[scene.fixed] |
+        #   thermal_fmu/test_thermal_nonlinear
         through += w / stage.a * s.balance.R[scene.fixed]
     return Heat(solved[-1].balance.stored, both_ways(through), np.asarray(terms))

@@ -103,6 +103,8 @@ def ends_within(calendar: Calendar, t: float, h: float) -> tuple[float, ...]:
     near = SNAP_STEP * h + SNAP_TIME * abs(t)
     ends: list[float] = []
     for kink in calendar.kinks:
+        # fault: inner steps across kinks -> if (ends[-1] if ends else t) + near < kink < t - h: |
+        #   thermal_fmu/test_thermal_adaptive
         if (ends[-1] if ends else t) + near < kink < t + h - near:
             ends.append(float(kink))
     return (*ends, t + h)
@@ -131,6 +133,7 @@ def _inner_step(plan: Walk, progress: Progress, place: Place, end: float) -> tup
 def _attempt(plan: Walk, progress: Progress, anchor: Anchor | None, place: Place, stop: float) -> Tried | str:
     """The step from `place` to stop [s] with its measure, or why there is none."""
     method, course, h = plan.method, plan.course, stop - place.t
+    # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
     take = damped_step if progress.damped > 0 else take_step
     try:
         done = take(course, method, progress.s, anchor, place.t, h)

@@ -33,9 +33,13 @@ def tensors(k: Conductivity, T: Floats, f_s: Floats | None, turn: Floats | None)
         K, dK, dK_f = (np.stack([v, np.zeros(v.shape), v], axis=-1) for v in (first, by_T, by_f))
         return Tensors(K, dK, dK_f, (first,))
     second = k.k_2(T, f_s)
+    # fault: axes turn the other way -> angle = k.angle if turn is None else k.angle - turn |
+    #   thermal_fmu/test_thermal_anisotropy::test_axes_turn_with_the_material
     angle = k.angle if turn is None else k.angle + turn
     c, s = np.cos(angle), np.sin(angle)
     pairs = ((first, second), (by_T, k.k_2.slope(T, f_s)), (by_f, k.k_2.phase_slope(T)))
+    # fault: skewed axes without their skew -> K, dK, dK_f = (np.stack([v * c * c + w * s * s, -(v - w) * c * s, v * s *
+    #   s + w * c * c], axis=-1) | thermal_fmu/test_thermal_anisotropy::test_a13_patch_with_skewed_axes
     K, dK, dK_f = (np.stack([v * c * c + w * s * s, (v - w) * c * s, v * s * s + w * c * c], axis=-1)
                    for v, w in pairs)
     return Tensors(K, dK, dK_f, (first, second))

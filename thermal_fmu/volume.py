@@ -135,6 +135,8 @@ def volume_of(interface: Interface) -> Volume:
     for kind, b, cells, numbers in found:
         nn = cells.shape[1]
         slots = pattern.slots[start:start + cells.size * nn].reshape(len(cells), nn, nn).astype(np.int64)
+        # fault: blocks of one body overwrite each other's entries -> blocks.append(Block(b, table_of(kind), cells,
+        #   numbers, slots, True)) | thermal_fmu/test_thermal_kept
         blocks.append(Block(b, table_of(kind), cells, numbers, slots, [of for _, of, _, _ in found].count(b) == 1))
         start += cells.size * nn
     return Volume(n, first, interface.axisymmetric, interface.bodies, tuple(blocks), pattern)
@@ -171,6 +173,7 @@ def spread_energies(volume: Volume, shapes: Sequence[Shape], E: Floats) -> Float
     """(n,) nodal shares of energies E : (n_cells,) [J], each even in the volume of its cell."""
     per_volume = [E[block.numbers] / shape.dV.sum(axis=1)
                   for block, shape in zip(volume.blocks, shapes, strict=True)]
+    # fault: sign of E_M -> return -spread(volume, shapes, per_volume) | thermal_fmu/test_thermal_nonlinear
     return spread(volume, shapes, per_volume)
 
 
@@ -201,10 +204,14 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at:
             _conduct_tensor(block, shape, bodies[block.body], at, f, replace(into, data=data))
             continue
         k = material.k.k_1.solid
+        # fault: lagged conductivity -> T_q = at_points(np.zeros_like(at.T) + 3.0, block.cells, block.table.N) |
+        #   thermal_fmu/test_thermal_nonlinear
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
         k_q = k(T_q)
         if not k.is_constant:
             _demand_positive("conductivity", k_q, block, bodies[block.body].name)
+        # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV,
+        #   0.0 * shape.dV, f, | thermal_fmu/test_thermal_nonlinear
         add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
                        block.slots, into.slope, data)
 
@@ -219,6 +226,9 @@ def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Float
     dT = np.ones(at.T.size) if at.dT is None else at.dT
     df = np.zeros(at.T.size) if at.df is None else at.df
     dV = shape.dV[:, :, None]
+    # fault: the derivative of a tensor left out -> add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, 0.0 *
+    #   k.dK * dV, k.dK_f * dV, dT, df, f, block.slots, |
+    #   thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
     add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, k.dK * dV, k.dK_f * dV, dT, df, f, block.slots,
                           into.slope, into.data)
 
@@ -241,6 +251,8 @@ def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body
             continue
         c = body.material.c.solid
         T_q = at_points(s, block.cells, block.table.N)
+        # fault: storage C(T) dT instead of enthalpy -> dE_q = first.mass * c(T_q) * (T_q - at_points(s0, block.cells,
+        #   block.table.N)) | thermal_fmu/test_thermal_nonlinear
         dE_q = first.mass * c.increase(at_points(s0, block.cells, block.table.N), T_q)
         c_q = c(T_q)
         if not c.is_constant:
@@ -255,6 +267,8 @@ def _store_melting(block: Block, mass: Floats, body: Body, path: tuple[Floats, F
     change = body.material.phase
     assert change is not None
     s0, s = (v[block.nodes] for v in path)
+    # fault: latent heat by the slope of h at the end: a large step loses it -> dh, c = change.capacity(s) * (s - s0),
+    #   change.capacity(s) | thermal_fmu/test_thermal_phase::test_a9_no_step_loses_latent_heat
     dh, c = change.increase(s0, s), change.capacity(s)
     own = np.searchsorted(block.nodes, block.cells)
     _demand_positive("heat capacity", c[own], block, body.name)

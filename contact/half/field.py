@@ -78,6 +78,8 @@ class Field:
     def level(self, t: float, side: int = 1) -> Level:
         """What it is at t [s]; at a jump the limit from the left (side=-1) or from the right."""
         if not self.is_uniform:
+            # fault: a field not resolved by its terms -> return np.array([s.at(t, 1) for s in self.signals]) |
+            #   contact/test_half_field
             return np.array([s.at(t, side) for s in self.signals])
         # One signal as it is: 0.0 + (-0.0) is another number.
         first = self.terms[0].t
@@ -91,6 +93,7 @@ class Field:
         for row, term in zip(out, self.terms, strict=True):
             for profile, s in ((term.x, x[:, 0]), (term.y, x[:, 1])):
                 if profile is not None:
+                    # fault: last profile of a term only -> row[:] = profile(s) | contact/test_half_field
                     row *= profile(s)
         return out
 

@@ -84,6 +84,8 @@ class _Handle:
         weakref.finalize(self, _call, self._pt, kind, RELEASE_ALL, self.iparm, None, None, None, None,
                          None).atexit = False
         _Handle.made += 1
+        # fault: analysis kept that looked at values: matching by the first matrix -> self.iparm[10] = self.iparm[12] =
+        #   1; self.run(ANALYSE, np.cos(np.arange(indices.size) * float(_Handle.made))) | contact/test_sparse
         self.run(ANALYSE, np.zeros(indices.size))
 
     def run(self, phase: int, data: Floats | None = None, b: Floats | None = None, x: Floats | None = None) -> None:
@@ -164,6 +166,7 @@ def _give_back(pattern: _Pattern, handle: _Handle) -> None:
     """The analysis is kept for the next matrix, the factors are not: they are ten times as large."""
     if all(other.kind != handle.kind for other in pattern.idle):
         handle.run(RELEASE_FACTORS)
+        # fault: analysis of a pattern not kept -> handle.run(RELEASE_FACTORS) | contact/test_sparse
         pattern.idle.append(handle)
 
 
@@ -176,9 +179,12 @@ class Factored:
             A = A.sorted_indices()
         pattern = _pattern_of(A)
         if symmetric is None:
+            # fault: any matrix taken for a symmetric one -> symmetric = True | contact/test_sparse
             symmetric = pattern.is_symmetric(A.data)
         self._A = A
         self._data = A.data[pattern.upper[2]] if symmetric else np.ascontiguousarray(A.data)
+        # fault: symmetric matrices taken for positive -> self._handle = self._factors(pattern, (POSITIVE,) if symmetric
+        #   else (GENERAL,)) | contact/test_sparse
         self._handle = self._factors(pattern, (POSITIVE, INDEFINITE) if symmetric else (GENERAL,))
         weakref.finalize(self, _give_back, pattern, self._handle).atexit = False
         if self._handle.perturbed:  # a singular matrix, or none: a right-hand side like any other tells
@@ -202,6 +208,7 @@ class Factored:
         self._handle.run(SOLVE, self._data, given, x)
         x = np.ascontiguousarray(x)
         share = _residual_share(self._A, x, b)
+        # fault: factors believed without a look at the residual -> if share < 0.0: | contact/test_sparse
         if not share <= WRONG:
             raise SingularMatrixError(f"the factors leave a residual of {share:.1e} of the right-hand side "
                                       f"({self._handle.perturbed} pivots were zero to working precision)")

@@ -39,6 +39,7 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
     for i, pair in enumerate(interface.pairs):
         slave, master = number[pair.slave], number[pair.master]
         # A surface that meets itself finds every place from both sides in one search.
+        # fault: two passes of full weight -> weight = 1.0 | mechanical_fmu/test_contact_patch
         weight = 0.5 if pair.two_pass or slave == master else 1.0
         rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu)
         rows.append((i, slave, master, *rest))

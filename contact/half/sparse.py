@@ -55,6 +55,7 @@ def pattern_of(n: int, *dofs: NDArray[np.integer]) -> Pattern:
     np.not_equal(entries.indices[1:], entries.indices[:-1], out=is_first[1:])
     places = np.cumsum(is_first) - 1
     slots = np.empty(cols.size, dtype=np.intp)
+    # fault: block entries added up in the order of the matrix -> slots[:] = places | contact/test_sparse
     slots[entries.data] = places
     indptr = np.append(places[entries.indptr[:-1]], places[-1] + 1).astype(np.int32)
     return Pattern(n, indptr, entries.indices[is_first].astype(np.int32), slots[: cols.size - n])

@@ -33,6 +33,7 @@ def meshed(tree: Tree, factor: float) -> Edit:
 
 
 def _count(n: int, factor: float) -> int:
+    # fault: advice: even counts of cells turn odd -> step = 1 | coupler/test_advise
     step = 2 if n % 2 == 0 else 1
     return n if n <= 2 else max(round(n * factor / step) * step, 2)
 

@@ -37,6 +37,7 @@ class Step:
     def good(self) -> bool:
         """Whether it stays inside the tolerances and is worth it; a coarser mesh always saves."""
         least = -DEARER if self.rung.simpler or self.rung.kind is Kind.MESH else WORTH
+        # fault: advice: what moves too far is taken -> return self.saves >= least | coupler/test_advise
         return self.share <= 1.0 and self.saves >= least
 
 
@@ -79,6 +80,7 @@ class Known:
     def factors(self) -> tuple[float, float]:
         """(on cells along an edge, on windows) of the advised scenario: a coarse mesh takes the windows of the trials
         with it, the scenario's own mesh keeps its own."""
+        # fault: advice: the mesh of the trials is told for the scenario's own -> if False: | coupler/test_advise
         if self.own_mesh and self.mesh < 1.0:
             return 1.0, 1.0
         mesh, windows = self.mesh, self.windows
@@ -99,6 +101,8 @@ class Known:
         if not self.final:
             return float("inf")
         coarse = {} if self.own_mesh else self.fine
+        # fault: advice: the mesh is not counted -> return max(m.share for n, m in self.final.items()) |
+        #   coupler/test_advise
         return max(m.share + (coarse[n].share if n in coarse else 0.0) for n, m in self.final.items())
 
 
@@ -106,6 +110,7 @@ def picked(known: Known, out: Sequence[Rung] = ()) -> tuple[Rung, ...]:
     """What the combination leaves out: of each kind but effects the first (of windows the longest) that is good;
     without those that are `out`."""
     good = [s.rung for s in known.steps if s.good and s.rung not in out]
+    # fault: advice: windows tried on a coarse mesh go with a fine one -> if False: | coupler/test_advise
     if known.own_mesh and known.mesh < 1.0:
         # Tried on a coarser mesh, where windows may be longer.
         good = [r for r in good if r.kind not in (Kind.MESH, Kind.WINDOWS)]

@@ -54,5 +54,6 @@ class Trials:
         if need > left:
             raise LateError
         done = tried(scenario, self.deadline, begin())
+        # fault: advice: trials are not kept -> pass | scenarios/test_advise
         self._store.put(key, done)
         return done

@@ -117,6 +117,7 @@ def moves(one: Trial, other: Trial, goals: Iterable[Goal]) -> dict[str, Move]:
             found[goal.probe] = Move(math.inf, 0.0, math.inf, math.inf)
             continue
         t, a, b = both(one, other, goal.probe)
+        # fault: advice: a move downwards is none -> off = np.maximum(a - b, 0.0) | coupler/test_advise
         off = np.abs(a - b)
         k = int(off.argmax())
         found[goal.probe] = Move(float(off[k]), float(t[k]), float(a.max() - b.max()), float(off[k]) / goal.tolerance)

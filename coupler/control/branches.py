@@ -57,6 +57,7 @@ def branches_of(thermal: Mapping[str, Any], pairs: tuple[Pair, ...], places: tup
 def _pressures(law: Mapping[str, Any] | None) -> Iterator[float]:
     if law is None:
         return
+    # fault: bends of the pressure are no events -> if False: | coupler/test_branches
     if "p_max" in law:
         yield float(law["p_max"])
     for part in law.get("of", ()):
@@ -74,4 +75,6 @@ def side(branch: Branch, level: Level) -> tuple[Status, tuple[float, ...]]:
         if not facing.size:
             return Status.APART, ()
         value = float(facing.min())
+    # fault: how far a gap is from a bend is not told -> return (Status.ABOVE, (value - branch.at,)) if value >
+    #   branch.at else (Status.BELOW, ()) | coupler/test_branches
     return (Status.ABOVE, (value - branch.at,)) if value > branch.at else (Status.BELOW, (branch.at - value,))

@@ -28,6 +28,8 @@ def crossing(t: Sequence[float], left: Sequence[float]) -> Crossing | None:
     Only the last values that fall throughout count.  Of the orders the one is taken that changed the answer least.
     """
     first = len(left) - 1
+    # fault: extrapolated from values on both sides of a rise -> while first > 0 and len(left) - first < MOST: |
+    #   coupler/test_events
     while first > 0 and len(left) - first < MOST and left[first - 1] > left[first]:
         first -= 1
     t, left = t[first:], left[first:]

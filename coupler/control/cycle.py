@@ -17,9 +17,12 @@ Array = NDArray[np.float64]
 OPPOSITE, HOLDS = 0.9, 0.8
 # So many turns on end are a cycle if none of them shrinks: two are a transient that overshoots, and a swing of physics
 # in windows of nearly half its period beats.
+# fault: a swing of two turns is a cycle -> GROWING = 1 | coupler/test_cycle_action
+# fault: a swing that grows waits for four turns -> GROWING = 5 | coupler/test_cycle_action
 GROWING = 3
 # So many are one that settles: over all of them the increments shrink by no more than a hundredth a window.  What is
 # multiplied by -.98 a window only converges; the increments of a two-cycle are all as long.
+# fault: what shrinks by a tenth a window called a cycle -> TURNS, LASTING = 4, 0.9 | coupler/test_cycle_action
 TURNS, LASTING = 4, 0.99
 # Below these an increment is round-off and iteration error: T [K], gap [m], t_N [Pa].
 FLOORS = {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3}
@@ -95,9 +98,13 @@ def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
     if along >= 0.0:
         return Swing(increment)
     a2, b2 = float(last.increment @ last.increment), float(increment @ increment)
+    # fault: what dies by itself called a cycle -> turned = along < -OPPOSITE * math.sqrt(a2 * b2) |
+    #   coupler/test_schemes
     turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
     if not turned or float(np.abs(increment).max()) <= floor:
         return Swing(increment)
+    # fault: cycles not noticed -> return Swing(increment, 0, (*last.ratios, math.sqrt(b2 / a2))[-TURNS:]) |
+    #   coupler/test_schemes
     return Swing(increment, last.turns + 1, (*last.ratios, math.sqrt(b2 / a2))[-TURNS:])
 
 

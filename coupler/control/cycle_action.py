@@ -50,6 +50,7 @@ def acted(watch: Watch, settings: Settings, on: OnCycle, shown: Shown) -> Acted:
     """What is done about what the watch has seen."""
     # At rest nothing tells a contraction (nan), and an iterated window is one iterate.
     if watch.home and not math.isnan(shown.contraction):
+        # fault: back from iterating at once -> watch = replace(watch, calm= watch.calm + 1) | coupler/test_cycle_action
         watch = replace(watch, calm=0 if shown.contraction > CALM else watch.calm + 1)
         if watch.calm >= CALM_WINDOWS:
             told = (f"window {shown.number} (to t = {shown.t:.6g} s): plain iteration has contracted by {CALM:g} or "
@@ -67,6 +68,8 @@ def acted(watch: Watch, settings: Settings, on: OnCycle, shown: Shown) -> Acted:
     if on is OnCycle.ITERATE and len(watch.cycling) > 1 and settings.scheme is not Scheme.ITERATED:
         text = f"{text}; windows are iterated from here on"
         watch = replace(watch.tell(), home=settings.scheme.value, calm=0)
+        # fault: a cycle is told and nothing follows -> return Acted(watch, settings, (text,)) |
+        #   coupler/test_cycle_action
         return Acted(watch, replace(settings, scheme=Scheme.ITERATED), (text,))
     return Acted(watch.tell(), settings, (text,))
 

@@ -34,6 +34,8 @@ def doubled(halves: Halves, state: CoupledState, span: Span, way: Way, window: t
 
     kept.put_back("a window is to be solved in two halves too")
     found = in_two(solve, state, span)
+    # fault: the work of the window in one is forgotten -> return replace(found, whole=whole, work=found.work) |
+    #   coupler/test_estimate
     return replace(found, whole=whole, work=whole.work.plus(found.work))
 
 
@@ -57,6 +59,8 @@ def in_two(solve: Solve, state: CoupledState, span: Span) -> Solved:
     second = solve(first.state, second_span)
     if not second.taken:
         return replace(second, state=state, work=first.work.plus(second.work))
+    # fault: the past of a window in two halves knows its middle -> end = replace(second.state, past=second.state.past)
+    #   | coupler/test_estimate
     end = replace(second.state, past=(state.now, *state.past)[:3])
     return replace(second, state=end, terms=(*first.terms, *second.terms), work=first.work.plus(second.work),
                    course=_course(first.course, second.course))

@@ -117,6 +117,8 @@ def _ruled(facts: Facts, found: _Found) -> Judged:
     done = acted(watch, fired.settings, plan.on_cycle, shown)
     if done.cut:
         # With the window goes what rules changed in it.
+        # fault: rules: a two-cycle's cut keeps what rules changed in the window -> settings = done.settings |
+        #   coupler/test_rules
         settings = acted(watch, control.settings, plan.on_cycle, shown).settings
         again = replace(cut(facts, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
         return Judged(_put_back(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
@@ -138,6 +140,8 @@ def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> Cont
     steady = f"steady: T changes by less than {plan.steady:g} K/s" if slow >= SLOW else ""
     return replace(
         control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
+        # fault: histories go on over an event -> ends=tuple([e for e in control.ends if e > span.k1]),
+        #   event=control.event, | coupler/test_events
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,
@@ -162,6 +166,7 @@ def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> Contr
     limits = stepsize.Limits(adaptive.least, adaptive.most)
     size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.size,
                                      2 if error is None else error.order, limits)
+    # fault: a crumb before a kink sets the size after it -> size = max(size, 0.0) | coupler/test_control
     size = max(size, _as_planned(facts, error))
     reason = "no error is known yet" if error is None else error.words
     return replace(control, size=size, reason=reason, controller=memory)
@@ -180,6 +185,7 @@ def _as_planned(facts: Facts, error: Estimate | None) -> float:
 def _is_slow(facts: Facts) -> bool:
     """Whether hardly anything changed, and no kink lies ahead that could change that."""
     plan = facts.plan
+    # fault: a run stops as steady before a kink -> if plan.steady == 0.0 or plan.last < 0: | coupler/test_control
     if plan.steady == 0.0 or plan.must_end(facts.span.k0) != plan.last:
         return False
     change = float(np.abs(facts.solved.state.now.T - facts.at.state.now.T).max())

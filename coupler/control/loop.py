@@ -92,6 +92,7 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
         if not solved.taken:
             kept.put_back(solved.message)
         verdict = judged(Facts(plan, at, span, solved))
+        # fault: halves not put back where a window is judged not to stand -> if False: | coupler/test_control
         if solved.taken and not verdict.solved.taken:
             kept.put_back(verdict.solved.message)
     state = solved.state if verdict.solved.taken else at.state
@@ -108,6 +109,7 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     if not plan.locate.on or control.failures:
         return span, proposal.reason
     tick = events.expected(control.events, at.state, span, plan, control.settings.scheme)
+    # fault: no try ends where an event is expected -> if True: | coupler/test_events
     if tick is None or not span.k0 < tick < span.k1:
         return span, proposal.reason
     return replace(span, k1=tick), "to end where an event is expected"

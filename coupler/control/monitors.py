@@ -20,6 +20,7 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
     thermal.NAME, mechanical.NAME : scalars the halves told; iterations are sums over the window.  Where it was solved
     in two halves too, all that depends on the length of a step is of the window in one: a rule means the same then.
     """
+    # fault: monitors of a window solved in two halves too are of its second half -> one = solved | coupler/test_rules
     one = solved.whole or solved
     course, work = one.course, one.work
     found = {"t": span.end, "window": span.end - span.clock.seconds(span.k0), "number": float(control.number + 1),

@@ -32,6 +32,7 @@ class Locate:
     def seen(self, level: Level, monitors: Mapping[str, float]) -> Sight:
         """All that is looked at: pairs, branches of laws, friction."""
         sight = seen(self.places, level, monitors)
+        # fault: bends are not looked at -> if True: | coupler/test_branches
         if not self.branches:
             return sight
         sides = [side(branch, level) for branch in self.branches]

@@ -56,6 +56,7 @@ def limits(feedback: Feedback, method: str) -> Limits:
     Methods between the two, sdirk2 too, are stable for somewhat longer than the midpoint rule.
     """
     b, d = feedback.b, max(feedback.damping, 0.0)
+    # fault: predicted damping lost -> damped = 0.0 * d if method == "backward_euler" else 0.0 | coupler/test_predict
     damped = d if method == "backward_euler" else 0.0
     return Limits(_least(2.0, b - damped), _least(2.0, 2.0 * b - damped), _least(1.0, abs(b) / 2.0 - d))
 
@@ -75,6 +76,8 @@ def feedback(halves: Halves, state: CoupledState, span: Span) -> Feedback:
     # 1/rho = 2/(b H) + 2 theta a/b: a line over 1/H.
     if short == 0.0 or long == 0.0:
         return Feedback(state.now.t, -2.0 * short / h, 0.0)
+    # fault: predicted feedback a quarter too small -> b = 1.5 * (1.0 / h - 1.0 / H) / (1.0 / long - 1.0 / short) |
+    #   coupler/test_predict
     b = 2.0 * (1.0 / h - 1.0 / H) / (1.0 / long - 1.0 / short)
     return Feedback(state.now.t, b, b / 2.0 * (-1.0 / long) - 1.0 / H)
 

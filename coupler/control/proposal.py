@@ -57,10 +57,13 @@ def _adaptive(plan: Plan, limits: Adaptive, control: ControlState) -> Proposal:
     size = min(max(control.size * control.settings.window_factor, limits.least), most)
     wanted, rest, t = max(_ticks(plan, size), 1.0), must - k0, plan.schedule.clock.seconds(must)
     k1, reason = k0 + int(wanted), control.reason
+    # fault: a rest longer than the window makes two short ones -> if rest <= wanted and rest <= _ticks(plan, most) *
+    #   (1.0 + 1e-9): | coupler/test_control
     if rest <= wanted * (1.0 + REST) and rest <= _ticks(plan, most) * (1.0 + 1e-9):
         k1, reason = must, f"{control.reason}; to end at {t:.9g} s"
     elif rest < 2.0 * wanted:
         k1, reason = k0 + (rest + 1) // 2, f"{control.reason}; two equal ones to {t:.9g} s"
+    # fault: a window put back is stretched to its old size again -> if False: | coupler/test_control
     if control.below and k1 >= control.below:
         k1 = max(k0 + int(min(wanted, (control.below - k0) / 2.0)), k0 + 1)
     return Proposal(k1, reason)

@@ -73,9 +73,13 @@ def opened(at: Committed, plan: Plan) -> Committed:
     if k == control.fresh or (k not in plan.schedule.kinks and k != control.event):
         return at
     damped = k in plan.schedule.events or k == control.event
+    # fault: halves restart damped where thermal data only bend -> state = replace(state, past=(), memory=(),
+    #   events=state.events + 1) | coupler/test_coupling
     state = replace(state, past=(), memory=(), events=state.events + damped)
     if k in plan.schedule.kinks:
         # Not where contact opens and closes by turns: that may be the cycle itself.
+        # fault: halved windows stay halved past a kink -> control = replace(control, cycle=cycle.Watch(), ) |
+        #   coupler/test_cycle_action
         control = replace(control, cycle=cycle.Watch(), settings=home(control.cycle, control.settings))
     control = replace(control, fresh=k, estimate=estimate.forgotten(control.estimate),
                       controller=stepsize.forgotten(control.controller), choice=auto.forgotten(control.choice),

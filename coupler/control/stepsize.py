@@ -18,6 +18,7 @@ I_POWER, P_POWER = 0.8, 0.3
 # A window is at most so many times the last: what is known of the error is known of windows like the last.  Where the
 # error itself would change it by no more than `STAY`, it stays: that gains less than the unrest costs.
 GROW, SHRINK = 2.0, 0.2
+# fault: no deadband: the size follows every wiggle of the estimate -> STAY = (1.0, 1.0) | coupler/test_stepsize
 STAY = (0.9, 1.25)
 # A rejected window is tried again at this share at most; what was rejected by a hair must not be rejected twice.
 AGAIN = 0.7
@@ -49,7 +50,10 @@ def proposed(memory: Memory, H: float, error: float | None, order: int, limits: 
         return _within(H, limits), replace(memory, failed=False)
     now, k = max(error, LEAST_ERROR), order + 1
     before = memory.error if math.isfinite(memory.error) else now
+    # fault: the proportional part of the controller with the wrong sign -> factor = (now / AIM) ** (-I_POWER / k) *
+    #   (max(before, LEAST_ERROR) / AIM) ** (-P_POWER / k) | coupler/test_stepsize
     factor = (now / AIM) ** (-I_POWER / k) * (max(before, LEAST_ERROR) / AIM) ** (P_POWER / k)
+    # fault: windows grow right after a rejection -> factor = min(max(factor, SHRINK), GROW) | coupler/test_stepsize
     factor = min(max(factor, SHRINK), 1.0 if memory.failed else GROW)
     if STAY[0] < (now / AIM) ** (-1.0 / k) < STAY[1]:
         factor = 1.0

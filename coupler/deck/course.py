@@ -50,6 +50,8 @@ class Course:
     @property
     def signal(self) -> Signal:
         """As a scenario has it: a number, or a table without what says nothing."""
+        # fault: decks: a ramp's end and a jump give three values at one time -> points = self.points |
+        #   coupler/test_deck
         points = _jumps(self.points)
         held = (points[0], *points, points[-1])
         kept = [now for before, now, later in zip(held, held[1:], held[2:], strict=False)
@@ -122,4 +124,5 @@ def after(course: Course | None, step: Step | None, value: float, amplitude: Amp
         new = [(t0, value)]
     if t0 == 0.0:
         return Course(tuple(new))
+    # fault: decks: a later step forgets what was before -> return Course(tuple(new)) | coupler/test_deck
     return Course((*before, (t0, now), *new))

@@ -109,6 +109,8 @@ def blocks_of(path: Path) -> list[Block]:
     Raises ScenarioError, naming file and line, where a file is missing, too large, not text, not beside the deck, or
     includes itself, and where data stand before the first keyword.
     """
+    # fault: decks: includes lie beside what a link leads to -> files = _Files(path.resolve().parent, path.parent) |
+    #   coupler/test_deck_hostile
     files = _Files(path.parent.resolve(), path.parent)
     blocks: list[Block] = []
     data: list[Row] = []
@@ -138,6 +140,8 @@ def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> It
     resolved, shown = path.resolve(), printable(str(path))
     i = 0
     while i < len(lines):
+        # fault: decks: a line keeps what no comment may hold -> text, start = lines[i].strip(), i + 1 |
+        #   coupler/test_deck_hostile
         text, start = printable(lines[i]).strip(), i + 1
         i += 1
         if not text or text.startswith("**"):
@@ -165,6 +169,7 @@ def _beside(block: Block, files: _Files, within: tuple[Path, ...]) -> Path:
     if not name or len(name) > MAX_NAME:
         raise wrong(block.row, "INPUT must name a file")
     path = Path(os.path.realpath(files.folder / name))  # links that lead in a circle stay as they are
+    # fault: decks: an included file may lie anywhere -> if False: | coupler/test_deck_hostile
     if not path.is_relative_to(files.folder):
         raise wrong(block.row, "only files beside the deck are read", f"Move it into {files.folder}.")
     if path in within:

@@ -35,6 +35,8 @@ class Step:
         """One entry of coupling.windows."""
         span = self.end - self.start
         # No longest increment, 0, is as good as the whole step.
+        # fault: decks: a step without a longest increment never grows its windows -> if self.direct or self.first >=
+        #   span / MOST or self.longest <= self.first: | coupler/test_deck_hostile
         if self.direct or self.first >= span / MOST or 0.0 < self.longest <= self.first:
             return {"until": self.end, "size": min(self.first, span)}
         return {"until": self.end, "first": self.first, "last": min(self.longest or span, span / 50.0)}
@@ -90,6 +92,7 @@ def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
                 tuple(b for b in own if b.word not in PROCEDURES))
     if not step.start < step.end < float("inf"):
         raise wrong(row, f"a step of {span:g} s from {start:g} s has no end that a number could hold")
+    # fault: decks: a step may have any number of increments -> if False: | coupler/test_deck_hostile
     if step.count > MAX_WINDOWS:
         raise wrong(row, f"more than {MAX_WINDOWS} increments", "Give a longer longest increment, or none.")
     return step

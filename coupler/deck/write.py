@@ -62,6 +62,8 @@ def _members(mesh: Mesh, groups: Groups) -> Iterator[tuple[int, str, list[tuple[
 def scenario_text(tree: Mapping[str, Any], head: Sequence[str]) -> str:
     """The scenario as YAML under a comment; a mapping or list of plain values stands on one line."""
     lines = [*head[:MOST_TOLD], *([f"... and {len(head) - MOST_TOLD} lines more"] if len(head) > MOST_TOLD else [])]
+    # fault: decks: a name leaves the comment it stands in -> return "".join(f"# {line}".rstrip() + "\n" for line in
+    #   lines) + dumped(_laid_out(tree), layout()) | coupler/test_deck_hostile
     return "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines) + dumped(_laid_out(tree), layout())
 
 

@@ -98,10 +98,14 @@ def from_bytes(data: bytes, versions: dict[str, str], name: str) -> tuple[Origin
         raise ResultsError(f"{name}: {'cut short' if cut else 'not a checkpoint of this program'}; no resume from it")
     begin = len(MAGIC) + _HEAD.size
     digest, length = _HEAD.unpack(data[len(MAGIC) : begin].ljust(_HEAD.size, b"\0"))
+    # fault: the checksum of a checkpoint is not looked at -> if len(digest) != 32: |
+    #   coupler/test_checkpoint::test_500_flipped_bytes_are_refused
     if hashlib.sha256(data[begin - _LENGTH.size :]).digest() != digest:
         raise ResultsError(f"{name}: cut short or damaged (its checksum does not fit); no resume from it")
     try:
         origin: Origin = decode(data[begin : begin + length], ORIGINS)
+        # fault: other versions are not noticed -> pass |
+        #   coupler/test_checkpoint::test_other_versions_are_refused_by_name
         check_versions(origin, versions, name)
         checkpoint: Checkpoint = decode(data[begin + length :], CHECKPOINTS)
     except WireError as exc:
@@ -132,6 +136,8 @@ def write_checkpoint(path: Path, data: bytes) -> None:
 
     Raises OSError.
     """
+    # fault: a checkpoint is written over the older one in place -> part = path |
+    #   coupler/test_checkpoint::test_a_file_takes_the_place_of_the_older_one_whole_or_not_at_all
     part = part_of(path)
     with part.open("wb") as file:
         file.write(data)

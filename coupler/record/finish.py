@@ -77,6 +77,7 @@ def _make(journal: Path, path: Path) -> bool:
 @contextmanager
 def _folder(path: Path) -> Iterator[Path]:
     """An empty folder, while the block lasts; what a process that was killed left of it goes first."""
+    # fault: what a killed run left of its results file stays -> pass | coupler/test_resume
     shutil.rmtree(path, ignore_errors=True)
     path.mkdir()
     try:

@@ -87,6 +87,7 @@ def _rewind(told: Gathered, t: float, rows: int) -> None:
     told.rewound["windows"] = told.rewound.get("windows", 0) + sum(row[names.index("taken")] for row in gone)
     for name in SPENT:
         told.rewound[name] = told.rewound.get(name, 0) + sum(row[names.index(name)] for row in gone)
+    # fault: windows that were rewound stay in the table -> del told.words[rows:] | coupler/test_interactive
     del told.rows[rows:], told.words[rows:]
     told.iterates = [row for row in told.iterates if row[0] < rows]
     told.estimates = [row for row in told.estimates if row[0] < rows]

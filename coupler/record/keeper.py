@@ -109,6 +109,8 @@ def put_back(halves: Mapping[str, Half], checkpoint: Checkpoint, name: str) -> N
                                f"the one installed now ({now[role]}); resume with those, or run anew")
         token = half.deserialise(checkpoint.halves[role])
         try:
+            # fault: a half is left at its start when a run is resumed -> pass |
+            #   coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
             half.restore(token)
         finally:
             half.release(token)

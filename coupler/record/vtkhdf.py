@@ -117,6 +117,8 @@ def _growing(group: h5py.Group, name: str, rows: int, width: int) -> h5py.Datase
 def _in_space(value: Array) -> Array:
     """Scalars as they are, vectors and tensors of a plane with the components that are zero."""
     if value.ndim == 2 and value.shape[1] == 4:
+        # fault: shear for thickness in field files -> return np.column_stack([value, np.zeros((len(value), 2))]) |
+        #   scenarios/test_plastic_heating
         return np.column_stack([value[:, [0, 1, 3, 2]], np.zeros((len(value), 2))])
     return np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 else value
 

@@ -60,6 +60,8 @@ def sentence(c: Comparison, names: tuple[str, str], temperature_unit: str, geome
     for d in apart:
         row = told_of(d, temperature_unit)
         where = f" at {row.place}" if row.place not in ("", row.name) else ""
+        # fault: compare: an axisymmetric scene in x and y -> what = name_of(d.curves.quantity, "plane") |
+        #   coupler/test_compare
         what = name_of(d.curves.quantity, geometry)
         parts.append(f"{row.by} in {what} ({row.name}{where}, t = {row.t}: {row.b} against {row.a})")
     listed = parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -60,6 +60,8 @@ def error_of(results: Results, quantity: str) -> Array | None:
         return None
     of_row = dict(zip(results.errors.window.tolist(), results.errors[ERRORS[quantity]].tolist(), strict=True))
     rows = np.flatnonzero(results.windows.taken)
+    # fault: report: an error stands at the end of the window before -> error = np.array([*(of_row.get(row, np.nan) for
+    #   row in rows.tolist()), np.nan]) | coupler/test_report_windows
     error = np.array([np.nan, *(of_row.get(row, np.nan) for row in rows.tolist())])
     return error if np.isfinite(error).any() else None
 
@@ -115,6 +117,8 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
 def _caption(quantity: str, title: str, span: str, near: bool, lines: bool) -> str:
     if near:
         return f"The same where most of it happens, {span}."
+    # fault: a caption of lines that nobody drew -> more = {"T": " Thin vertical lines: kinks, where boundary data jump
+    #   or change slope.", | coupler/test_report
     more = {"T": " Thin vertical lines: kinks, where boundary data jump or change slope." if lines else "",
             "gap": " Where nothing is faced there is no gap."}
     return f"{title}.{more.get(quantity, '')}"

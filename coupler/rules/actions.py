@@ -23,6 +23,8 @@ def applied(settings: Settings, actions: Iterable[Action]) -> Settings:
 def _one(settings: Settings, action: Action) -> Settings:
     match action:
         case Substeps(half=half, count=count):
+            # fault: rules: substeps without an upper bound -> n = max(round(settings.substeps[half] * count.times), 1)
+            #   | coupler/test_rules
             n = max(round(count.of(settings.substeps[half])), 1)
             return replace(settings, substeps={**settings.substeps, half: n})
         case Give(half=half, name=name, value=value):

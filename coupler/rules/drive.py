@@ -59,14 +59,17 @@ def begun(drive: Drive) -> Driven:
 def driven(drive: Drive, known: Driven, measured: float, H: float) -> Driven:
     """After a window of H [s] with the load known.value in which the monitor was measured."""
     v = math.log(known.value) if drive.log else known.value
+    # fault: drive: no limit of its rate -> limit = STRIDE if drive.log else math.inf | coupler/test_drive
     limit = min(drive.rate * H, STRIDE if drive.log else math.inf)
     # A monitor of the wrong sign has no logarithm: nothing moves yet, so the load goes up as fast as it may.
     if drive.log and measured * drive.target <= 0.0:
         return replace(known, value=_bounded(drive, v + limit), m=(), v=(), H=())
     left = math.log(measured / drive.target) if drive.log else measured - drive.target
+    # fault: drive: lag ignored -> m = left + (0.0 * (left - known.left) / H if known.H else 0.0) | coupler/test_drive
     m = left + (drive.lag * (left - known.left) / H if known.H else 0.0)
     ms, vs, Hs = (m, *known.m), (v, *known.v), (H, *known.H)
     gain = _gain(drive, known.gain, ms, vs)
+    # fault: drive: the drift is not carried on -> step = gain * -m | coupler/test_drive
     step = gain * (-m - _drift(gain, ms, vs, Hs))
     new = _bounded(drive, v + min(max(step, -limit), limit))
     return Driven(new, gain, left, ms[:2], vs[:2], Hs[:2])
@@ -86,6 +89,7 @@ def _gain(drive: Drive, gain: float, m: tuple[float, ...], v: tuple[float, ...])
         return gain
     turn = (v[0] - v[1]) - (v[1] - v[2])
     slope = ((m[0] - m[1]) - (m[1] - m[2])) / turn if abs(turn) > TURNED * max(abs(v[0] - v[1]), TURNED) else math.nan
+    # fault: drive: the gain is never measured -> if True: | coupler/test_drive
     if not slope > 0.0:  # nan too
         return gain
     return min(gain + BELIEVED * (min(max(1.0 / slope, GAINS[0]), GAINS[1]) - gain), GROWTH * gain)

@@ -113,13 +113,20 @@ def fire(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], s
     it then.
     """
     # A window that can be taken has not failed, however often it was tried: nobody fires for the same tries twice.
+    # fault: strain rate from the whole window where the increment is of a substep -> monitors = {**with_rate(monitors,
+    #   monitors["window"]), | coupler/test_rules
     monitors = {**with_rate(monitors, monitors["window"] / settings.substeps["mechanical"]),
+                # fault: rules: failed tries heard again in the window that is taken -> } | coupler/test_rules
                 **dict.fromkeys(OF_FAILURE, 0.0)}
     seen = {r.name: _seen(r, memory, monitors) for r in rules}
     due = [r for r in rules if _acts(r, monitors["window"]) and _due(r, seen[r.name], monitors["t"])]
     back = [r for r in due if _share(r, monitors["window"])]
     if back:
         log = tuple(Firing(r.name, did(r.do), _values(r, memory, monitors)) for r in back)
+        # fault: rules: a window put back keeps what other rules counted in it -> return Fired(applied(settings,
+        #   _others(back)), replace(_with_fired(memory, back), last=dict(monitors)), log, | coupler/test_rules
+        # fault: rules: what other rules do stays when the window goes back -> return Fired(applied(settings,
+        #   _others(due)), _with_fired(memory, back), log, | coupler/test_rules
         return Fired(applied(settings, _others(back)), _with_fired(memory, back), log,
                      min(_share(r, monitors["window"]) for r in back))
     settings = applied(settings, _others(due))
@@ -158,11 +165,14 @@ def alone(rule: Rule, memory: Memory, monitors: Mapping[str, float], failed: boo
     fired = Firing(rule.name, did(rule.do), _values(rule, memory, monitors)) if due else None
     if failed:
         return fired, _with_fired(memory, [rule]) if due else memory
+    # fault: check --rules: the window before is not remembered -> return fired, replace(memory, rules={rule.name:
+    #   _after(rule, seen, due)}) | scenarios/test_rules
     return fired, replace(memory, rules={rule.name: _after(rule, seen, due)}, last=dict(monitors))
 
 
 def retried(memory: Memory, fired: Fired) -> Memory:
     """The memory for the next try of a window that was put back, by a rule or not.  memory : before that window."""
+    # fault: rules: once and cooldown forgotten with a window put back -> return memory | coupler/test_rules
     return fired.memory if fired.retry else memory
 
 
@@ -172,11 +182,15 @@ def value(test: Test, last: Mapping[str, float], monitors: Mapping[str, float]) 
     if test.of is Of.VALUE:
         return now
     change = now - before
+    # fault: rules: a rate not divided by the time since the window before -> return change if test.of is Of.CHANGE else
+    #   change | coupler/test_rules
     return change if test.of is Of.CHANGE else change / (monitors["t"] - last.get("t", math.nan))
 
 
 def _share(rule: Rule, window: float) -> float:
     """The share of a window that a rule wants to try instead; 0: it does not, or that would be too short."""
+    # fault: rules: a retry below its least -> return min((a.window for a in rule.do if isinstance(a, Retry)),
+    #   default=0.0) | coupler/test_rules
     return min((a.window for a in rule.do if isinstance(a, Retry) and window * a.window >= a.least), default=0.0)
 
 
@@ -231,6 +245,8 @@ def _due(rule: Rule, seen: Past, t: float) -> bool:
     for group in rule.when.any:
         groups.append(all(met[n:n + len(group)]))
         n += len(group)
+    # fault: rules: any taken for all -> return all(met[:len(rule.when.all)]) and (all(groups) or not groups) |
+    #   coupler/test_rules
     return all(met[:len(rule.when.all)]) and (any(groups) or not groups)
 
 
@@ -245,6 +261,8 @@ def _with_fired(memory: Memory, due: Sequence[Rule]) -> Memory:
 
 def _after(rule: Rule, seen: Past, fired: bool) -> Past:
     """What is kept of a window that stands; "so many windows on end" are counted anew after a rule fired."""
+    # fault: rules: windows in a row counted on after a firing -> return _fired(rule, seen) if fired else replace(seen,
+    #   rest=max(seen.rest - 1, 0)) | coupler/test_rules
     return replace(_fired(rule, seen), streaks=()) if fired else replace(seen, rest=max(seen.rest - 1, 0))
 
 

@@ -30,6 +30,8 @@ def _lacks(rule: Rule, blocks: Blocks) -> Iterator[str]:
             yield f"the {monitor.partition('.')[0]} half gives out no {monitor.partition('.')[2]}"
     gives = [(a.half, a.name) for a in rule.do if isinstance(a, Give)]
     for half, name in gives + ([(rule.drive.half, rule.drive.name)] if rule.drive else []):
+        # fault: rules: an input that a half does not have goes unnoticed -> if name in blocks[half] and
+        #   blocks[half][name].causality != "input": | coupler/test_rules_fit
         if name not in blocks[half] or blocks[half][name].causality != "input":
             yield f"the {half} half has no input {name}"
 

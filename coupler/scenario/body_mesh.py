@@ -58,6 +58,7 @@ def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:
         at = ", ".join(f"({X:g}, {Y:g})" for X, Y in x[bad[0]])
         raise MeshError(f"{kind} {bad[0] + 1} is flat, folded or not convex; its corners are {at} m",
                           "Mend the mesh: every corner of a cell must turn the same way.")
+    # fault: clockwise cells kept -> return cells.astype(np.int32) | coupler/test_scenario_mesh
     return np.where(sign[:, None] < 0, cells[:, ::-1], cells).astype(np.int32)
 
 

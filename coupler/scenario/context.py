@@ -75,6 +75,8 @@ class Context:
         x = self.interface.nodes[np.unique(sets[on])]
         # Linear in time between the times of its signals, so the smallest value is at one of them.
         times = np.unique(np.concatenate([s.t for s in known.signals]))
+        # fault: fields below zero not looked for -> return min(float(known.at(x, t, side).min()) for t in times[:0] for
+        #   side in (-1, 1)) if False else 0.0 | coupler/test_scenario_thermal
         return min(float(known.at(x, t, side).min()) for t in times for side in (-1, 1))
 
     def names_once(self, boundary: Sequence[Supported], place: Key) -> None:

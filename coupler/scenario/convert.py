@@ -32,12 +32,14 @@ class Convert:
 
     def kelvin(self, T: float, key: Key) -> float:
         """A temperature of the file in K.  Differences of temperature are never converted."""
+        # fault: absolute zero unguarded -> if False: | coupler/test_scenario_errors
         if T + self.offset < 0:
             raise self.document.error(
                 key,
                 f"{T:g} {self.file.units.temperature.value} is below absolute zero",
                 "Check units.temperature (degC or K).",
             )
+        # fault: temperatures not converted -> return T | coupler/test_scenario_load
         return T + self.offset
 
     def signal(self, spec: float | str | SignalTable, key: Key, least: float | None = None) -> Json:
@@ -47,6 +49,8 @@ class Convert:
                 raise self.document.error(at, f"must not be less than {least:g}, but reaches {value:g}")
             return value
 
+        # fault: every signal shifted to kelvin -> return self._mapped(spec, key, self.kelvin) |
+        #   coupler/test_scenario_load
         return self._mapped(spec, key, check)
 
     def temperature(self, spec: float | str | SignalTable, key: Key) -> Json:
@@ -62,6 +66,8 @@ class Convert:
         if not isinstance(spec, FieldSum):
             return self.temperature(spec, key)
         terms = self._sum(spec, key)["terms"]
+        # fault: a sum of temperatures left in degC -> return {"terms": [*terms, {"t": self.offset}] if False else
+        #   terms} | coupler/test_scenario_thermal
         return {"terms": [*terms, {"t": self.offset}] if self.offset else terms}
 
     def _sum(self, spec: FieldSum, key: Key) -> Json:

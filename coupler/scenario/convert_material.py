@@ -17,10 +17,14 @@ def datum(convert: Convert, spec: float | PropertyTable | Polynomial | Phases | 
         return {name: convert.property(getattr(spec, name), (*key, name)) for name in ("solid", "liquid")}
     if isinstance(spec, Axes):
         return {**{name: datum(convert, getattr(spec, name), (*key, name)) for name in ("k_1", "k_2")},
+                # fault: degrees taken for radians -> "angle": spec.angle, "turns": spec.turns} |
+                #   coupler/test_scenario_thermal
                 "angle": radians(spec.angle), "turns": spec.turns}
     if isinstance(spec, Latent):
         keys = ("T_m", "T_m") if spec.T_m is not None else ("T_s", "T_l")
         T_s, T_l = (convert.kelvin(T, (*key, name)) for T, name in zip(spec.limits, keys, strict=True))
+        # fault: latent heat halved on its way to the half -> return {"L": 0.5 * spec.L, "T_s": T_s, "T_l": T_l} |
+        #   thermal_fmu/test_thermal_fmu
         return {"L": spec.L, "T_s": T_s, "T_l": T_l}
     return convert.property(spec, key)
 

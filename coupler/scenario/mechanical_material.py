@@ -77,6 +77,8 @@ def _hardening(c: Context, hardening: Hardening, key: Key) -> Model:
 
 def _liquid(c: Context, liquid: Liquid, key: Key) -> Model:
     model = _given(c, liquid, key, ("eta", "bulk"), ("shrinkage", "heat"))
+    # fault: melting range of a scenario not converted to kelvin -> return model | {T: getattr(liquid, T) for T in
+    #   ("T_s", "T_l")} | coupler/test_scenario_mechanical
     return model | {T: c.convert.kelvin(getattr(liquid, T), (*key, T)) for T in ("T_s", "T_l")}
 
 

@@ -137,8 +137,10 @@ def augmented(pair: ContactPair) -> Model:
     """What a half that solves for contact is told beyond interface.h5."""
     if pair.augmented is None:
         return {}
+    # fault: rounds asked for, none written -> if False: | coupler/test_scenario_contact
     if pair.augmented.method is Settling.UZAWA:
         return {"augmented": pair.augmented.tolerance}
+    # fault: augmentation lost on the way -> return {} | coupler/test_scenario_contact
     return {"augmented": {"share": pair.augmented.tolerance, "method": pair.augmented.method.value}}
 
 
@@ -147,6 +149,7 @@ def _one_way_to_settle(c: Context) -> None:
     ways = {name: pair.augmented.method for name, pair in c.file.contact.items() if pair.augmented is not None}
     for name, way in ways.items():
         first = next(iter(ways))
+        # fault: different ways to settle not seen in a scenario -> if False: | coupler/test_scenario_contact
         if way is not ways[first]:
             raise c.document.error(("contact", name, "augmented", "method"),
                                    f"{way.value} here, {ways[first].value} in contact.{first}: all augmented pairs are "
@@ -157,6 +160,7 @@ def _one_way_to_settle(c: Context) -> None:
 def rigid_model(c: Context) -> Model:
     """The model of the half `rigid`.  Raises ScenarioError."""
     c.no_options("mechanical", c.file.mechanical.options)
+    # fault: the rigid half ignores friction in silence -> pass | coupler/test_scenario_contact
     _nothing_to_solve(c)
     rigid, key = c.file.mechanical.rigid or Rigid(), ("mechanical", "rigid")
     c.known_only(rigid.motion, c.file.bodies, (*key, "motion"), "body")

@@ -27,6 +27,8 @@ def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
     """Mesh a body from a file beside the scenario.  Raises MeshError, with what to do."""
     raw = _read(mesh_path(spec, folder))
     cells, groups = _blocks(raw)
+    # fault: unit of a mesh file ignored -> points = _in_plane(np.asarray(raw.points, dtype=float)) |
+    #   coupler/test_scenario_mesh
     points = _in_plane(np.asarray(raw.points, dtype=float)) * METRES[spec.unit]
     if spec.region is not None:
         if spec.region not in (known := {**groups["quad"], **groups["triangle"]}):
@@ -156,4 +158,5 @@ def _surfaces(lines: NDArray[np.int64], groups: dict[str, NDArray[np.int64]], qu
                 at=("file", "path"),
             )
         if on.any():
+            # fault: lines of mesh files not turned -> yield name, line[on] | coupler/test_scenario_mesh
             yield name, np.where(turned[:, None], line[:, ::-1], line)[on]

@@ -23,6 +23,8 @@ class Frames:
         """number : accepted windows so far.  t [s]: the time reached."""
         passed = [w for w in self.waiting if w <= t * (1 + SAME)]
         self.waiting = self.waiting[len(passed):]
+        # fault: fields by count forgotten -> return bool(passed) or (self.every is not None and number % self.every ==
+        #   1) | coupler/test_scenario_load
         return bool(passed) or (self.every is not None and number % self.every == 0)
 
 

@@ -116,7 +116,10 @@ def surface_mean(interface: Interface, edges: Ints) -> tuple[Ints, Floats]:
     """Nodes and weights of the mean over a surface: integral of N_i dA over A, reference; dA = ds or r ds."""
     ends = interface.nodes[edges]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    # fault: mean over a disc as over a strip -> r = 0.0 * ends[:, :, 0] + 1.0 if interface.axisymmetric else
+    #   np.ones(edges.shape) | coupler/test_scenario_probes
     r = ends[:, :, 0] if interface.axisymmetric else np.ones(edges.shape)
+    # fault: mean of a surface without its areas -> share = 1.0 + 0.0 * r | coupler/test_scenario_probes
     share = length[:, None] * (2 * r + r[:, ::-1]) / 6
     nodes, where = np.unique(edges.ravel(), return_inverse=True)
     weights = np.bincount(where, weights=share.ravel())

@@ -15,6 +15,8 @@ NEAR = 1e-9
 SIDES = {
     "bottom": (0, False, False, ("left", "centre", "right")),
     "right": (1, True, False, ("bottom", "centre", "top")),
+    # fault: top surface runs the wrong way -> "top": (0, True, False, ("left", "centre", "right")), |
+    #   coupler/test_scenario_mesh
     "top": (0, True, True, ("left", "centre", "right")),
     "left": (1, False, True, ("bottom", "centre", "top")),
 }

@@ -70,6 +70,8 @@ class _Reader:
         def bound(value: float | None, place: Key, none: float) -> float:
             if value is None:
                 return none
+            # fault: a rule's temperature taken for kelvin -> return self._c.convert.kelvin(value, (*key, *place)) if
+            #   False else value | coupler/test_scenario_rules
             return self._c.convert.kelvin(value, (*key, *place)) if is_T and spec.of is Of.VALUE else value
 
         return Test(monitor, spec.of, bound(low, places[0], -math.inf), bound(high, places[1], math.inf), spec.windows)

@@ -124,6 +124,10 @@ def _pairs(
                     ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}"
                 )
         eps_N = _penalty(document, file, convert, name, nodes, surfaces)
+        # fault: friction of a scenario lost on the way -> pairs.append(Pair(name, slave, master, pair.gap_max, eps_N,
+        #   eps_T=_stick(pair), | coupler/test_scenario_contact
+        # fault: stiffness of sticking lost on the way -> pairs.append(Pair(name, slave, master, pair.gap_max, eps_N,
+        #   mu=pair.mu, | coupler/test_scenario_contact
         pairs.append(Pair(name, slave, master, pair.gap_max, eps_N, mu=pair.mu, eps_T=_stick(pair),
                           two_pass=pair.two_pass, by_node=pair.form is Form.NODES))
     return tuple(pairs)
@@ -157,4 +161,5 @@ def _penalty(document: Document, file: ScenarioFile, convert: Convert, name: str
     if min(stiffness) <= 0:
         raise document.error(("contact", name, "penalty"), "E is not positive at T0, so E/h is no penalty",
                              "State the penalty as a number [Pa/m].")
+    # fault: penalty from the stiffer body -> return max(stiffness) / h | coupler/test_scenario_load
     return min(stiffness) / h

@@ -137,6 +137,8 @@ class Plastic(Part):
         if self.s_y is not None:
             positive(self.s_y, ("s_y",))
         not_negative(self.factor, ("factor",))
+        # fault: a flow stress that falls goes unnoticed -> if self.hardening is not None and False: |
+        #   coupler/test_scenario_mechanical
         if self.hardening is not None and self.hardening.falls and not self.softening:
             raise problem("its flow stress falls with plastic strain", "If that is meant, write softening: true.",
                           at=("hardening",))

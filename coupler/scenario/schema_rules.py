@@ -199,6 +199,8 @@ class RuleSpec(Part):
     once: bool = False
     after: NotNegative = 0.0
     until: Positive | None = None
+    # fault: a key that a page's fragment has is unknown -> cool_down: NotNegative = 0.0 |
+    #   test_docs::test_yaml_is_understood
     cooldown: NotNegative = 0.0
 
     @model_validator(mode="after")

@@ -21,6 +21,8 @@ def temperatures_once(c: Context, place: Key) -> None:
         if b.temperature is None:
             continue
         where = c.where(b, (*place, i))
+        # fault: two temperatures on one place, the first ignored -> if seen.setdefault(where, i) > i: |
+        #   coupler/test_scenario_thermal
         if seen.setdefault(where, i) != i:
             raise c.document.error(
                 (*place, i, "at" if b.on is None else "on"),
@@ -35,6 +37,8 @@ def steady_is_held(c: Context) -> None:
     """
     if c.file.thermal.method is not Method.STEADY:
         return
+    # fault: a flux taken for something that holds a steady temperature -> held = {b.where.split(".")[0] for b in
+    #   c.file.thermal.boundary} | coupler/test_scenario_thermal
     held = {b.where.split(".")[0] for b in c.file.thermal.boundary if b.flux is None}
     held |= {name for name, body in c.file.bodies.items() if body.Q_T_factor is not None}
     pairs = [{side.split(".")[0] for side in (p.slave, p.master)} for p in c.file.contact.values()
@@ -55,6 +59,9 @@ def surfaces_work_at_start(c: Context, place: Key) -> None:
     """
     for spec, key, surface, most in _polynomials(c, place):
         body = surface.split(".")[0]
+        # fault: an emissivity is held against the first body's T0 -> T0 =
+        #   c.convert.kelvin(next(iter(c.file.bodies.values())).T0, ("bodies", body, "T0")) |
+        #   coupler/test_scenario_thermal
         T0 = c.convert.kelvin(c.file.bodies[body].T0, ("bodies", body, "T0"))
         value = float(property_from(c.convert.property(spec, key))(np.array([T0]))[0])
         if not (0.0 < value <= most or (value == 0.0 and most == inf)):

@@ -47,6 +47,8 @@ def _stepping(thermal: Thermal) -> Model:
         if getattr(thermal, key) is not None:
             model[key] = getattr(thermal, key)
     if thermal.adaptive is not None:
+        # fault: inner tolerance converted like a temperature -> model["adaptive"] = {k: v + 273.15 for k, v in
+        #   thermal.adaptive.model_dump(exclude_none=True).items()} | coupler/test_scenario_thermal
         model["adaptive"] = thermal.adaptive.model_dump(exclude_none=True)
     return model | ({"sigma_SB": thermal.sigma_SB} if thermal.sigma_SB != SIGMA_SB else {})
 
@@ -54,6 +56,8 @@ def _stepping(thermal: Thermal) -> Model:
 def _body(c: Context, name: str) -> Model:
     body, key = c.file.bodies[name], ("bodies", name)
     return {"material": body.material, "T0": c.convert.kelvin(body.T0, (*key, "T0")),
+            # fault: factor of a source dropped on its way to the half -> "Q_T": c.convert.field(body.Q_T, (*key,
+            #   "Q_T")), **_factor(c, "Q_T_factor", None, key)} | thermal_fmu/test_thermal_fmu
             "Q_T": c.convert.field(body.Q_T, (*key, "Q_T")), **_factor(c, "Q_T_factor", body.Q_T_factor, key)}
 
 
@@ -83,6 +87,8 @@ def _convection(c: Context, film: Convection, key: Key, on: str) -> Model:
 
 
 def _radiation(c: Context, radiation: Radiation, key: Key, on: str) -> Model:
+    # fault: emissivity halved on its way to the half -> return {"emissivity": c.convert.property(0.5 *
+    #   radiation.emissivity, (*key, "emissivity")), | thermal_fmu/test_thermal_fmu
     return {"emissivity": c.convert.property(radiation.emissivity, (*key, "emissivity")),
             "T": c.temperatures(radiation.T, (*key, "T"), on), **_blend(radiation.gap)}
 
@@ -121,6 +127,7 @@ def _law(c: Context, law: Model | None, key: Key) -> Model | None:
         return None
     if law["law"] == "sum":
         return {**law, "of": [_law(c, part, (*key, "of", i)) for i, part in enumerate(law["of"])]}
+    # fault: tables of conductance left in degC -> if False: | coupler/test_scenario_laws
     if law.get("variable") == "T":
         return {**law, "x": [c.convert.kelvin(T, (*key, "x", i)) for i, T in enumerate(law["x"])]}
     return law

@@ -56,11 +56,17 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     adaptive = spec.adaptive.sizes(spec.end) if spec.adaptive is not None else None
     windows = ((WindowRange(spec.end, spec.end, spec.end),) if spec.windows is None
                else _ranges(document, spec.windows, spec.end))
+    # fault: unused signals make kinks -> times: Iterable[float] = (*spec.kinks, *kinks_in(models), 7.0) |
+    #   coupler/test_scenario_load
     times: Iterable[float] = (*spec.kinks, *kinks_in(models))
     kinks = tuple(sorted({t for t in times if 0 < t < spec.end}))
     substeps = {"thermal": spec.substeps.thermal, "mechanical": spec.substeps.mechanical}
+    # fault: a jump of thermal data taken for a bend -> events = {*spec.kinks, *kinks_in(models["mechanical"])} |
+    #   coupler/test_scenario_load
     events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
     return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
+                    # fault: iteration of a scenario not handed on -> Iteration(), adaptive, |
+                    #   coupler/test_scenario_iteration
                     spec.iteration.method, adaptive,
                     adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
                     spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0,
@@ -75,6 +81,7 @@ def _on_cycle(spec: CouplingSpec) -> OnCycle:
 
 def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[WindowRange, ...]:
     for i, (before, until) in enumerate(pairwise((0.0, *(spec.until for spec in specs)))):
+        # fault: windows may go backwards -> if until < 0.0: | coupler/test_scenario_errors
         if until <= before:
             raise document.error(("coupling", "windows", i, "until"),
                                  f"time goes backwards: the range before ends at {before:g} s")
@@ -96,6 +103,7 @@ def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[W
         start = spec.until
         if start >= end * (1 - SAME):
             break  # an earlier end cuts the windows off: no need to rewrite them for a shorter run
+    # fault: gap in the windows unseen -> if start < 0.5 * end: | coupler/test_scenario_errors
     if start < end * (1 - SAME):
         last: Key = ("coupling", "windows", len(specs) - 1, "until") if specs else ("coupling", "windows")
         raise document.error(

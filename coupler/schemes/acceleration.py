@@ -90,7 +90,11 @@ def contractions(trail: Trail, least: float) -> tuple[float, ...]:
         step = trail.guesses[k] - trail.guesses[k - 1]
         apart = float(np.linalg.norm(step))
         if apart > least:
+            # fault: contraction upside down -> ratio = float(np.linalg.norm(trail.guesses[k] - trail.guesses[k - 1])) /
+            #   apart | coupler/test_acceleration
             ratio = float(np.linalg.norm(trail.outcomes[k] - trail.outcomes[k - 1])) / apart
+            # fault: iterates that turn round taken for what drives itself on -> found.append(math.copysign(ratio,
+            #   -float(step @ (trail.outcomes[k] - trail.outcomes[k - 1])))) | coupler/test_auto
             found.append(math.copysign(ratio, float(step @ (trail.outcomes[k] - trail.outcomes[k - 1]))))
     return tuple(found)
 
@@ -108,10 +112,12 @@ def _factor(how: Iteration, trail: Trail) -> float:
         return how.relaxation
     r = trail.residual()
     change, step = r - trail.residual(-2), trail.guesses[-1] - trail.guesses[-2]
+    # fault: equal residuals divided by -> if float(np.linalg.norm(change)) < 0.0: | coupler/test_acceleration
     if float(np.linalg.norm(change)) <= EQUAL * float(np.linalg.norm(r)):
         return trail.factors[-1]
     # The step that was made, not factor times residual: a guess held at a bound made another.
     factor = -float(step @ change) / float(change @ change)
+    # fault: Aitken's factor without a bound -> return math.copysign(abs(factor), factor) | coupler/test_acceleration
     return math.copysign(min(max(abs(factor), LEAST_FACTOR), LARGEST_FACTOR), factor)
 
 
@@ -122,6 +128,8 @@ def _iqn_ils(how: Iteration, trail: Trail, memory: Memory) -> tuple[Array, float
     basis, triangle, kept = _filtered([v for v, _ in columns])
     if not kept:
         return relaxed(how, trail)
+    # fault: quasi-Newton step of the wrong sign -> a = np.linalg.solve(triangle, basis.T @ r) |
+    #   coupler/test_acceleration
     a = np.linalg.solve(triangle, -(basis.T @ r))
     guess = trail.outcomes[-1] + np.column_stack([columns[i][1] for i in kept]) @ a
     length = float(np.linalg.norm(r))
@@ -140,6 +148,7 @@ def _filtered(columns: Sequence[Array]) -> tuple[Array, Array, list[int]]:
             parts[j] = float(q @ rest)
             rest = rest - parts[j] * q
         length = float(np.linalg.norm(rest))
+        # fault: columns not filtered -> if length > 0.0 and len(basis) < len(column): | coupler/test_acceleration
         if length > FILTER * size and len(basis) < len(column):
             parts[len(basis)] = length
             basis.append(rest / length)

@@ -50,5 +50,7 @@ def with_mode(inputs: Inputs, mechanical: Half, scheme: Scheme) -> Inputs:
     if MODE not in mechanical.blocks:
         return inputs
     given = inputs.get("mechanical", {})
+    # fault: adiabatic windows at isothermal moduli -> mode = ISOTHERMAL if scheme is Scheme.ADIABATIC else
+    #   given.get(MODE, ISOTHERMAL) | coupler/test_adiabatic
     mode = FROZEN if scheme is Scheme.ADIABATIC else given.get(MODE, ISOTHERMAL)
     return {**inputs, "mechanical": {**given, MODE: mode}}

@@ -29,6 +29,7 @@ from coupler.schemes.window import CoupledState, Halves, Solved, Span
 Array = NDArray[np.float64]
 
 # Each pass after an event takes an error of the gap down five to ten times; four of them gain nothing on F2-1D.
+# fault: first window after an event passed once -> FIRST_PASSES = 1 | stability/test_freezing
 FIRST_PASSES = 3
 
 
@@ -52,6 +53,7 @@ class Lead:
         there = stored + 0.5 * (t1 - t0) * (self.pace if pace is None else pace)
         along = _heat(self.later) - _heat(self.earlier)
         size = float(along @ along)
+        # fault: geometry held where it should go along with the heat -> w = 0.0 | stability/test_freezing
         w = float(there @ along) / size if size > 0.0 else 0.0
         x = self.start.x + w * (self.later.x - self.earlier.x)
         return x, np.minimum(self.start.t_N + w * (self.later.t_N - self.earlier.t_N), 0.0)

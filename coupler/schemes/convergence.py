@@ -39,7 +39,10 @@ def misfits(start: Level, step: Step, tolerance: Tolerances) -> Mapping[str, flo
     change by is known only from the last change, times how much smaller the residual is than the step that made it.
     The iterate before the first is the start of the window.
     """
+    # fault: gap not judged -> apart = {"temperature": (step.found.T, step.guess.T, 1.0), "gap": (step.found.x,
+    #   step.found.x, 0.0), | coupler/test_iterated
     apart = {"temperature": (step.found.T, step.guess.T, 1.0), "gap": (step.found.x, step.former.x, step.share),
+             # fault: pressure not judged -> "pressure": (step.found.t_N, step.found.t_N, 0.0)} | coupler/test_iterated
              "pressure": (step.found.t_N, step.former.t_N, step.share)}
     if step.found.f_s is not None and step.guess.f_s is not None:
         apart["solid_fraction"] = (step.found.f_s, step.guess.f_s, 1.0)

@@ -47,10 +47,14 @@ def weights(times: Sequence[float], end: float, curve: float) -> tuple[float, ..
     s = (t - t0) / (t0 - times[1])
     line = (1.0 + s, -s, 0.0)
     if len(times) == 2:
+        # fault: the second window has no steadier way than the line -> return line[:2] if True else _mixed(line[:2],
+        #   (1.0, 0.0), -curve) | coupler/test_auto
         return line[:2] if curve >= 0.0 else _mixed(line[:2], (1.0, 0.0), -curve)
     t1, t2 = times[1], times[2]
     if curve < 0.0:
         r = (t - t0) / (t0 - t2)
+        # fault: the steadiest drawing sees a zigzag -> return _mixed(line, (1.0 + s, -s, 0.0), -curve) |
+        #   coupler/test_curve
         return _mixed(line, (1.0 + r, 0.0, -r), -curve)
     parabola = ((t - t1) * (t - t2) / ((t0 - t1) * (t0 - t2)), (t - t0) * (t - t2) / ((t1 - t0) * (t1 - t2)),
                 (t - t0) * (t - t1) / ((t2 - t0) * (t2 - t1)))

@@ -48,6 +48,8 @@ class _Progress:
 
     @property
     def converged(self) -> bool:
+        # fault: one iterate more than needed -> return len(self.misfits) > 1 and max(self.misfits[-2].values()) <= 1.0
+        #   | coupler/test_iterated
         return max(self.misfits[-1].values()) <= 1.0
 
     @property
@@ -67,15 +69,22 @@ def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iterati
     for k in range(1, how.max_iterations + 1):
         if k > 1:
             so_far = _next(so_far, how, state.memory)
+            # fault: an iterate begins where the one before ended -> pass | coupler/test_iterated
             rollback()
+        # fault: iterated windows give x of the middle whatever is asked -> swept = mechanical_first(halves, state,
+        #   span, exchanged(so_far.guess), so_far.work, False) | stability/test_rods
         swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
         so_far = _judged(so_far, state.now, swept, how)
         if so_far.converged and (k >= how.least or so_far.tells_no_more):
             break
     solved = swept.solved(state, Scheme.ITERATED, so_far.course)
+    # fault: nothing learnt from windows past -> solved = replace(solved, state=replace(solved.state, memory=())) |
+    #   coupler/test_iterated
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))
     if so_far.converged:
         return solved
+    # fault: unconverged windows accepted in silence -> return replace(solved, verdict=Verdict.ACCEPTED,
+    #   message=_why(so_far, how), | coupler/test_iterated
     return replace(solved, verdict=Verdict.MAX_ITERATIONS, message=_why(so_far, how),
                    anyway=how.on_max is OnMax.ACCEPT)
 
@@ -86,6 +95,8 @@ def _judged(so_far: _Progress, start: Level, swept: Swept, how: Iteration) -> _P
     trail = so_far.trail.plus(_packed(so_far.guess, how), _packed(swept.level, how))
     step, left = (float(np.linalg.norm(v)) for v in (trail.guesses[-1] - known, trail.residual()))
     # Where the guess is the one before, nothing tells what the residual would do to x and t_N.
+    # fault: change since the last iterate taken for what is left -> share = 1.0 if step > 0.0 else math.inf if left >
+    #   0.0 else 0.0 | coupler/test_iterated
     share = left / step if step > 0.0 else math.inf if left > 0.0 else 0.0
     told = misfits(start, Step(so_far.guess, swept.level, so_far.former, share), how.tolerance)
     return replace(so_far, former=swept.level, trail=trail, misfits=(*so_far.misfits, dict(told)), work=swept.work)
@@ -93,8 +104,10 @@ def _judged(so_far: _Progress, start: Level, swept: Swept, how: Iteration) -> _P
 
 def _next(so_far: _Progress, how: Iteration, memory: Memory) -> _Progress:
     """The next guess; the careful step where acceleration leaves what temperatures can be."""
+    # fault: acceleration off -> vector, factor = so_far.trail.outcomes[-1], 1.0 | coupler/test_iterated
     vector, factor = next_guess(how, so_far.trail, memory)
     guess = _unpacked(vector, so_far.guess, how)
+    # fault: guesses below absolute zero kept -> if not (np.isfinite(vector).all() and True): | coupler/test_iterated
     if not (np.isfinite(vector).all() and (guess.T > 0.0).all()):
         vector, factor = relaxed(how, so_far.trail)
         guess = _unpacked(vector, so_far.guess, how)

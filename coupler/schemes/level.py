@@ -42,6 +42,7 @@ def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array
     if slope is None:
         return now.x, now.t_N
     earlier, later = slope
+    # fault: extrapolation switched off -> w = 0.0 | coupler/test_coupling
     w = (t - now.t) / (later.t - earlier.t)
     return now.x + w * (later.x - earlier.x), np.minimum(now.t_N + w * (later.t_N - earlier.t_N), 0.0)
 
@@ -64,6 +65,8 @@ def predicted(now: Level, before: Level | None, t: float) -> Level:
 
 def exchanged(level: Level) -> dict[str, Array]:
     """What the mechanical half takes of a level: T, and f_s where there is one."""
+    # fault: solid fraction of the outcome, not of the guess -> return {"T": level.T} if True else {"T": level.T, "f_s":
+    #   level.f_s} | coupler/test_iterated
     return {"T": level.T} if level.f_s is None else {"T": level.T, "f_s": level.f_s}
 
 
@@ -75,6 +78,8 @@ def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str
     found = {"T": _linear(start.T, end["T"], fraction)}
     if "f_s" in end:
         assert start.f_s is not None, "a half that gives f_s gave it at the start"
+        # fault: solid fraction of the end of the window for all mechanical substeps -> found["f_s"] =
+        #   _linear(start.f_s, end["f_s"], 1.0) | coupler/test_accounts
         found["f_s"] = _linear(start.f_s, end["f_s"], fraction)
     return found
 

@@ -55,6 +55,8 @@ def parallel(halves: Halves, state: CoupledState, span: Span) -> Swept:
     """Both from the start of the window: x, t_N and T held.  Heat made in the window is due in the next."""
     thermal = thermal_pass(halves, state, span.times("thermal"), None, NO_WORK)
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
+                                 # fault: parallel mechanics given the new T -> thermal.outputs, thermal.work) |
+                                 #   coupler/test_schemes
                                  exchanged(state.now), thermal.work)
     accounts = with_made(delivered(state.accounts, halves.thermal.blocks), mechanical.made)
     return _swept(state, span, thermal, mechanical, (accounts, mechanical))
@@ -67,8 +69,14 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
     at_end : thermal substeps are given x and t_N of their end, not of their middle.
     """
     mechanical = mechanical_pass(halves, state, span.times("mechanical"), end, done)
+    # fault: heat of the last iterate forgotten -> made = replace(state, sent=mechanical.sent, accounts=state.accounts)
+    #   | coupler/test_iterated
     made = replace(state, sent=mechanical.sent, accounts=with_made(state.accounts, mechanical.made))
+    # fault: an iterated window holds x and t_N as they were at its start -> slope = None |
+    #   scenarios/test_casting_order::test_order_of_the_exchange_between_two_cells[Scheme.ITERATED-2.0-2.5e-13]
     slope = (state.now, _level(state.now, span, {}, mechanical.outputs))
+    # fault: mechanics first, but thermal on the geometry of the start -> thermal = thermal_pass(halves, made,
+    #   span.times("thermal"), None, mechanical.work, at_end) | coupler/test_schemes
     thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end)
     return _swept(state, span, thermal, mechanical, (delivered(made.accounts, halves.thermal.blocks), thermal))
 
@@ -101,6 +109,7 @@ def _heat(start: Level, thermal: Pass) -> Array | None:
     if not names:
         return None
     found = np.array([sum([terms[n] for terms in thermal.terms]) for n in names])
+    # fault: heat stored told of the last window only -> return found | stability/test_freezing
     return found if start.heat is None else start.heat + found
 
 

@@ -83,10 +83,21 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
     told: Mapping[str, float] = {}
     for t0, t1 in pairwise(times):
         if slope is None or isinstance(slope, tuple):
+            # fault: window-time lag: extrapolation to the end instead of the middle -> x, t_N = geometry_at(state.now,
+            #   slope, t1) | coupler/test_coupling
             x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
         else:
             x, t_N = slope.seen(t0, t1, *_stored(terms, times))
+        # fault: a rule's inputs do not reach the thermal half -> inputs = { | coupler/test_rules
+        # fault: inputs of the settings do not reach the half -> inputs = {**{}, | coupler/test_control
         inputs = {**_given(halves, "thermal"),
+                  # fault: mechanical heat delivered twice -> "x": x, "contact.t_N": t_N, **share_of(state.accounts,
+                  #   1.0, t0 == times[0]), | coupler/test_coupling
+                  # fault: conductance that never hears of the pressure -> "x": x, "contact.t_N": 0.0 * t_N,
+                  #   **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]), | scenarios/test_contact_rods
+                  #   scenarios/test_contact_two_way
+                  # fault: the thermal half never hears that bodies move -> "contact.t_N": t_N,
+                  #   **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]), | scenarios/test_sealed_container_fire
                   "x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
         answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
@@ -136,6 +147,8 @@ def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end
         for name in HEATS:
             if name not in outputs:
                 continue
+            # fault: the last mechanical substep's friction heat for the window's -> made[name] = outputs[name] |
+            #   scenarios/test_brake_pad
             made[name] = made[name] + outputs[name] if name in made else outputs[name]
     return Pass(outputs, sent, work, made=made, told=told)
 

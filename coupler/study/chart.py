@@ -102,6 +102,8 @@ def _curves(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
         _marks(ax, [_at(p, cost, ax, high) for p in good], marker=marker, markersize=5, zorder=4,
                label=plain(series), **{**style, "linewidth": style["linewidth"] * 0.6})
         _marks(ax, [_at(p, cost, ax, high) for p in on if not p.error <= MOST], marker=marker, markersize=7,
+               # fault: failures of a study filled -> linestyle="none", markerfacecolor="black", clip_on=False,
+               #   zorder=5, markeredgecolor=style["color"], | coupler/test_study
                linestyle="none", markerfacecolor="white", clip_on=False, zorder=5, markeredgecolor=style["color"],
                gid="failed")
         _marks(ax, [_at(p, cost, ax, high) for p in good if p.below], marker="o", markersize=11, linestyle="none",
@@ -168,6 +170,7 @@ def _limits(ax: Axes, points: Sequence[Point], limits: Sequence[Limit]) -> None:
 
 
 def _said(limit: Limit, left: float, right: float) -> str:
+    # fault: no limit is told as one -> if False: | coupler/test_study
     if math.isinf(limit.windows):
         return "no limit predicted"
     return "all within the predicted limit" if limit.half_solves <= left else (

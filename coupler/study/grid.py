@@ -81,6 +81,8 @@ def _size(grid: Grid) -> int:
 def cell_at(document: Document, at: Mapping[str, Any]) -> Cell:
     """The cell of these values.  Factors come last: they are on what the other axes left.  Raises ScenarioError."""
     sets: Sets = {}
+    # fault: factors of a grid before what they are factors on -> for axis, value in sorted(at.items(), key=lambda item:
+    #   False): | coupler/test_study
     for axis, value in sorted(at.items(), key=lambda item: item[0] in FACTORS):
         found = sets_of(axis, value, document.tree)
         document = apply_overrides(document, found)

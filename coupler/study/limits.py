@@ -53,6 +53,8 @@ def limits_of(prediction: Prediction, runs: Sequence[Planned], points: Sequence[
         scenario = scenario_of(shortest.job)
         if (scheme := scenario.coupling.scheme.value) in KNOWN:
             factor = _size(shortest) * _factor(prediction, scenario, scheme)
+            # fault: predicted limits at the wrong cost -> cost = math.exp(float(np.mean([math.log(f * c) for f, c in
+            #   costs]))) * factor | coupler/test_study_run
             cost = math.exp(float(np.mean([math.log(f * c) for f, c in costs]))) / factor
             found.append(Limit(series, factor, cost))
     return found

@@ -130,6 +130,7 @@ class _Lane:
         with self._lock:
             self._ended = True
             if self._process is not None and self._process.poll() is None:
+                # fault: a process of a study left behind -> pass | coupler/test_study
                 self._process.kill()
         if self._thread.is_alive():
             self._thread.join(PATIENCE)

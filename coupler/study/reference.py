@@ -62,6 +62,8 @@ def richardson(runs: Sequence[Trial], words: str, measure: Sequence[str] = (),
     order = _order([(middle[n] - fine[n])[inside] for n in seen], [(coarse[n] - middle[n])[inside] for n in seen],
                    [float(np.ptp(fine[n][inside])) for n in seen])
     near = min((1, 2), key=lambda p: abs(order - p)) if math.isfinite(order) else 0
+    # fault: a first-order factor for every order of the reference -> factor = 1.0 if near and abs(order - near) <= NEAR
+    #   else 0.0 | coupler/test_study
     factor = 1.0 / (2.0**near - 1.0) if near and abs(order - near) <= NEAR else 0.0
     answer = {n: _curve(t, fine[n] + factor * (fine[n] - middle[n])) for n in fine}
     off = factor or 1.0

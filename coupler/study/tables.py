@@ -66,6 +66,7 @@ def as_csv(runs: Sequence[Planned], points: Sequence[Point]) -> str:
 
 def setting(document: Document, run: Planned, point: Point, level: float) -> str:
     """A scenario file of one run, complete but for the study itself."""
+    # fault: the cheapest setting without what makes it so -> tree = dict(document.tree) | coupler/test_study_run
     tree = dict(apply_overrides(document, run.job.overrides).tree)
     tree.pop("study", None)
     for body in tree["bodies"].values():

@@ -122,6 +122,8 @@ def _told(results: Results) -> dict[str, Any]:
 
 def _cost(results: Results) -> dict[str, Any]:
     w = results.windows
+    # fault: half-solves of the thermal half alone -> return {"half_solves": int(w.thermal_solves.sum()), |
+    #   coupler/test_study_run
     return {"half_solves": int(w.thermal_solves.sum() + w.mechanical_solves.sum()),
             "seconds": float(results.totals.get("seconds", w.seconds.sum())),
             "windows": int(w.taken.sum()), "rejected": int((~w.taken).sum())}

@@ -65,6 +65,8 @@ def restoring(bench: Bench, check: str) -> Finding:
                 return failed(check, f"after the {turn} restore {_some(wrong)} is not as it was saved",
                               "Outputs are part of the state")
             again = [bench.step(half, k) for k in (2, 3)]
+            # fault: verify-half: nobody looks what a restore gives again -> for k, (a, b) in enumerate(zip(first,
+            #   first, strict=True), start=2): | coupler/test_verify
             for k, (a, b) in enumerate(zip(first, again, strict=True), start=2):
                 if wrong := differing(a, b):
                     return failed(check, f"after the {turn} restore substep {k} gives another {_some(wrong)}",
@@ -191,6 +193,7 @@ def _refused(bench: Bench, half: Half) -> str:
         if h and not inputs:
             continue
         done = half.advance(bench.h, h, {**bench.inputs(2), **inputs}, ())
+        # fault: verify-half: a rejected substep is not offered -> if False: | coupler/test_verify
         if done.status is Status.DISCARD:
             return done.message or " "
     return ""

@@ -86,6 +86,8 @@ def _causality(blocks: Mapping[str, Block], role: str) -> Finding:
 
 def _units(blocks: Mapping[str, Block]) -> Finding:
     wrong = [f"{name} is in {block.unit or 'no unit'}, not {face.unit}" for name, block in blocks.items()
+             # fault: verify-half: units are not looked at -> if (face := face_of(name)) is not None and face.kind ==
+             #   "Real" == block.kind and False] | coupler/test_verify
              if (face := face_of(name)) is not None and face.kind == "Real" == block.kind and block.unit != face.unit]
     return _of("units", wrong, "", "SI at the border: convert inside the half, and declare the unit in its description")
 
