@@ -1,15 +1,17 @@
-"""python -m thermal_fmu.build DIRECTORY OUT.fmu: the thermal half of a directory as an FMU."""
+"""`python -m thermal_fmu.build DIRECTORY OUT.fmu`: the thermal half of a directory as an FMU."""
 
 from __future__ import annotations
 
 from contact.half.build import main as build_main
 
-PACKAGE, LOAD = "thermal_fmu", "thermal_fmu.model:load"
+LOADS = {"thermal": "thermal_fmu.model:load", "lumped": "thermal_fmu.lumped_model:load",
+         "thermal_rod": "thermal_fmu.rod_model:load"}
+"""`half` of model.json -> the function that loads it."""
 
 
 def main() -> None:
-    """Build the FMU the command line names."""
-    build_main(PACKAGE, LOAD)
+    """Build the FMU named on the command line."""
+    build_main("thermal_fmu", LOADS)
 
 
 if __name__ == "__main__":

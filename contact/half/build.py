@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -39,13 +39,18 @@ class {identifier}(HalfSlave):
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
-def build_fmu(directory: Path, out: Path, *, package: str, load: str) -> Path:
+def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[str, str]) -> Path:
     """Build the FMU of the half in `directory`, whole or not at all.
 
-    package : top-level import package of the half.  load : "module:function" of it, a contact.half.model.Load.
+    package : top-level import package of the half.  load : "module:function" of it, a contact.half.model.Load; of a
+    package with several halves one for each `half` of model.json.
     Returns out.  Raises ValueError where the directory's files do not make a half.
     """
     interface, model = load_directory(directory)
+    if not isinstance(load, str):
+        if (half := str(model.get("half"))) not in load:
+            raise ValueError(f"model.json: half must be one of {', '.join(load)}, not {half}")
+        load = load[half]
     packages = {name: entry.sources_hash(package_directory(name)) for name in ("contact", package)}
     module, _, function = load.partition(":")
     half = getattr(importlib.import_module(module), function)(interface, model)
@@ -71,7 +76,7 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str) -> Path:
     return out
 
 
-def main(package: str, load: str) -> None:
+def main(package: str, load: str | Mapping[str, str]) -> None:
     """The body of a half's `python -m MODULE DIRECTORY OUT.fmu`; exit code 2 and one line if the input is wrong."""
     if len(sys.argv) != 3:
         raise SystemExit(f"usage: python -m {package}.build DIRECTORY OUT.fmu")

@@ -6,10 +6,10 @@ from pydantic import model_validator
 
 from coupler.scenario.base import Part
 from coupler.scenario.options import Acceleration, OnMax, Seen, Tolerance, Tolerances
-from coupler.scenario.options import Iteration as Method
+from coupler.scenario.options import Iteration as IterationOptions
 from coupler.scenario.quantity import NotNegative, Positive, Whole, problem
 
-METHOD = Method()
+METHOD = IterationOptions()
 DEFAULT = METHOD.tolerance
 
 
@@ -74,8 +74,8 @@ class Iteration(Part):
         return self
 
     @property
-    def method(self) -> Method:
+    def method(self) -> IterationOptions:
         """The checked values."""
         t = self.tolerance
-        return Method(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse), Tolerances(
+        return IterationOptions(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse), Tolerances(
             *(Tolerance(q.atol, q.rtol) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))), self.level)

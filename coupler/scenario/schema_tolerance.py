@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from coupler.scenario.base import Part
-from coupler.scenario.options import ErrorTolerances as Method
+from coupler.scenario.options import ErrorTolerances as ErrorOptions
 from coupler.scenario.options import Tolerance
 from coupler.scenario.quantity import NotNegative, Positive
 
-DEFAULT = Method()
+DEFAULT = ErrorOptions()
 
 
 class TemperatureError(Part):
@@ -47,6 +47,6 @@ class ErrorTolerances(Part):
     displacement: DisplacementError = DisplacementError()
 
     @property
-    def method(self) -> Method:
+    def method(self) -> ErrorOptions:
         """The checked values."""
-        return Method(*(Tolerance(q.atol, q.rtol) for q in (self.temperature, self.gap, self.heat, self.displacement)))
+        return ErrorOptions(*(Tolerance(q.atol, q.rtol) for q in (self.temperature, self.gap, self.heat, self.displacement)))

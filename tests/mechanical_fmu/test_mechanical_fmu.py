@@ -68,7 +68,7 @@ def test_the_builder_of_a_wrong_model_says_what_is_wrong(tmp_path):
     write_interface(blocks(2, 2), tmp_path / "interface.h5")
     model = {"half": "elastic", "format": 1, "materials": {}, "bodies": {}}
     (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
-    command = [sys.executable, "-m", "mechanical_fmu.build_elastic", str(tmp_path), str(tmp_path / "x.fmu")]
+    command = [sys.executable, "-m", "mechanical_fmu.build", str(tmp_path), str(tmp_path / "x.fmu")]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     assert answer.returncode == 2
     assert "model.json: bodies: key 'lower' is missing" in answer.stderr

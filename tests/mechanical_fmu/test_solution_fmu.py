@@ -89,7 +89,7 @@ def run(tmp_path_factory):
     write_interface(interface, folder / "interface.h5")
     (folder / "model.json").write_text(json.dumps(model()), encoding="utf-8")
     np.savez(folder / "script.npz", t=np.array(t), T=T)
-    call("-m", "mechanical_fmu.build_elastic", folder, folder / "half.fmu")
+    call("-m", "mechanical_fmu.build", folder, folder / "half.fmu")
     call("-c", DRIVE, folder / "half.fmu", folder / "script.npz", folder / "out.npz")
     return interface, of, dict(np.load(folder / "out.npz"))
 
