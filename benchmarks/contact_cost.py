@@ -31,7 +31,8 @@ from contact.child import keep_freed_memory
 from contact.half.interface import Interface, Pair
 from contact.half.register import register_message
 from contact.half.sparse import factorise, pattern_of
-from contact.link import Link, open_link
+from contact.link import Link
+from contact.open import open_link
 from contact.wire import Project, Registered, Traction
 
 LAYERS, DEPTH = 20, 1e-5

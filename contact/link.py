@@ -11,7 +11,6 @@ That the service refuses a request is no error of the link: it is the reply `Ref
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import Protocol
 
@@ -81,24 +80,3 @@ class CodecLink:
 
     def close(self) -> None:
         """Nothing is held."""
-
-
-_ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
-
-
-def open_link(spec: str) -> Link:
-    """The link a text describes: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own process).
-
-    zenoh is imported only when asked for: an embedded run has no threads and no sockets of it.
-    Raises LinkSpecError for any other text, ServiceDownError where no service listens.
-    """
-    if spec in ("direct", "codec"):
-        from contact.service import ContactService
-
-        return (DirectLink if spec == "direct" else CodecLink)(ContactService().handle)
-    match = _ZENOH.fullmatch(spec)
-    if match is None:
-        raise LinkSpecError(f"contact link {spec!r} is none of: direct, codec, zenoh:tcp/127.0.0.1:PORT/RUN")
-    from contact.client import ZenohLink
-
-    return ZenohLink(match["endpoint"], match["run"])

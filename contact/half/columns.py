@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 SAME = 1e-9  # of a body's length: nodes nearer to each other in x stand in one column
 
@@ -24,19 +24,19 @@ class Columns:
     of_cell : (n_cells,) the left one of the two columns each cell stands between, quads before triangles.
     """
 
-    of_node: Ints
-    first: Ints
-    bottom: Ints
-    top: Ints
-    size: Ints
-    of_cell: Ints
+    of_node: Indices
+    first: Indices
+    bottom: Indices
+    top: Indices
+    size: Indices
+    of_cell: Indices
 
     @property
     def count(self) -> int:
         """Number of columns."""
         return self.size.size
 
-    def of_body(self, body: int) -> Ints:
+    def of_body(self, body: int) -> Indices:
         """Its columns, from left to right."""
         return np.arange(self.first[body], self.first[body + 1])
 
@@ -70,7 +70,7 @@ def columns_of(interface: Interface) -> Columns:
     return Columns(of_node, np.array(first), by_height[end - size], by_height[end - 1], size, of_cell)
 
 
-def _between(interface: Interface, of_node: Ints) -> Ints:
+def _between(interface: Interface, of_node: Indices) -> Indices:
     left = []
     for cells, body in ((interface.quads, interface.quad_body), (interface.triangles, interface.triangle_body)):
         columns = of_node[cells]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contact.link import Link, open_link
+from contact.link import Link
+from contact.open import open_link
 from contact.wire import Reply, Request
 
 

@@ -64,7 +64,7 @@ class Way:
     may_freeze: bool = False
 
 
-def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
+def solve_once(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
     """The window by a scheme; after a discard the halves are where the discard left them."""
     if way.scheme is Scheme.ADIABATIC:
         check_adiabatic(halves.thermal, halves.mechanical, span.substeps)
@@ -80,7 +80,7 @@ def solve(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept)
                 return replace(followed, work=solved.work.plus(followed.work))
             if way.may_freeze and squeezes(solved, way.settings.iteration.level):
                 kept.put_back("a window is to be solved once")
-                split = solve(halves, state, span, replace(way, scheme=Scheme.ADIABATIC), kept)
+                split = solve_once(halves, state, span, replace(way, scheme=Scheme.ADIABATIC), kept)
                 return replace(split, work=solved.work.plus(split.work), course=solved.course)
             return solved
         if way.scheme is Scheme.ALONG_HEAT:

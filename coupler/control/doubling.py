@@ -13,8 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from coupler.control.attempt import Kept, Way
-from coupler.control.attempt import solve as solve_window
+from coupler.control.attempt import Kept, Way, solve_once
 from coupler.schemes.window import CoupledState, Course, Halves, Solved, Span
 
 Solve = Callable[[CoupledState, Span], Solved]
@@ -30,7 +29,7 @@ def doubled(halves: Halves, state: CoupledState, span: Span, way: Way, window: t
 
     def solve(at: CoupledState, piece: Span) -> Solved:
         with Kept(halves, at.now.t, number) as here:
-            return solve_window(halves, at, piece, way, here)
+            return solve_once(halves, at, piece, way, here)
 
     kept.put_back("a window is to be solved in two halves too")
     found = in_two(solve, state, span)

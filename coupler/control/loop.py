@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from coupler.control import auto, estimate, events
-from coupler.control.attempt import Kept, Way, solve
+from coupler.control.attempt import Kept, Way, solve_once
 from coupler.control.cutting import Facts
 from coupler.control.doubling import doubled
 from coupler.control.estimate import Estimate
@@ -85,7 +85,7 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     way, why = _way(halves, at, span.end - t0)
     control = at.control
     with Kept(halves, t0, control.number + 1) as kept:
-        solved = solve(halves, at.state, span, way, kept)
+        solved = solve_once(halves, at.state, span, way, kept)
         if solved.taken and plan.adaptive is not None and estimate.wanted(
                 control.estimate, at.state, span, way.scheme, solved.state.now):
             solved = doubled(halves, at.state, span, way, (kept, solved))

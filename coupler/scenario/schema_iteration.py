@@ -77,5 +77,7 @@ class Iteration(Part):
     def method(self) -> IterationOptions:
         """The checked values."""
         t = self.tolerance
-        return IterationOptions(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse), Tolerances(
-            *(Tolerance(q.atol, q.rtol) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))), self.level)
+        tolerances = Tolerances(
+            *(Tolerance(q.atol, q.rtol) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction)))
+        return IterationOptions(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse),
+                                tolerances, self.level)

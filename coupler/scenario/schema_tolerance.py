@@ -49,4 +49,5 @@ class ErrorTolerances(Part):
     @property
     def method(self) -> ErrorOptions:
         """The checked values."""
-        return ErrorOptions(*(Tolerance(q.atol, q.rtol) for q in (self.temperature, self.gap, self.heat, self.displacement)))
+        parts = (self.temperature, self.gap, self.heat, self.displacement)
+        return ErrorOptions(*(Tolerance(q.atol, q.rtol) for q in parts))

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from contact.desk import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, Desk
-from contact.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError, open_link
+from contact.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError
+from contact.open import open_link
 from contact.wire import Project, Refused, Registered
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -16,16 +16,9 @@ import pytest
 
 from contact import zenoh_link
 from contact.client import Client, ZenohLink
-from contact.link import (
-    DirectLink,
-    LinkError,
-    LinkProtocolError,
-    LinkSpecError,
-    LinkTimeoutError,
-    ServiceDownError,
-    open_link,
-)
+from contact.link import DirectLink, LinkError, LinkProtocolError, LinkSpecError, LinkTimeoutError, ServiceDownError
 from contact.messages import REPLIES, REQUESTS, encode
+from contact.open import open_link
 from contact.server import Server
 from contact.wire import Project, Refused, Registered, Traction
 from contact.zenoh_link import check_loopback, close_session, open_session
@@ -240,7 +233,7 @@ def run_script(code: str, *args: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_program_that_forgets_to_close_ends_all_the_same(service):
-    code = ("import sys; from contact.link import open_link; sys.path.insert(0, sys.argv[2]);"
+    code = ("import sys; from contact.open import open_link; sys.path.insert(0, sys.argv[2]);"
             "from fake_contact import register; l = open_link(sys.argv[1]); print(l.ask(register()).surfaces)")
     done = run_script(code, f"zenoh:{service.endpoint}/r", str(Path(FAKE).parent))
     assert (done.returncode, done.stdout) == (0, "surfaces-4\n")
@@ -256,7 +249,8 @@ def test_a_server_that_forgets_to_close_ends_all_the_same():
 def test_a_session_is_not_used_after_a_fork(service, link):
     code = """
 import os, sys
-from contact.link import LinkError, open_link
+from contact.link import LinkError
+from contact.open import open_link
 from contact.wire import Project
 import numpy as np
 link = open_link(sys.argv[1])

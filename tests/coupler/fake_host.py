@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.link import LinkError, open_link
+from contact.link import LinkError
+from contact.open import open_link
 from contact.wire import Passes, Project, Register, Registered
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Block, Status

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from true_error import ONE, windows
 
 from coupler.control import estimate
-from coupler.control.attempt import Kept, Way, solve
+from coupler.control.attempt import Kept, Way, solve_once
 from coupler.control.doubling import doubled, halved
 from coupler.control.estimate import Memory
 from coupler.control.loop import windows as run_windows
@@ -62,12 +62,12 @@ def window(scheme: Scheme = Scheme.EXTRAPOLATED, H: float = 1.0) -> tuple[Couple
     state, clock, way = start(840.0, gap_of(840.0)), Clock(H), Way(scheme, Settings(scheme, ONE))
     span = Span(clock, 0, 2**40, ONE)
     with Kept(halves, 0.0, 1) as kept:
-        whole = solve(halves, state, span, way, kept)
+        whole = solve_once(halves, state, span, way, kept)
         both = doubled(halves, state, span, way, (kept, whole))
         kept.put_back("")
         work, at = Work(), state
         for piece in halved(span):
-            part = solve(halves, at, piece, way, kept)
+            part = solve_once(halves, at, piece, way, kept)
             work, at = work.plus(part.work), part.state
     assert both.state.now.T.tobytes() == at.now.T.tobytes()
     assert both.whole is not None
@@ -128,7 +128,7 @@ def test_in_a_window_in_which_a_gap_closes_its_halves_are_taken_to_be_no_better(
     halves, way = wanted_outputs(lumped(840.0), half), Way(Scheme.EXTRAPOLATED, Settings(Scheme.EXTRAPOLATED, ONE))
     span = Span(Clock(H), 0, 2**40, ONE)
     with Kept(halves, 0.0, 1) as kept:
-        whole = solve(halves, state, span, way, kept)
+        whole = solve_once(halves, state, span, way, kept)
         known = Memory(RATIOS, H, 16, 16, Scheme.EXTRAPOLATED.value)
         assert estimate.wanted(known, state, span, Scheme.EXTRAPOLATED, whole.state.now)
         both = doubled(halves, state, span, way, (kept, whole))

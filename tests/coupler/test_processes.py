@@ -20,7 +20,8 @@ import pytest
 
 from contact import zenoh_link
 from contact.client import ZenohLink
-from contact.link import ServiceDownError, open_link
+from contact.link import ServiceDownError
+from contact.open import open_link
 from contact.wire import Project, Registered
 from coupler.errors import HalfError
 from coupler.fmu.children import ChildError, python, start

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from coupler.control import estimate
-from coupler.control.attempt import Kept, Way, solve
+from coupler.control.attempt import Kept, Way, solve_once
 from coupler.control.doubling import doubled
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
 from coupler.schemes.schedule import Schedule
@@ -50,7 +50,7 @@ def windows(halves: Halves, state: CoupledState, schedule: Schedule, scheme: Sch
         span = Span(schedule.clock, k0, k1, ONE)
         exact = fine(halves, state, span) if i % every == 0 else None
         with Kept(halves, state.now.t, i + 1) as kept:
-            solved = solve(halves, state, span, way, kept)
+            solved = solve_once(halves, state, span, way, kept)
             if estimate.wanted(memory, state, span, scheme, solved.state.now):
                 solved = doubled(halves, state, span, way, (kept, solved))
         found = estimate.estimate(memory, state, solved, ErrorTolerances(), way.settings.iteration)
@@ -73,7 +73,7 @@ def fine(halves: Halves, state: CoupledState, span: Span) -> Solved:
     with Kept(halves, state.now.t, 0) as start:
         for k0, k1 in pairwise(ticks):
             with Kept(halves, state.now.t, 0) as kept:
-                solved = solve(halves, state, replace(span, k0=k0, k1=k1), FINE, kept)
+                solved = solve_once(halves, state, replace(span, k0=k0, k1=k1), FINE, kept)
             assert solved.taken, solved.message
             state = solved.state
             terms += [dict(t) for t in solved.terms]

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, blocks, done, elastic, hold, inputs_of
 
 import mechanical_fmu.augment as augment
-from contact.link import open_link
+from contact.open import open_link
 
 ROUND_OFF = 1e-14
 

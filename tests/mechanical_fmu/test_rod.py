@@ -11,7 +11,7 @@ import pytest
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard
-from contact.link import open_link
+from contact.open import open_link
 from mechanical_fmu.rod_model import load
 
 sys.path.insert(0, str(Path(__file__).parent))

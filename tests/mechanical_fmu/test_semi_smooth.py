@@ -17,7 +17,7 @@ from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inpu
 import mechanical_fmu.augment as augment
 from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
-from contact.link import open_link
+from contact.open import open_link
 from mechanical_fmu.elastic_spec import parse_elastic
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mechanical_fmu"))
 from contact_scenes import EXPECTED, mirrored, passes, push, renumbered, scene
 from mechanical_scenes import STEEL, blocks, done, hold, inputs_of
 
-from contact.link import open_link
+from contact.open import open_link
 from contact.wire import Floats, Register, Tractions
 from mechanical_fmu.elastic_model import load
 
