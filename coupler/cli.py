@@ -176,7 +176,10 @@ def study_command(scenario: ScenarioFile,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Run a grid of settings, and draw error against cost.  Ctrl-C leaves what is done; the same command goes on."""
     # Here and not above: a command that makes no study starts a second sooner without matplotlib.
-    from coupler.study import How, StudyLine, conduct, grid_of, parse_axis, write_study
+    from coupler.study.conduct import How, conduct
+    from coupler.study.grid import grid_of, parse_axis
+    from coupler.study.page import write_study
+    from coupler.study.show import StudyLine
 
     options: dict[str, Any] = {}
     if grid:

@@ -13,7 +13,8 @@ import pytest
 
 from coupler.errors import ResultsError, ScenarioError
 from coupler.scenario.options import Scheme
-from coupler.study import grid_of, parse_axis, pool
+from coupler.study import pool
+from coupler.study.grid import grid_of, parse_axis
 from coupler.study.chart import draw
 from coupler.study.cluster import run_there
 from coupler.study.grid import cells_of

@@ -17,7 +17,9 @@ from typer.testing import CliRunner
 from coupler import load_scenario, run
 from coupler.cli import app
 from coupler.errors import ScenarioError
-from coupler.study import How, Study, StudyLine, conduct, write_study
+from coupler.study.conduct import How, Study, conduct
+from coupler.study.page import write_study
+from coupler.study.show import StudyLine
 from coupler.trials.trial import Trial
 
 sys.path.insert(0, str(Path(__file__).parent))
