@@ -17,7 +17,7 @@ from PIL import Image
 
 from coupler import Results
 from coupler.record.vtkhdf import FieldReader
-from coupler.report.picture import COLOURS, INK, line_style, new_figure, styled
+from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
 
 HEIGHTS = (0.01, 0.05, 0.1, 0.14)
 # What experiments on aluminium in steel moulds found: gaps [mm], and h [W/m2K] at first and at the end.

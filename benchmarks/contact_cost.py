@@ -27,13 +27,12 @@ from pathlib import Path
 import numpy as np
 from scene import pin, table
 
-from contact.child import keep_freed_memory
-from contact.half.interface import Interface, Pair
-from contact.half.register import register_message
-from contact.half.sparse import factorise, pattern_of
-from contact.link import Link
-from contact.open import open_link
-from contact.wire import Project, Registered, Traction
+from contact.half.interface import Interface, Pair, register_message
+from contact.half.linalg import factorise, pattern_of
+from contact.messages import Project, Registered, Traction
+from contact.rpc.child import keep_freed_memory
+from contact.rpc.link import Link
+from contact.rpc.open import open_link
 
 LAYERS, DEPTH = 20, 1e-5
 QUIET, PATIENCE = 300, 20.0  # quiet rounds wanted, and the seconds after which fewer must do
@@ -160,7 +159,7 @@ def once_ms(work: Callable[[], object]) -> float:
 def links(sizes: tuple[int, ...]) -> list[Ways]:
     """What the links add, at each size."""
     keep_freed_memory()
-    service = subprocess.Popen([sys.executable, "-m", "contact.serve", "--run", "cost", "--child"],
+    service = subprocess.Popen([sys.executable, "-m", "contact.rpc.serve", "--run", "cost", "--child"],
                                stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ})
     assert service.stdout is not None
     endpoint = service.stdout.readline().decode().split()[1]

@@ -17,12 +17,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from thermal_page import scenes
 
-from contact.half.register import register_message
-from contact.normals import edge_frames
+from contact.half.interface import register_message
+from contact.messages import Facing, Project, Registered
 from contact.service import ContactService
-from contact.surfaces import surfaces_of
-from contact.wire import Facing, Project, Registered
-from coupler.report.picture import COLOURS, INK, line_style, new_figure, styled
+from contact.surfaces import edge_frames, surfaces_of
+from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
 
 FOLDER = PAGE.parent / "images"
 E, NU, LENGTH, DELTA = 2.0e11, 0.3, 0.1, 1e-7

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scene import pin, table
 
-from contact.half.interface import Interface, Pair
-from contact.half.register import register_message
+from contact.half.interface import Interface, Pair, register_message
+from contact.messages import Facing, Project, Registered, Traction, Tractions
 from contact.service import ContactService
-from contact.wire import Facing, Project, Registered, Traction, Tractions
 
 Floats = NDArray[np.float64]
 DEPTH, EPS, H, JUMP = 1e-4, 1e12, 1000.0, 100.0

@@ -14,10 +14,10 @@ from ruamel.yaml import YAML
 from thermal_page import merged, scenes
 
 from contact.half.model import Done
-from contact.link import DirectLink
+from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from coupler.scenario import Scenario, load_scenario
-from mechanical_fmu.elastic_model import load
+from mechanical_fmu.elastic_half import load
 
 Array = NDArray[np.float64]
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "contact.md"

@@ -24,7 +24,7 @@ from calculix import L, deck
 from numpy.typing import NDArray
 
 from coupler.deck import convert
-from coupler.runner import run
+from coupler.running.run import run
 from coupler.scenario import load_scenario
 
 Floats = NDArray[np.float64]

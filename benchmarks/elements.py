@@ -30,7 +30,7 @@ from scene import pin, table
 from scipy.sparse import csr_matrix, diags_array, vstack
 from thermal_cases import ZERO, Stefan, nafems_t3
 
-from contact.half.sparse import factorise
+from contact.half.linalg import factorise
 
 Floats = NDArray[np.float64]
 KINDS = {"Q1": (skfem.MeshQuad, skfem.ElementQuad1), "Q2": (skfem.MeshQuad, skfem.ElementQuad2),

@@ -18,10 +18,10 @@ from matplotlib import rcParams
 from numba import njit
 from numpy.typing import NDArray
 
-from coupler.report.picture import line_style, new_figure, styled
+from coupler.report.figures import line_style, new_figure, styled
 from mechanical_fmu.material import moduli
-from mechanical_fmu.material_spec import parse_material
-from mechanical_fmu.points import history_size, update
+from mechanical_fmu.point import history_size, update
+from mechanical_fmu.problem import parse_material
 
 Floats = NDArray[np.float64]
 STEEL = {"E": 2e11, "nu": 0.3}

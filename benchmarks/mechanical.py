@@ -27,12 +27,11 @@ from scene import pin, table
 from scipy.sparse import csr_matrix, triu
 
 from contact.half.interface import Interface
-from contact.half.pardiso import FACTOR, POSITIVE, SOLVE, _Handle
-from contact.half.sparse import factorise, pattern_of
-from mechanical_fmu.elastic_spec import parse_elastic
-from mechanical_fmu.elements import Treatment, cells_of
+from contact.half.linalg import FACTOR, POSITIVE, SOLVE, _Handle, factorise, pattern_of
+from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point_layout import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
+from mechanical_fmu.point import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
+from mechanical_fmu.problem import parse_elastic
 from mechanical_fmu.system import Loading, system_of
 from mechanical_fmu.tangent import fresh_direction
 from mechanical_fmu.volume import Step, Volume

@@ -22,7 +22,7 @@ from coupler.control.loop import finished, step
 from coupler.control.plan import Plan
 from coupler.control.state import first
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Tolerance, Tolerances, WindowRange
-from coupler.schemes.schedule import schedule
+from coupler.schemes.state import schedule
 
 SHARP = Iteration(Acceleration.IQN_ILS, max_iterations=60, tolerance=Tolerances(
     Tolerance(1e-7, 1e-8), Tolerance(1e-13, 1e-8), Tolerance(1.0, 1e-8)))

@@ -57,9 +57,9 @@ class Run:
     """A half on a mesh of a case, ready to be stepped again and again."""
 
     def __init__(self, case: Case, method: str, cells: int) -> None:
-        from contact.link import DirectLink
+        from contact.rpc.link import DirectLink
         from contact.service import ContactService
-        from thermal_fmu.model import load
+        from thermal_fmu.half import load
 
         self.case, self.mesh = case, case.mesh(cells, max(cells // SLENDER, 1))
         self.half = load(self.mesh, {**case.spec, "method": method})

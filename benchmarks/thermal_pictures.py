@@ -19,10 +19,10 @@ from thermal_cases import Stefan
 from thermal_page import PAGE
 from thermal_runs import Array, drive, scenario
 
-from contact.half.property import property_from
+from contact.half.functions import property_from
 from contact.laws import closed_conductance, gap_factor, open_conductance, parse_law
-from coupler.report.picture import COLOURS, INK, line_style, new_figure, styled
-from thermal_fmu.spec import SIGMA_SB
+from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
+from thermal_fmu.problem import SIGMA_SB
 
 FOLDER = PAGE.parent / "images"
 MM = 1e3

@@ -15,10 +15,10 @@ from thermal_cases import first_inputs
 from thermal_page import merged, scenes
 
 from contact.half.model import Done
-from contact.link import DirectLink
+from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from coupler.scenario import Scenario, load_scenario
-from thermal_fmu.model import ThermalHalf
+from thermal_fmu.half import ThermalHalf
 
 Array = NDArray[np.float64]
 

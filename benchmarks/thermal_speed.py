@@ -70,17 +70,17 @@ def timed(call: Callable[..., Any], into: list[float]) -> Callable[..., Any]:
 
 def measure(m: int) -> Speed:
     """The parts of a substep on m x m cells, with the solver of this process."""
-    from thermal_fmu import newton, solver
-    from thermal_fmu.model import load
+    from thermal_fmu import newton
+    from thermal_fmu.half import load
 
-    solver.factorise(csr_array(np.eye(3)))  # loads the library
+    newton.factorise(csr_array(np.eye(3)))  # loads the library
     seconds: dict[str, list[float]] = {part: [] for part in PARTS}
-    plain, factorise, solver.SMALLEST = newton.balance, solver.factorise, 10**9  # new factors in every iteration
+    plain, factorise, newton.SMALLEST = newton.balance, newton.factorise, 10**9  # new factors in every iteration
     whole = timed(plain, seconds["assembly"])
     # A residual alone is half of the work: only what gives the derivative too is read.
     newton.balance = lambda *args, jacobian: (whole if jacobian else plain)(*args, jacobian=jacobian)
     make = timed(factorise, seconds["factorisation"])
-    solver.factorise = lambda *args: timed(make(*args), seconds["solve"])
+    newton.factorise = lambda *args: timed(make(*args), seconds["solve"])
     steps, iterations = [], []
     try:
         mesh, model = scene(m)
@@ -94,7 +94,7 @@ def measure(m: int) -> Speed:
             state = done.state
             iterations.append(float(done.outputs["iterations"]))
     finally:
-        newton.balance, solver.factorise = plain, factorise
+        newton.balance, newton.factorise = plain, factorise
     # The first readings hold what is made once: compiled kernels, the pattern's analysis.
     medians = [statistics.median(seconds[part][1:]) for part in PARTS]
     return Speed(os.environ.get("SLIDELINE_SOLVER", "superlu"), len(mesh.nodes), *medians,

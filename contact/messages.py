@@ -1,293 +1,178 @@
-"""Messages as records: any frozen dataclass of plain fields, by its type hints.
+"""The messages of the contact service.  Their bytes are the business of contact.codec and contact.codec.
 
-Field types: NDArray[...], str, bool, int, float, bytes, Enum, tuple[X, ...], tuple[X, Y], frozenset[str] or [int],
-dict or Mapping[str, X] or [int, X], X | None, dataclasses of those, and D | E, one of several dataclasses.  Arrays
-come back in C order.
+All coordinates are those of the n_s surface nodes of a scene (Interface.contact_nodes), 0-based index s.
+All replies depend on the request and on surfaces registered by content hash, on nothing else.
 """
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Callable, Iterable, Mapping
-from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, fields, is_dataclass
-from enum import Enum
-from functools import cache
-from types import NoneType, UnionType
-from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from contact import wire
-from contact.codec import Arrays, WireError, decode_record, encode_record
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
 
-Kinds = Mapping[str, type[Any]]
-
-
-class Pack(Protocol):
-    """A value as msgpack sees it; arrays go into `arrays` under their path."""
-
-    def __call__(self, value: Any, path: str, arrays: Arrays) -> Any: ...
-
-
-class Unpack(Protocol):
-    """The value back.  Raises WireError naming the path."""
-
-    def __call__(self, raw: Any, path: str, arrays: Arrays) -> Any: ...
+WIRE_VERSION = 3
 
 
 @dataclass(frozen=True)
-class Form:
-    """How values of one type hint go onto the wire and come back."""
-
-    pack: Pack
-    unpack: Unpack
-
-
-def kinds_of(types: Iterable[type[Any]]) -> dict[str, type[Any]]:
-    """The registry decode needs: messages by class name."""
-    return {t.__name__: t for t in types}
-
-
-REQUESTS = kinds_of(get_args(wire.Request))
-REPLIES = kinds_of(get_args(wire.Reply))
-
-
-def encode(message: Any) -> bytes:
-    """The bytes of a message.  Raises WireError where a field is not what its hint says."""
-    arrays: Arrays = {}
-    kind: Any = type(message)
-    meta = _form_of(kind).pack(message, kind.__name__, arrays)
-    return encode_record(kind.__name__, meta, arrays)
-
-
-def decode(data: bytes, kinds: Kinds) -> Any:
-    """The message in `data`, one of `kinds`.  Raises WireError for anything else."""
-    name, meta, arrays = decode_record(data)
-    kind: Any = kinds.get(name)
-    if kind is None:
-        raise WireError(f"message {name!r} is not one of {', '.join(sorted(kinds))}")
-    message = _form_of(kind).unpack(meta, name, arrays)
-    if arrays:
-        raise WireError(f"{name}: unexpected array {next(iter(arrays))!r}")
-    return message
-
-
-@cache
-def _form_of(hint: Any) -> Form:
-    """The form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
-    origin, args = get_origin(hint), get_args(hint)
-    if origin is np.ndarray:
-        return _array_form(get_args(args[1])[0])
-    if origin is tuple and args[1:] == (Ellipsis,):
-        return _tuple_form(_form_of(args[0]))
-    if origin is tuple and args:
-        return _fixed_form(tuple(_form_of(arg) for arg in args))
-    if origin in (frozenset, AbstractSet) and args[0] in (str, int):
-        return _set_form(args[0])
-    if origin in (dict, Mapping) and args[0] in (str, int):
-        return _dict_form(args[0], _form_of(args[1]))
-    if origin in (Union, UnionType) and len(args) == 2 and NoneType in args:
-        return _optional_form(_form_of(args[0] if args[1] is NoneType else args[1]))
-    if origin in (Union, UnionType) and all(is_dataclass(arg) for arg in args):
-        return _one_of_form({arg.__name__: arg for arg in args})
-    if hint is bytes:
-        return _bytes_form()
-    if isinstance(hint, type) and is_dataclass(hint):
-        return _dataclass_form(hint)
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return _enum_form(hint)
-    if hint in _PLAIN:
-        return _plain_form(hint)
-    raise TypeError(f"{hint!r} has no form on the wire")
-
-
-def _array_form(scalar: Any) -> Form:
-    expected = None if scalar is Any else np.dtype(scalar)
-
-    def check(array: Any, path: str) -> Any:
-        if not isinstance(array, np.ndarray):
-            raise WireError(f"{path}: an array was expected, not {type(array).__name__}")
-        if expected is not None and array.dtype != expected:
-            raise WireError(f"{path}: {expected} was expected, not {array.dtype}")
-        return array
-
-    def pack(value: Any, path: str, arrays: Arrays) -> None:
-        arrays[path] = check(value, path)
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
-        if path not in arrays:
-            raise WireError(f"{path}: the array is missing")
-        return check(arrays.pop(path), path)
-
-    return Form(pack, unpack)
-
-
-def _tuple_form(item: Form) -> Form:
-    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
-        return [item.pack(v, f"{path}.{i}", arrays) for i, v in enumerate(value)]
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> tuple[Any, ...]:
-        _expect(raw, list, path)
-        return tuple(item.unpack(v, f"{path}.{i}", arrays) for i, v in enumerate(raw))
-
-    return Form(pack, unpack)
-
-
-def _fixed_form(items: tuple[Form, ...]) -> Form:
-    def sized(value: Any, path: str) -> Any:
-        if len(value) != len(items):
-            raise WireError(f"{path}: {len(items)} items were expected, not {len(value)}")
-        return value
-
-    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
-        return [form.pack(v, f"{path}.{i}", arrays)
-                for i, (form, v) in enumerate(zip(items, sized(value, path), strict=True))]
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> tuple[Any, ...]:
-        _expect(raw, list, path)
-        return tuple(form.unpack(v, f"{path}.{i}", arrays)
-                     for i, (form, v) in enumerate(zip(items, sized(raw, path), strict=True)))
-
-    return Form(pack, unpack)
-
-
-def _set_form(kind: type[Any]) -> Form:
-    # Sorted: equal sets have equal bytes.
-    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
-        return sorted(v for v in value if _expect(v, kind, path))
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> frozenset[Any]:
-        _expect(raw, list, path)
-        return frozenset(v for v in raw if _expect(v, kind, path))
-
-    return Form(pack, unpack)
-
-
-def _optional_form(item: Form) -> Form:
-    # In a list, because an array leaves nothing but None in the header.
-    def pack(value: Any, path: str, arrays: Arrays) -> list[Any] | None:
-        return None if value is None else [item.pack(value, path, arrays)]
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
-        if raw is None:
-            return None
-        if _expect(raw, list, path) and len(raw) != 1:
-            raise WireError(f"{path}: one value was expected, not {len(raw)}")
-        return item.unpack(raw[0], path, arrays)
-
-    return Form(pack, unpack)
-
-
-def _one_of_form(kinds: Kinds) -> Form:
-    # The forms are found when first used: one of them may hold the union again.
-    def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
-        name = type(value).__name__
-        # fault: one of several dataclasses comes back as the first that fits its name -> if False: | contact/test_forms
-        if kinds.get(name) is not type(value):
-            raise WireError(f"{path}: one of {', '.join(sorted(kinds))} was expected, not {name}")
-        kind: Any = kinds[name]
-        return [name, _form_of(kind).pack(value, path, arrays)]
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
-        if not (_expect(raw, list, path) and len(raw) == 2 and isinstance(raw[0], str) and raw[0] in kinds):
-            raise WireError(f"{path}: one of {', '.join(sorted(kinds))} was expected")
-        kind: Any = kinds[raw[0]]
-        return _form_of(kind).unpack(raw[1], path, arrays)
-
-    return Form(pack, unpack)
-
-
-def _bytes_form() -> Form:
-    # An array on the wire: a header is bounded, the state of a half is not.
-    array = _array_form(np.uint8)
-
-    def pack(value: Any, path: str, arrays: Arrays) -> None:
-        _expect(value, bytes, path)
-        array.pack(np.frombuffer(value, np.uint8), path, arrays)
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> bytes:
-        data: bytes = array.unpack(raw, path, arrays).tobytes()
-        return data
-
-    return Form(pack, unpack)
-
-
-def _dict_form(kind: type[Any], item: Form) -> Form:
-    # As pairs where keys are numbers: a reader of maps takes text keys only.
-    def pack(value: Any, path: str, arrays: Arrays) -> Any:
-        packed = {k: item.pack(v, f"{path}.{k}", arrays) for k, v in value.items() if _expect(k, kind, path)}
-        return packed if kind is str else [[k, v] for k, v in packed.items()]
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> dict[Any, Any]:
-        _expect(raw, dict if kind is str else list, path)
-        pairs = raw.items() if kind is str else [(row[0], row[1]) for row in raw if _pair(row, path)]
-        return {k: item.unpack(v, f"{path}.{k}", arrays) for k, v in pairs if _expect(k, kind, path)}
-
-    return Form(pack, unpack)
-
-
-def _pair(row: Any, path: str) -> bool:
-    if _expect(row, list, path) and len(row) != 2:
-        raise WireError(f"{path}: a key and a value were expected, not {len(row)}")
-    return True
-
-
-def _dataclass_form(kind: type[Any]) -> Form:
-    hints = get_type_hints(kind)
-    forms = {f.name: _form_of(hints[f.name]) for f in fields(kind)}
-
-    def pack(value: Any, path: str, arrays: Arrays) -> dict[str, Any]:
-        if type(value) is not kind:
-            raise WireError(f"{path}: {kind.__name__} was expected, not {type(value).__name__}")
-        return {k: form.pack(getattr(value, k), f"{path}.{k}", arrays) for k, form in forms.items()}
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
-        _expect(raw, dict, path)
-        if raw.keys() != forms.keys():
-            raise WireError(f"{path}: fields {sorted(map(str, raw))} where {sorted(forms)} were expected")
-        return kind(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
-
-    return Form(pack, unpack)
-
-
-def _enum_form(kind: type[Enum]) -> Form:
-    def pack(value: Any, path: str, arrays: Arrays) -> str:
-        return str(kind(value).value)
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> Enum:
-        for member in kind:
-            if member.value == raw:
-                return member
-        raise WireError(f"{path}: {raw!r} is not one of {[m.value for m in kind]}")
-
-    return Form(pack, unpack)
-
-
-# numpy's scalars are accepted from the sender and leave as Python's; operator.index refuses a float for int.
-_PLAIN: dict[Any, Callable[[Any], Any]] = {str: str, bool: bool, int: operator.index, float: float}
-
-
-def _plain_form(kind: type[Any]) -> Form:
-    convert = _PLAIN[kind]
-
-    def pack(value: Any, path: str, arrays: Arrays) -> Any:
-        try:
-            if kind is str:
-                _expect(value, str, path)
-            return convert(value)
-        except (TypeError, ValueError) as exc:
-            raise WireError(f"{path}: {kind.__name__} was expected, not {value!r}") from exc
-
-    def unpack(raw: Any, path: str, arrays: Arrays) -> Any:
-        _expect(raw, kind, path)
-        return raw
-
-    return Form(pack, unpack)
-
-
-def _expect(raw: Any, kind: type[Any], path: str) -> bool:
-    # type() is, not isinstance: True is an int to Python and must not be one here.
-    if type(raw) is not kind:
-        raise WireError(f"{path}: {kind.__name__} was expected, not {type(raw).__name__}")
-    return True
+class Passes:
+    """A pair of surfaces is searched once, or in two passes of half the weight with the sides exchanged.
+
+    Arrays of (n_passes,).  pair : number of the pair.  slave, master : surface numbers, the same one for a surface
+    that may fold onto itself.  weight : share of the area that counts.  by_node : 0 for points on pieces of edges cut
+    at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
+    faced [m].  eps_N, eps_T : penalties [Pa/m].  mu : Coulomb's coefficient.
+    """
+
+    pair: Ints
+    slave: Ints
+    master: Ints
+    weight: Floats
+    by_node: Ints
+    gap_max: Floats
+    eps_N: Floats
+    eps_T: Floats
+    mu: Floats
+
+
+@dataclass(frozen=True)
+class Register:
+    """The surfaces of a scene, once.
+
+    n_nodes : n_s.  edges : (n_edges, 2) indices s; the body lies on the left going from first to second.
+    edge_surface : (n_edges,) number of the surface each edge belongs to; the edges of one surface are consecutive.
+    axisymmetric : areas are weighted by 2 pi r (r = x), else unit depth.
+    passes : which surface is searched from which, and how what is found there pushes.
+    """
+
+    n_nodes: int
+    edges: Ints
+    edge_surface: Ints
+    axisymmetric: bool
+    passes: Passes
+
+
+@dataclass(frozen=True)
+class Registered:
+    """surfaces : the hash by which later requests name what was registered."""
+
+    surfaces: str
+
+
+@dataclass(frozen=True)
+class Project:
+    """Which points face each other at coordinates x : (n_s, 2) [m]?"""
+
+    surfaces: str
+    x: Floats
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Facing points (n_p of them) and the gap of every surface node.
+
+    pair : (n_p,) number of the pair. slave_edge, master_edge : (n_p,) numbers as registered. xi_s, xi_m : (n_p,) in
+    [0, 1] along the edge, from its first node. gap : (n_p,) g_N [m]. area : (n_p,) A [m2], the common area of the
+    exchange, measured on the slave. area_m : (n_p,) [m2], the same piece measured on the master (for the share of
+    the master's film).
+    node_gap : (n_s,) [m], g_N of every surface node, both sides; gap_max where nothing is faced (the least over the
+    pairs the node takes part in).  node_covered : (n_s,) share in [0, 1] of the node's surface that faces something.
+    """
+
+    pair: Ints
+    slave_edge: Ints
+    master_edge: Ints
+    xi_s: Floats
+    xi_m: Floats
+    gap: Floats
+    area: Floats
+    area_m: Floats
+    node_gap: Floats
+    node_covered: Floats
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Contact forces at x : (n_s, 2) [m], given what was before.
+
+    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  x_before : (n_s, 2) [m], where the surfaces were when their
+    shear tractions were shear : (n_s,) [Pa] along the slave, its body on the left; only friction asks for them.
+    """
+
+    surfaces: str
+    x: Floats
+    multipliers: Floats
+    x_before: Floats
+    shear: Floats
+
+
+@dataclass(frozen=True)
+class Tractions:
+    """Contact forces.
+
+    force : (n_s, 2) [N] on the nodes (per metre depth when plane); both sides, adding up to zero.
+    starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
+    row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
+    t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : as in Facing.
+    multipliers : (n_s,) [Pa], t_N on slave sides, and shear : (n_s,) [Pa]: the new history.
+    E_friction : (n_s,) [J] of slave nodes, what slipping made since x_before.
+    slipping : (n_s,) of what a slave node touches, the share at Coulomb's bound, 0 to 1.
+    n_touching, n_slipping : facing points with p_N > 0, and those of them at Coulomb's bound.
+    """
+
+    force: Floats
+    starts: Ints
+    columns: Ints
+    blocks: Floats
+    t_N: Floats
+    node_gap: Floats
+    node_covered: Floats
+    multipliers: Floats
+    shear: Floats
+    E_friction: Floats
+    slipping: Floats
+    n_touching: int
+    n_slipping: int
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """How contact answers to its multipliers; the fields are those of Traction."""
+
+    surfaces: str
+    x: Floats
+    multipliers: Floats
+    x_before: Floats
+    shear: Floats
+
+
+@dataclass(frozen=True)
+class Couplings:
+    """What a half needs to solve for displacements and multipliers lambda at once.
+
+    residual : (n_s,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N it makes.
+    weight : (n_s,) [m2], W_j = sum A N_j.
+    nodes : (n_b, 6) of the pieces that touch or have multipliers: the slave edge's two (0, 1), their two neighbours,
+    the master edge's two (4, 5).  values : (n_b, 6, 4, 5), to be added up: for node i and node j of (0, 1, 4, 5)
+    df_i/dlambda_j [m2] along x and y, dR_j/dx_i [N/m] along x and y, dR_i/dlambda_j [m2] less W_i where i = j.
+    """
+
+    residual: Floats
+    weight: Floats
+    nodes: Ints
+    values: Floats
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The service could not answer.  code : unknown_surfaces | bad_request | bug."""
+
+    code: str
+    message: str
+
+
+Request = Register | Project | Traction | Coupling
+Reply = Registered | Facing | Tractions | Couplings | Refused

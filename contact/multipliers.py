@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from contact.compiled import kernel
-from contact.facing import cut_surfaces
-from contact.geometry import frame_of
-from contact.pieces import (
+from contact.messages import Coupling, Couplings, Floats, Ints
+from contact.piece import (
     EPS_N,
     GAUSS,
     LAMBDA_1,
@@ -28,9 +27,9 @@ from contact.pieces import (
     field_normal,
     frame_change,
 )
+from contact.search import cut_surfaces, frame_of
 from contact.surfaces import Surfaces
 from contact.traction import given, parallel, piece_cuts, piece_nodes, points_at
-from contact.wire import Coupling, Couplings, Floats, Ints
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -105,7 +104,7 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
 def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
                  points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, nodes: Ints,
                  scratch: Floats, out: Floats) -> None:
-    """Add both points of a piece to out : (6, 4, 5).  The rest as for contact.pieces.piece_stiffness."""
+    """Add both points of a piece to out : (6, 4, 5).  The rest as for contact.piece.piece_stiffness."""
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
     frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
     for q in range(first, first + 2):
@@ -166,4 +165,3 @@ def by_multiplier(n: Floats, points: Floats, c: Floats, doing: Floats, q: int, o
             out[ENDS[k], j, 0] += sign * w * (nx + drag * ny)
             out[ENDS[k], j, 1] += sign * w * (ny - drag * nx)
             out[ENDS[k], j, 4] -= w
-

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import kernel
-from contact.wire import Floats
+from contact.messages import Floats
 
 Flags = NDArray[np.bool_]
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import traceback
 from collections import OrderedDict
 
-from contact.coupling import coupling
-from contact.facing import project
+from contact.messages import Coupling, Project, Refused, Register, Registered, Reply, Request, Traction
+from contact.multipliers import coupling
+from contact.search import project
 from contact.surfaces import Surfaces, surfaces_of
 from contact.traction import traction
-from contact.wire import Coupling, Project, Refused, Register, Registered, Reply, Request, Traction
 
 KEPT = 64  # scenes kept registered; the one unused longest goes first, and its caller registers it again
 

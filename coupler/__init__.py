@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from coupler.errors import CouplingError, HalfError, ResultsError, ScenarioError, SlidelineError
     from coupler.record.results import Results
-    from coupler.runner import Run, run
+    from coupler.running.run import Run, run
     from coupler.scenario import Scenario, load_scenario
 
 __all__ = ["CouplingError", "HalfError", "Results", "ResultsError", "Run", "Scenario", "ScenarioError",
            "SlidelineError", "load_scenario", "run"]
 
-_HOME = {"Results": "coupler.record.results", "Run": "coupler.runner", "run": "coupler.runner",
+_HOME = {"Results": "coupler.record.results", "Run": "coupler.running.run", "run": "coupler.running.run",
          "Scenario": "coupler.scenario", "load_scenario": "coupler.scenario"}
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.wire import Tractions
-from mechanical_fmu.augment import settle
+from contact.messages import Tractions
+from mechanical_fmu.augmented import settle
 from mechanical_fmu.drive import Drive, between
 from mechanical_fmu.dynamics import Motion, free_flight, inertia_of, motion_after
 from mechanical_fmu.explicit import fly

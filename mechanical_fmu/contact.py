@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix
 
+from contact.half.contact_client import ContactSurfaces
 from contact.half.model import Value, Variable
-from contact.half.surfaces import ContactSurfaces
-from contact.wire import Tractions
+from contact.messages import Tractions
 
 Floats = NDArray[np.float64]
 

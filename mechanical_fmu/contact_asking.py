@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.contact_client import History
 from contact.half.model import Link
-from contact.half.surfaces import History
-from contact.wire import Couplings, Tractions
-from mechanical_fmu.contact_forces import Contact
+from contact.messages import Couplings, Tractions
+from mechanical_fmu.contact import Contact
 from mechanical_fmu.system import System
 
 Floats = NDArray[np.float64]

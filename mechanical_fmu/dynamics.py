@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.sparse import factorise
-from mechanical_fmu.inertia import Inertia
-from mechanical_fmu.masses import Masses
-from mechanical_fmu.method_spec import Dynamics
-from mechanical_fmu.rigid_bodies import with_diagonal
+from contact.half.linalg import factorise
+from mechanical_fmu.constraints import with_diagonal
+from mechanical_fmu.masses import Inertia, Masses
+from mechanical_fmu.problem import Dynamics
 from mechanical_fmu.system import Balance, System
 from mechanical_fmu.tangent import held
 

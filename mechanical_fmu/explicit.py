@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.body_loads import edge_shares
 from mechanical_fmu.dynamics import Motion
+from mechanical_fmu.loads import edge_shares
 from mechanical_fmu.newton import NoEquilibriumError
 from mechanical_fmu.system import Balance, Loading, System
 from mechanical_fmu.volume import Step

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
 from contact.half.interface import Interface
-from mechanical_fmu.body_loads import DeadForces, dead_forces, nodal_shares
-from mechanical_fmu.elastic_spec import ElasticSpec
-from mechanical_fmu.elements import Cells
-from mechanical_fmu.rigid_bodies import RigidBodies
+from mechanical_fmu.cells import Cells
+from mechanical_fmu.constraints import RigidBodies
+from mechanical_fmu.loads import DeadForces, dead_forces, nodal_shares
+from mechanical_fmu.problem import ElasticSpec
 
 Floats = NDArray[np.float64]
 
@@ -115,3 +115,21 @@ def masses_of(interface: Interface, spec: ElasticSpec, kinds: tuple[Cells, ...],
             raise ValueError(f"model.json: bodies.{name}.reference: with inertia the motion of a rigid body is told "
                              "of its centre; leave the key out")
     return Masses(interface, spec, kinds, rigid)
+
+
+# Inertia forces of a step, linear in the displacement at its end.  Eq. (23).
+
+@dataclass(frozen=True)
+class Inertia:
+    """force(u) = matrix (u - origin) + constant, [N].
+
+    matrix : (2 n, 2 n) [N/m].  origin : (n, 2) [m].  constant : (n, 2) [N], what the step's start contributes.
+    """
+
+    matrix: csr_matrix
+    origin: Floats
+    constant: Floats
+
+    def force(self, u: Floats) -> Floats:
+        """(n, 2) [N] at u : (n, 2) [m]."""
+        return np.asarray(self.matrix @ (u - self.origin).ravel()).reshape(u.shape) + self.constant

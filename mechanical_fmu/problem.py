@@ -2,20 +2,352 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
-from contact.half.checks import keys, known, made, number
+from contact.half.checks import keys, known, made, nodes_on, number, signal
+from contact.half.functions import Property, Signal, positive_property, property_from
 from contact.half.interface import Interface
-from contact.half.property import Property, positive_property
-from mechanical_fmu.boundary_spec import DeadLoad, Displacement, Pressure, parse_boundary
-from mechanical_fmu.material import Material
-from mechanical_fmu.material_spec import parse_material
-from mechanical_fmu.method_spec import DEFAULT_CUTS, METHODS, Dynamics, Skip, parse_dynamics, parse_skip
+from mechanical_fmu.material import (
+    ELASTIC,
+    NOTHING,
+    ONE,
+    Curves,
+    Flow,
+    Liquid,
+    Material,
+    Norton,
+    Plastic,
+    PowerLaw,
+    Voce,
+)
+from mechanical_fmu.point import CUBIC, SLOPED
+
+# What holds and pushes the bodies, as model.json says it, checked.
+
+Ints = NDArray[np.int32]
+
+KINDS = ("displacement", "pressure", "traction", "force", "gravity", "body_force")
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Eq. (15): component of u is value(t) [m] at nodes; or of a rigid body's point, component 2 its angle [rad].
+
+    on : the name they go by.  name : of its inputs, or "".  rigid : number among the rigid bodies, else -1.
+    """
+
+    on: str
+    nodes: Ints
+    component: int
+    value: Signal
+    name: str
+    rigid: int = -1
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """Eq. (16): a pressure value(t) [Pa] that pushes on the body and follows its edges : (n, 2)."""
+
+    on: str
+    edges: Ints
+    value: Signal
+    name: str
+
+
+@dataclass(frozen=True)
+class DeadLoad:
+    """One component (0 x, 1 y; 2 a moment on a rigid body) of a force that keeps size and direction.
+
+    kind : "traction" [Pa] of reference surface; "force" [N] at nodes, shared evenly (the whole turn when axisymmetric,
+    per metre of depth when plane), or on a rigid body's reference point ([N], [N m]); "gravity" [m/s2] and
+    "body_force" [N/m3] of reference volume on a body.  on : surface, node set or body.  name, rigid : as above.
+    """
+
+    kind: str
+    on: str
+    component: int
+    value: Signal
+    name: str
+    rigid: int = -1
+
+
+Condition = Displacement | Pressure | DeadLoad
+
+
+def parse_boundary(interface: Interface, spec: Any, where: str, rigid: Mapping[str, int]) -> Condition:
+    """One entry of "boundary".  rigid : name of each rigid body -> its number.  Raises ValueError."""
+    kind = known(keys(spec, where, {"kind"}, spec)["kind"], f"{where}.kind", KINDS)
+    if kind == "pressure":
+        keys(spec, where, {"kind", "on", "value"}, {"name"})
+        on = known(spec["on"], f"{where}.on", interface.surfaces)
+        return Pressure(on, interface.surfaces[on], signal(spec["value"], f"{where}.value"), _name(spec))
+    keys(spec, where, {"kind", "on", "component", "value"}, {"name"})
+    value, name = signal(spec["value"], f"{where}.value"), _name(spec)
+    number = rigid.get(spec["on"], -1) if kind in ("displacement", "force") and isinstance(spec["on"], str) else -1
+    component = _component(spec["component"], where, number >= 0)
+    if kind == "displacement":
+        nodes = np.empty(0, np.int32) if number >= 0 else nodes_on(interface, spec["on"], f"{where}.on")
+        return Displacement(spec["on"], nodes, component, value, name, number)
+    return DeadLoad(kind, _place(interface, spec["on"], where, kind, number), component, value, name, number)
+
+
+def _place(interface: Interface, on: Any, where: str, kind: str, number: int) -> str:
+    places = {"traction": list(interface.surfaces), "force": list(interface.node_sets)}
+    return str(on) if number >= 0 else known(on, f"{where}.on", places.get(kind, list(interface.bodies)))
+
+
+def _component(component: Any, where: str, turns: bool) -> int:
+    if isinstance(component, bool) or component not in ((0, 1, 2) if turns else (0, 1)):
+        choice = "0 (x), 1 (y) or 2 (angle, moment)" if turns else "0 (x) or 1 (y)"
+        raise ValueError(f"model.json: {where}.component must be {choice}, not {component!r}")
+    return int(component)
+
+
+def _name(spec: Mapping[str, Any]) -> str:
+    return str(spec.get("name") or "")
+
+
+# How the mechanical half solves, as model.json says it, checked: methods, inertia, skipping.
+
+# control.method n > 0 is METHODS[n - 1]; 0 is that of model.json.
+METHODS = ("newton", "modified_newton", "bfgs", "explicit")
+MASSES = ("consistent", "lumped")
+# A step that fails is halved inside the half this often before it is discarded.
+DEFAULT_CUTS = 4
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Inertia by the generalised-alpha method (Chung & Hulbert 1993); alpha_m = alpha_f = 0 is Newmark's.
+
+    M ((1 - alpha_m) a_{n+1} + alpha_m a_n) + (1 - alpha_f) f_{n+1} + alpha_f f_n = 0, f internal less external,
+    u_{n+1} = u_n + dt v_n + dt2 ((1/2 - beta) a_n + beta a_{n+1}),
+    v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1}).
+    lumped : whether the mass matrix is diagonal.
+    """
+
+    beta: float = 0.25
+    gamma: float = 0.5
+    alpha_m: float = 0.0
+    alpha_f: float = 0.0
+    lumped: bool = False
+
+
+@dataclass(frozen=True)
+class Skip:
+    """A step is skipped while what it would change is estimated below u [m], at most `most` times in a row."""
+
+    u: float
+    most: int
+
+
+def parse_dynamics(spec: Any, where: str) -> Dynamics:
+    """Raises ValueError naming the key, the value and what would do."""
+    keys(spec, where, set(), {"beta", "gamma", "rho_inf", "alpha", "mass"})
+    lumped = known(spec.get("mass", MASSES[0]), f"{where}.mass", MASSES) == "lumped"
+    given = [k for k in ("beta", "rho_inf", "alpha") if k in spec or (k == "beta" and "gamma" in spec)]
+    if len(given) > 1:
+        raise ValueError(f"model.json: {where}: one of beta and gamma, rho_inf, alpha, not several")
+    if "rho_inf" in spec:
+        return damped_by_radius(_closed(spec["rho_inf"], f"{where}.rho_inf", 0.0, 1.0), lumped)
+    if "alpha" in spec:
+        # Hilber, Hughes & Taylor 1977.
+        alpha = _closed(spec["alpha"], f"{where}.alpha", -1.0 / 3.0, 0.0)
+        return Dynamics(0.25 * (1.0 - alpha) ** 2, 0.5 - alpha, 0.0, -alpha, lumped)
+    beta, gamma = (number(spec.get(k, d), f"{where}.{k}", 0.0) for k, d in (("beta", 0.25), ("gamma", 0.5)))
+    if gamma < 0.5 or beta < 0.5 * gamma:
+        raise ValueError(f"model.json: {where}: beta {beta:g}, gamma {gamma:g} is stable for small steps only; "
+                         "take gamma >= 1/2 and beta >= gamma/2, or method explicit")
+    return Dynamics(beta, gamma, 0.0, 0.0, lumped)
+
+
+def damped_by_radius(rho_inf: float, lumped: bool) -> Dynamics:
+    """The method whose spectral radius at infinite frequency is rho_inf; order 2 whatever it is."""
+    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
+    return Dynamics(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
+
+
+def parse_skip(spec: Any, where: str) -> Skip:
+    """Raises ValueError naming the key, the value and what would do."""
+    keys(spec, where, {"u", "most"})
+    most = spec["most"]
+    if isinstance(most, bool) or not isinstance(most, int) or most < 1:
+        raise ValueError(f"model.json: {where}.most must be a whole number, 1 or more, not {most!r}")
+    return Skip(number(spec["u"], f"{where}.u", 0.0), most)
+
+
+def _closed(value: Any, where: str, low: float, high: float) -> float:
+    found = number(value, where)
+    if not low <= found <= high:
+        raise ValueError(f"model.json: {where} must lie between {low:g} and {high:g}, not {value!r}")
+    return found
+
+
+# A material of model.json, checked and made.
+
+Floats = NDArray[np.float64]
+
+DEFAULT_CHI = 0.9  # Taylor and Quinney's share for metals at large strain
+LAWS = ("linear", "voce", "table")
+
+
+def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -> Material:
+    """The material a model.json describes.  others : keys that are read elsewhere.
+
+    Raises ValueError naming the key, the value and what would do.
+    """
+    where = f"materials.{name}"
+    keys(spec, where, {"E", "nu"}, {"alpha", "T_ref", "plastic", "creep", "liquid", *others})
+    T_ref = number(spec.get("T_ref", 0.0), f"{where}.T_ref")
+    material = Material(name, _positive(spec, "E", where, "Young's modulus"), _poisson(spec["nu"], f"{where}.nu"),
+                        _property(spec, "alpha", where, NOTHING), T_ref, _flow(spec, where))
+    if material.kind and (why := material.flow.refusal(_temperatures(spec, T_ref))):
+        raise ValueError(f"model.json: {where}: {why}")
+    return material
+
+
+def _flow(spec: Mapping[str, Any], where: str) -> Flow:
+    if not {"plastic", "creep", "liquid"} & set(spec):
+        return ELASTIC
+    plastic = _plastic(spec["plastic"], f"{where}.plastic") if "plastic" in spec else None
+    creep = _creep(spec["creep"], f"{where}.creep") if "creep" in spec else None
+    liquid = _liquid(spec["liquid"], f"{where}.liquid") if "liquid" in spec else None
+    if plastic and plastic.kinematic and creep:
+        raise ValueError(f"model.json: {where}: creep does not go with a kinematic backstress, which would have to "
+                         "creep too; give plastic.overstress instead of creep, or leave plastic.kinematic out")
+    return Flow(plastic, creep, liquid, plastic.data if plastic else np.empty(0))
+
+
+def _plastic(spec: Any, where: str) -> Plastic:
+    keys(spec, where, set(), {"yield", "hardening", "factor", "kinematic", "overstress", "chi", "softening"})
+    softening = spec.get("softening", False)
+    if not isinstance(softening, bool):
+        raise ValueError(f"model.json: {where}.softening must be true or false, not {softening!r}")
+    kinematic = keys(spec.get("kinematic", {"C": 0.0}), f"{where}.kinematic", {"C"}, {"gamma"})
+    overstress = keys(spec.get("overstress", {"K": 0.0, "m": 1.0}), f"{where}.overstress", {"K", "m"})
+    return Plastic(
+        hardening=_hardening(spec, where), factor=_property(spec, "factor", where, ONE),
+        C=_property(kinematic, "C", f"{where}.kinematic", NOTHING),
+        gamma=_property(kinematic, "gamma", f"{where}.kinematic", NOTHING),
+        K=_property(overstress, "K", f"{where}.overstress", NOTHING),
+        m=_exponent(overstress["m"], f"{where}.overstress.m"), chi=_share(spec, "chi", where, DEFAULT_CHI),
+        softening=softening, kinematic="kinematic" in spec, overstress="overstress" in spec)
+
+
+def _hardening(spec: Mapping[str, Any], where: str) -> Voce | Curves:
+    at = f"{where}.hardening"
+    law = spec.get("hardening", {"law": "linear", "H": 0.0})
+    kind = known(keys(law, at, {"law"}, law)["law"], f"{at}.law", LAWS)
+    if kind == "table":
+        if "yield" in spec:
+            raise ValueError(f"model.json: {where}.yield: a table begins with the yield stress; leave it out "
+                             "(factor scales the table by temperature)")
+        return _curves(law, at)
+    keys(spec, where, {"yield"}, spec)
+    s0 = _positive(spec, "yield", where, "the yield stress")
+    if kind == "linear":
+        return Voce(s0, H=_property(keys(law, at, {"law", "H"}), "H", at, NOTHING))
+    keys(law, at, {"law", "Q", "b"}, {"H"})
+    b = number(law["b"], f"{at}.b", 0.0)
+    return Voce(s0, _property(law, "Q", at, NOTHING), b, _property(law, "H", at, NOTHING))
+
+
+def _curves(law: Mapping[str, Any], where: str) -> Curves:
+    keys(law, where, {"law", "strain", "stress"}, {"T", "form", "beyond"})
+    strain, T = _numbers(law["strain"], f"{where}.strain"), _numbers(law.get("T", [0.0]), f"{where}.T")
+    rows = law["stress"] if "T" in law else [law["stress"]]
+    if not isinstance(rows, list | tuple) or len(rows) != len(T):
+        raise ValueError(f"model.json: {where}.stress needs one list for each of the {len(T)} temperatures in T")
+    stress = [_numbers(row, f"{where}.stress") for row in rows]
+    if strain.size < 2 or strain[0] != 0.0 or (np.diff(strain) <= 0.0).any():
+        raise ValueError(f"model.json: {where}.strain must begin at 0, increase, and have at least two values")
+    if (np.diff(T) <= 0.0).any():
+        raise ValueError(f"model.json: {where}.T must increase")
+    for row in stress:
+        if row.size != strain.size or (row <= 0.0).any():
+            raise ValueError(f"model.json: {where}.stress needs {strain.size} positive values, one for each strain")
+    cubic = known(law.get("form", "linear"), f"{where}.form", ("linear", "cubic")) == "cubic"
+    sloped = known(law.get("beyond", "flat"), f"{where}.beyond", ("flat", "slope")) == "slope"
+    slope = [PchipInterpolator(strain, row).derivative()(strain) if cubic
+             else np.append(d := np.diff(row) / np.diff(strain), d[-1]) for row in stress]
+    return Curves(strain, T, np.array(stress), np.array(slope), CUBIC * cubic + SLOPED * sloped)
+
+
+def _creep(spec: Any, where: str) -> Norton | PowerLaw:
+    if isinstance(spec, Mapping) and "K" in spec:
+        keys(spec, where, {"K", "m"}, {"heat"})
+        return PowerLaw(_positive(spec, "K", where, "K"), _exponent(spec["m"], f"{where}.m"),
+                        _share(spec, "heat", where, 1.0))
+    keys(spec, where, {"A", "n"}, {"Q", "heat"})
+    return Norton(_property(spec, "A", where, NOTHING), number(spec["n"], f"{where}.n", 0.0),
+                  number(spec.get("Q", 0.0), f"{where}.Q", 0.0, low_itself=True), _share(spec, "heat", where, 1.0))
+
+
+def _liquid(spec: Any, where: str) -> Liquid:
+    keys(spec, where, {"eta", "bulk", "T_s", "T_l"}, {"shrinkage", "heat"})
+    T_s, T_l = number(spec["T_s"], f"{where}.T_s", 0.0), number(spec["T_l"], f"{where}.T_l", 0.0)
+    if T_s > T_l:
+        raise ValueError(f"model.json: {where}: T_s = {T_s:g} K, where melting begins, must not be above "
+                         f"T_l = {T_l:g} K, where it ends")
+    return Liquid(_positive(spec, "eta", where, "the viscosity"), _positive(spec, "bulk", where, "the bulk modulus"),
+                  T_s, T_l, number(spec.get("shrinkage", 0.0), f"{where}.shrinkage", -0.5, 0.5),
+                  _share(spec, "heat", where, 1.0))
+
+
+def _poisson(spec: Any, where: str) -> Property:
+    if not isinstance(spec, Mapping):
+        return Property(number(spec, where, -1.0, 0.5))
+    for value in spec.get("value", ()):
+        number(value, where, -1.0, 0.5)
+    return made(property_from, spec, where)
+
+
+def _positive(spec: Mapping[str, Any], key: str, where: str, what: str) -> Property:
+    return made(lambda s: positive_property(s, what), spec[key], f"{where}.{key}")
+
+
+def _property(spec: Mapping[str, Any], key: str, where: str, default: Property) -> Property:
+    return made(property_from, spec[key], f"{where}.{key}") if key in spec else default
+
+
+def _share(spec: Mapping[str, Any], key: str, where: str, default: float) -> float:
+    share = number(spec.get(key, default), f"{where}.{key}", 0.0, low_itself=True)
+    if share > 1.0:
+        raise ValueError(f"model.json: {where}.{key} is a share, from 0 to 1, not {share!r}")
+    return share
+
+
+def _exponent(value: Any, where: str) -> float:
+    m = number(value, where, 0.0)
+    if m > 1.0:
+        raise ValueError(f"model.json: {where} must lie above 0 and be at most 1, not {value!r}")
+    return m
+
+
+def _numbers(values: Any, where: str) -> Floats:
+    if not isinstance(values, list | tuple) or not values:
+        raise ValueError(f"model.json: {where} must be a list of numbers, not {values!r}")
+    return np.array([number(v, f"{where}[{i}]") for i, v in enumerate(values)])
+
+
+def _temperatures(spec: Any, T_ref: float) -> Floats:
+    """Temperatures at which the tables inside a spec have knots; T_ref (or 1 K) where there are none.  Ascending."""
+    found: set[float] = set()
+    todo = [spec]
+    while todo:
+        part = todo.pop()
+        if isinstance(part, Mapping):
+            if isinstance(part.get("T"), list | tuple):
+                found |= {float(T) for T in part["T"]}
+            todo += part.values()
+    return np.array(sorted(T for T in found if T > 0.0) or [max(T_ref, 1.0)])
+
 
 DEFAULT_TOLERANCE = 1e-8
 # How the pressures of augmented pairs are found; the first is that of a plain number.
@@ -179,14 +511,14 @@ def _body(spec: Mapping[str, Any], where: str) -> BodySpec:
     if "reference" in spec:
         if not rigid:
             raise ValueError(f"model.json: {where}.reference: only a rigid body has one")
-        x, y = _numbers(spec["reference"], f"{where}.reference", (2,))
+        x, y = _few_numbers(spec["reference"], f"{where}.reference", (2,))
         reference = (x, y)
-    v0 = (*_numbers(spec.get("v0", (0.0, 0.0)), f"{where}.v0", (2, 3)), 0.0)
+    v0 = (*_few_numbers(spec.get("v0", (0.0, 0.0)), f"{where}.v0", (2, 3)), 0.0)
     drawn_at = number(spec["drawn_at"], f"{where}.drawn_at", 0.0) if "drawn_at" in spec else None
     return BodySpec(rigid, reference, (v0[0], v0[1], v0[2]), drawn_at)
 
 
-def _numbers(spec: Any, where: str, lengths: tuple[int, ...]) -> tuple[float, ...]:
+def _few_numbers(spec: Any, where: str, lengths: tuple[int, ...]) -> tuple[float, ...]:
     if not isinstance(spec, list | tuple) or len(spec) not in lengths:
         raise ValueError(f"model.json: {where} must be a list of {' or '.join(map(str, lengths))} numbers, "
                          f"not {spec!r}")

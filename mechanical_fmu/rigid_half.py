@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.checks import keys, signal
+from contact.half.contact_client import ContactRefusedError, ContactSurfaces
+from contact.half.functions import Signal
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from contact.half.signal import Signal
-from contact.half.surfaces import ContactRefusedError, ContactSurfaces
-from mechanical_fmu.contact_forces import contact_variables
+from mechanical_fmu.contact import contact_variables
 
 Floats = NDArray[np.float64]
 

@@ -11,19 +11,16 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.interface import Interface
-from contact.half.sparse import Pattern, pattern_of
-from contact.wire import Tractions
-from mechanical_fmu.boundary_spec import Pressure
-from mechanical_fmu.constraints import Constraints, constraints_of
-from mechanical_fmu.contact_forces import Contact
-from mechanical_fmu.elastic_spec import ElasticSpec
-from mechanical_fmu.elements import Treatment, cells_of
-from mechanical_fmu.inertia import Inertia
+from contact.half.linalg import Pattern, pattern_of
+from contact.messages import Tractions
+from mechanical_fmu.cells import Treatment, cells_of
+from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
+from mechanical_fmu.contact import Contact
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
-from mechanical_fmu.masses import Masses, masses_of
+from mechanical_fmu.masses import Inertia, Masses, masses_of
 from mechanical_fmu.material import Moduli, moduli
-from mechanical_fmu.point_layout import LIQUID
-from mechanical_fmu.rigid_bodies import RigidBodies, rigid_bodies
+from mechanical_fmu.point import LIQUID
+from mechanical_fmu.problem import ElasticSpec, Pressure
 from mechanical_fmu.volume import Step, Volume
 
 Floats = NDArray[np.float64]

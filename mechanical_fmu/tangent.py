@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
-from contact.half.sparse import SingularMatrixError, Solve, factorise
-from contact.wire import Tractions
+from contact.half.linalg import SingularMatrixError, Solve, factorise
+from contact.messages import Tractions
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.system import Balance, Loading, System, holding
 

@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.cell_points import INVERTED, NO_MODES, Out, cell_points
-from mechanical_fmu.elements import Cells
-from mechanical_fmu.kernels import cell_forces, cell_stress
+from mechanical_fmu.cells import INVERTED, NO_MODES, Cells, Out, cell_forces, cell_points, cell_stress
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.points import CODES, has_skew_tangent
-from mechanical_fmu.response import NO_THICKNESS, Law
+from mechanical_fmu.point import CODES, has_skew_tangent
+from mechanical_fmu.strain import NO_THICKNESS, Law
 
 Floats = NDArray[np.float64]
 

@@ -26,10 +26,11 @@ import pytest
 import typer
 from pydantic import TypeAdapter, ValidationError
 
-from coupler import cli, load_scenario
-from coupler.scenario.reading import document_from
+from coupler import load_scenario
+from coupler.cli import cli
+from coupler.scenario.document import document_from
+from coupler.scenario.physics import Material
 from coupler.scenario.schema import ScenarioFile
-from coupler.scenario.schema_material import Material
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "benchmarks/README.md"]

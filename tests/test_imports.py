@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
 MAY_IMPORT = {"contact": set(), "thermal_fmu": {"contact"}, "mechanical_fmu": {"contact"}, "coupler": {"contact"}}
-ONLY_IN = {"fmpy": {"coupler/fmu/fmi.py"}, "zenoh": {"contact/zenoh_link.py"}}
+ONLY_IN = {"fmpy": {"coupler/fmu/fmi.py"}, "zenoh": {"contact/rpc/zenoh_session.py"}}
 
 
 def imported(path: Path) -> set[str]:
@@ -47,5 +47,5 @@ def test_one_file_knows_a_border_library(library):
 
 def test_the_reader_of_imports_sees_every_form(tmp_path):
     source = tmp_path / "x.py"
-    source.write_text("def f():\n from thermal_fmu.model import A\n import_module('zenoh')\n import fmpy.x as y\n")
+    source.write_text("def f():\n from thermal_fmu.half import A\n import_module('zenoh')\n import fmpy.x as y\n")
     assert imported(source) == {"thermal_fmu", "zenoh", "fmpy"}

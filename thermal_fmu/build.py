@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from contact.half.build import main as build_main
 
-LOADS = {"thermal": "thermal_fmu.model:load", "lumped": "thermal_fmu.lumped_model:load",
-         "thermal_rod": "thermal_fmu.rod_model:load"}
+LOADS = {"thermal": "thermal_fmu.half:load", "lumped": "thermal_fmu.stations.half:load_lumped",
+         "thermal_rod": "thermal_fmu.stations.half:load_rod"}
 """`half` of model.json -> the function that loads it."""
 
 

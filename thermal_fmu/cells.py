@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.elements import Table, table_of
 from contact.half.interface import Interface
-from contact.half.sparse import Pattern, pattern_of
+from contact.half.linalg import Pattern, pattern_of
+from contact.half.quadrature import Table, table_of
 from thermal_fmu.kernels import (
     add_conduction,
     add_conduction_tensor,
@@ -21,12 +21,48 @@ from thermal_fmu.kernels import (
     shape_gradients,
     turn_of,
 )
-from thermal_fmu.nodal import at_nodes
-from thermal_fmu.phase import Fields
-from thermal_fmu.spec import Body
-from thermal_fmu.tensor import tensors
+from thermal_fmu.phase_change import Fields
+from thermal_fmu.problem import Body, Conductivity
+from thermal_fmu.surface_terms import at_nodes
+
+# Conductivity tensors at quadrature points, with their derivatives by temperature and by solid fraction.
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tensors:
+    """K, dK, dK_f : (ne, nq, 3), components xx, xy, yy of k [W/mK], dk/dT, dk/df_s.  principal : values of k_1, k_2."""
+
+    K: Floats
+    dK: Floats
+    dK_f: Floats
+    principal: tuple[Floats, ...]
+
+
+def tensors(k: Conductivity, T: Floats, f_s: Floats | None, turn: Floats | None) -> Tensors:
+    """At T, f_s and the turn of the material : (ne, nq) [K, 1, rad]; None: solid, and not turned.
+
+    K = k_1 a a' + k_2 b b' with a at angle + turn to x and b across it.
+    """
+    first = k.k_1(T, f_s)
+    by_T, by_f = k.k_1.slope(T, f_s), k.k_1.phase_slope(T)
+    if k.k_2 is None:
+        K, dK, dK_f = (np.stack([v, np.zeros(v.shape), v], axis=-1) for v in (first, by_T, by_f))
+        return Tensors(K, dK, dK_f, (first,))
+    second = k.k_2(T, f_s)
+    # fault: axes turn the other way -> angle = k.angle if turn is None else k.angle - turn |
+    #   thermal_fmu/test_thermal_anisotropy::test_axes_turn_with_the_material
+    angle = k.angle if turn is None else k.angle + turn
+    c, s = np.cos(angle), np.sin(angle)
+    pairs = ((first, second), (by_T, k.k_2.slope(T, f_s)), (by_f, k.k_2.phase_slope(T)))
+    # fault: skewed axes without their skew -> K, dK, dK_f = (np.stack([v * c * c + w * s * s, -(v - w) * c * s, v * s *
+    #   s + w * c * c], axis=-1) | thermal_fmu/test_thermal_anisotropy::test_a13_patch_with_skewed_axes
+    K, dK, dK_f = (np.stack([v * c * c + w * s * s, (v - w) * c * s, v * s * s + w * c * c], axis=-1)
+                   for v, w in pairs)
+    return Tensors(K, dK, dK_f, (first, second))
+
+
 Ints = NDArray[np.int32]
 Slots = NDArray[np.int64]
 
@@ -284,3 +320,91 @@ def _demand_positive(what: str, values: Floats, block: Block, body: str) -> None
         e, at = np.unravel_index(np.argmin(np.where(np.isnan(values), -np.inf, values)), values.shape)
         raise BadPropertyError(f"the {what} of body {body} is {values[e, at]:.6g} at a temperature that was met "
                                f"in cell {block.numbers[e] + 1}")
+
+
+# What need not be worked out again: shapes of cells that did not move, matrices of bodies whose data are constant.
+#
+# Kept values are those that would be worked out, to the bit, so nothing here is part of the state.
+
+class KeptShapes:
+    """The shapes of the coordinates last asked for, block by block."""
+
+    def __init__(self) -> None:
+        self._x: Floats | None = None
+        self._references: tuple[Reference, ...] = ()
+        self._shapes: tuple[Shape, ...] = ()
+
+    def of(self, volume: Volume, references: tuple[Reference, ...], x: Floats) -> tuple[Shape, ...]:
+        """Every block on x : (n, 2) [m], with the turn of its axes.  Raises InvertedCellError."""
+        before, known = self._x, self._references is references
+        shapes = []
+        for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
+            # fault: shapes kept though the cells moved -> if known and before is not None and before.shape == x.shape:
+            #   | thermal_fmu/test_thermal_kept
+            if known and before is not None and np.array_equal(before[block.nodes], x[block.nodes]):
+                shapes.append(self._shapes[b])
+            else:
+                shapes.append(turned(block, first, shape_of(volume, block, x), x))
+        self._x, self._references, self._shapes = np.array(x), references, tuple(shapes)
+        return self._shapes
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What the entries of a block follow from.  entries : (n_places,), once they were asked for twice."""
+
+    first: Reference
+    shape: Shape
+    slope: float
+    stores: bool
+    entries: Floats | None = None
+
+    def is_for(self, first: Reference, shape: Shape, slope: float, stores: bool) -> bool:
+        # fault: matrix kept though the step's length changed -> return self.first is first and self.shape is shape and
+        #   self.stores == stores | thermal_fmu/test_thermal_kept
+        return self.first is first and self.shape is shape and (self.slope, self.stores) == (slope, stores)
+
+
+class KeptMatrix:
+    """M + slope K of blocks whose c and k are constant, for the shapes and the slope last asked for."""
+
+    def __init__(self) -> None:
+        self._of: dict[int, _Asked] = {}
+
+    def fill(self, volume: Volume, bodies: Sequence[Body], on: Sequence[tuple[Reference, Shape]], into: Entries,
+             stores: bool) -> Entries:
+        """Put in the entries of blocks that were asked for before, and say which.
+
+        A block that moves in every step is left to the caller: to keep its entries would cost and never pay.
+        on : reference and shape of every block.  stores : whether M is in it.
+        """
+        filled = []
+        for b, block in enumerate(volume.blocks):
+            if not (block.alone and _is_constant(bodies[block.body])):
+                continue
+            kept = self._of.get(b)
+            if kept is None or not kept.is_for(*on[b], into.slope, stores):
+                self._of[b] = _Asked(*on[b], into.slope, stores)
+                continue
+            if kept.entries is None:
+                kept = replace(kept, entries=_entries(volume, block, bodies, on[b], into.slope, stores))
+                self._of[b] = kept
+            into.data[block.places] = kept.entries
+            filled.append(b)
+        return replace(into, filled=frozenset(filled))
+
+
+def _entries(volume: Volume, block: Block, bodies: Sequence[Body], on: tuple[Reference, Shape], slope: float,
+             stores: bool) -> Floats:
+    """(n_places,) entries of one block.  T = 0 serves: the entries know no temperature."""
+    own = replace(volume, blocks=(replace(block, slots=block.own_slots),))
+    nothing, into = np.zeros(volume.n), Entries(np.zeros(block.places.size), slope)
+    if stores:
+        store(own, on[:1], bodies, (nothing, nothing), np.zeros(volume.n), into)
+    conduct(own, on[1:], bodies, Fields(nothing), np.zeros(volume.n), into)
+    return into.data
+
+
+def _is_constant(body: Body) -> bool:
+    material = body.material
+    return material.phase is None and material.c.is_constant and material.k.is_constant

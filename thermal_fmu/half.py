@@ -2,37 +2,113 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.contact_client import ContactRefusedError
 from contact.half.interface import Interface
+from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from contact.half.sparse import SingularMatrixError
-from contact.half.surfaces import ContactRefusedError
-from thermal_fmu import phase
-from thermal_fmu.advance import Begin, advance
-from thermal_fmu.face import face_variables, whole
+from thermal_fmu import phase_change
+from thermal_fmu.cells import BadPropertyError, Block, InvertedCellError, Reference, Shape, shapes_of, tensors
 from thermal_fmu.facing import Points, points_of
-from thermal_fmu.heat import Heat, no_heat
-from thermal_fmu.held import hold, rubbed
-from thermal_fmu.jump import entropy_jump
-from thermal_fmu.loads import calendar_of, factors_of
+from thermal_fmu.heat import Heat, names_of, no_heat
+from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
-from thermal_fmu.newton import NotConvergedError
-from thermal_fmu.outputs import field_outputs, field_variables
-from thermal_fmu.pace import NO_PACE, Pace
-from thermal_fmu.scene import Scene
-from thermal_fmu.solver import Anchor, Factors
-from thermal_fmu.spec import parse_model
-from thermal_fmu.step import Course, Stepped
-from thermal_fmu.substeps import LeastStepError
-from thermal_fmu.volume import BadPropertyError, InvertedCellError, Reference, shapes_of
+from thermal_fmu.newton import Anchor, Factors, NotConvergedError
+from thermal_fmu.phase_change import Fields
+from thermal_fmu.problem import Conductivity, Model, parse_model
+from thermal_fmu.scene import Scene, hold, rubbed
+from thermal_fmu.sources import calendar_of, factors_of
+from thermal_fmu.step import Course, Stepped, entropy_jump
+from thermal_fmu.substeps import NO_PACE, Begin, LeastStepError, Pace, advance
+
+# What every thermal half of this package says of itself: its inputs and outputs, in one order.
+
+def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
+    """The variables of a thermal half, but for those that only one kind of half has."""
+    n, n_s = len(interface.nodes), len(interface.contact_nodes)
+    n_cells = len(interface.quads) + len(interface.triangles)
+    surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
+                        description="normal traction at surface nodes, <= 0"),
+               Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
+                        description="friction heat of the substep at surface nodes")) if n_s else ()
+    return (
+        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
+        *surface,
+        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
+        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
+        *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in model.load_names),
+        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
+        *(Variable(name, unit="J", description="energy of the substep into the bodies") for name in names_of(model)),
+        Variable("iterations", description="linear solves of the substep"),
+        Variable("residual", description="heat missing, as a share of the heat that flowed"),
+        Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
+        Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
+        Variable("contact.touching", description="facing points under pressure"),
+    )
+
+
+def whole(inputs: Values, name: str) -> int:
+    """An Integer input; 0 where the caller has none."""
+    value = inputs.get(name, 0)
+    assert isinstance(value, int | np.integer), f"{name} is an Integer"
+    return int(value)
+
+
+# Outputs that are fields: solid fraction, heat flux in cells, what the surfaces give off.
 
 Floats = NDArray[np.float64]
+
+
+def field_variables(scene: Scene) -> tuple[Variable, ...]:
+    """The blocks that field_outputs fills."""
+    n_s = len(scene.interface.contact_nodes)
+    melts = (Variable("f_s", (scene.volume.n,), description="solid fraction at the end of the substep"),)
+    surface = (Variable("surface.T", (n_s,), unit="K", description="temperature of surface nodes at the end"),
+               Variable("surface.E", (n_s,), unit="J", description="heat surface nodes gave off in the substep"))
+    return (*(melts if scene.melting else ()),
+            Variable("q", (scene.volume.n_cells, 2), unit="W/m2", description="heat flux at the end, cell mean"),
+            *(surface if n_s else ()))
+
+
+def field_outputs(scene: Scene, shapes: Sequence[Shape], s: Floats, given: Floats | None) -> dict[str, Value]:
+    """At s : (n,) [K] on shapes.  given : (n,) [J] that left each node through the surface; None: nothing yet.
+
+    given comes from the residual of the terms inside the body (consistent recovery), so it holds whatever made it flow.
+    """
+    at = phase_change.fields(scene.melting, s)
+    nodes = scene.interface.contact_nodes
+    out: dict[str, Value] = {"q": heat_flux(scene, shapes, at)}
+    if at.f_s is not None:
+        out["f_s"] = at.f_s
+    if len(nodes):
+        out |= {"surface.T": at.T[nodes], "surface.E": np.zeros(len(nodes)) if given is None else given[nodes]}
+    return out
+
+
+def heat_flux(scene: Scene, shapes: Sequence[Shape], at: Fields) -> Floats:
+    """(n_cells, 2) cell means of -k grad T [W/m2]."""
+    q = np.empty((scene.volume.n_cells, 2))
+    for block, shape in zip(scene.volume.blocks, shapes, strict=True):
+        K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
+        q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dV)
+    return q
+
+
+def _conductivity(k: Conductivity, block: Block, shape: Shape, at: Fields) -> Floats:
+    """(ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
+    N = block.table.N
+    T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, N)
+    if k.is_plain:
+        return np.asarray(k.k_1(T_q)[:, :, None])
+    f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
+    return tensors(k, T_q, f_q, shape.turn).K
+
 
 RETRY_SHARE = 0.5  # of a step that did not converge
 
@@ -82,7 +158,8 @@ class ThermalHalf:
         T = np.full(scene.volume.n, scene.model.bodies[0].T0)
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
-        state = ThermalState(phase.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
+                             0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
@@ -117,7 +194,7 @@ class ThermalHalf:
         held = hold(scene, self._masses_of(state.X), x, E_M, points)
         if points is not None:
             E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
-            held = rubbed(held, scene, points, E_friction, phase.fields(scene.melting, np.array(state.s)), h)
+            held = rubbed(held, scene, points, E_friction, phase_change.fields(scene.melting, np.array(state.s)), h)
         load = factors_of(scene.model, inputs)
         # fault: E_M as power -> course = Course(scene, held, load, self._calendar, held.E_M, self._factors) |
         #   thermal_fmu/test_thermal_nonlinear
@@ -140,7 +217,7 @@ class ThermalHalf:
                            # fault: pace not part of the state -> state.anchor_S if jump is None else jump.anchor,
                            #   state.pace) | thermal_fmu/test_thermal_adaptive
                            state.anchor_S if jump is None else jump.anchor, went.pace)
-        outputs = self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, state.s))
+        outputs = self._outputs(new, done.heat, held.touching, done, phase_change.temperature(scene.melting, state.s))
         # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, held.shapes, new.s,
         #   done.moved - done.inside) | thermal_fmu/test_thermal_anisotropy::test_surfaces_tell_what_they_gave_off
         outputs |= field_outputs(scene, held.shapes, new.s, done.inside - done.moved)
@@ -165,7 +242,7 @@ class ThermalHalf:
 
     def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: Stepped | None,
                  T_n: Floats) -> dict[str, Value]:
-        T = phase.temperature(self._scene.melting, state.s)
+        T = phase_change.temperature(self._scene.melting, state.s)
         return {
             "T": T, **heat.outputs(self._scene.model),
             "iterations": float(done.iterations) if done else 0.0,

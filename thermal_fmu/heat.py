@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu.boundary import TERMS
-from thermal_fmu.spec import Model
+from thermal_fmu.problem import Model
 
 Floats = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
-from contact.half.property import Property
+from contact.half.functions import Property
 
 Floats = NDArray[np.float64]
 

@@ -2,19 +2,45 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.contact_client import ContactSurfaces
+from contact.half.functions import Level, resolve
 from contact.half.interface import Interface
-from contact.half.surfaces import ContactSurfaces
-from thermal_fmu.edges import edge_slots
-from thermal_fmu.kept import KeptMatrix, KeptShapes
-from thermal_fmu.phase import Melting, melting_of
-from thermal_fmu.spec import Model
-from thermal_fmu.volume import Reference, Volume, references_of, volume_of
+from thermal_fmu.cells import (
+    KeptMatrix,
+    KeptShapes,
+    Reference,
+    Shape,
+    Volume,
+    references_of,
+    spread_energies,
+    volume_of,
+)
+from thermal_fmu.facing import Points, edge_slots, gauss_points
+from thermal_fmu.phase_change import Fields, Melting, melting_of
+from thermal_fmu.problem import Flux, Model
+from thermal_fmu.sources import HeldSource, WarmSource, hold_sources, plain_sources
+from thermal_fmu.surface_terms import (
+    Friction,
+    Ground,
+    Group,
+    HeldFilm,
+    HeldRadiator,
+    NearGroup,
+    at_nodes,
+    friction_power,
+    groups_of,
+    hold_film,
+    hold_radiator,
+    near_groups,
+    slave_share,
+)
 
 Floats = NDArray[np.float64]
 
@@ -88,3 +114,113 @@ class Scene:
     def masses(self, X: Floats) -> tuple[Reference, ...]:
         """Every block on reference coordinates X : (n, 2) [m]: its mass at quadrature points."""
         return references_of(self.volume, self.model.bodies, X)
+
+
+# What is held through a substep: geometry, facing points, and everything that follows from them.
+
+Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Nodes whose temperature is prescribed.  shapes : (n_terms, n) of its field at them, None where uniform."""
+
+    nodes: Ints
+    shapes: Floats | None
+
+
+@dataclass(frozen=True)
+class Held:
+    """Held through a substep.
+
+    sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of facing points under pressure.
+    plain : (n_bodies, n) volume of each body spread over its nodes [m3], None without uniform sources.  sources,
+    warm : where heat is made by a field, or by the temperature.  flux_areas : one (n,) or, by terms, (n_terms, n)
+    [m2] a prescribed flux.
+    films, radiators : surfaces open to the surroundings.  groups, near : where bodies exchange heat.
+    friction : [W] at nodes, None where none is made.
+    """
+
+    sigma_SB: float
+    shapes: tuple[Shape, ...]
+    masses: tuple[Reference, ...]
+    E_M: Floats
+    plain: Floats | None
+    sources: tuple[HeldSource, ...]
+    warm: tuple[WarmSource, ...]
+    fixed: tuple[Fixed, ...]
+    flux_areas: tuple[Floats, ...]
+    films: tuple[HeldFilm, ...]
+    radiators: tuple[HeldRadiator, ...]
+    groups: tuple[Group, ...]
+    near: tuple[NearGroup, ...]
+    touching: int
+    friction: Friction | None = None
+
+
+def hold(scene: Scene, masses: tuple[Reference, ...], x: Floats, E_M: Floats, points: Points | None) -> Held:
+    """Everything that follows from coordinates x : (n, 2) [m], energies E_M : (n_cells,) [J] and facing points.
+
+    Raises InvertedCellError.
+    """
+    volume, model = scene.volume, scene.model
+    # fault: conduction on the reference -> shapes = scene.kept_shapes.of(volume, masses, scene.interface.nodes) |
+    #   thermal_fmu/test_thermal_space
+    shapes = scene.kept_shapes.of(volume, masses, x)
+    ground = Ground(x, volume.axisymmetric, scene.surfaces, points)
+    return Held(
+        model.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
+        plain_sources(volume, shapes, model.bodies), *hold_sources(volume, shapes, model.bodies, x),
+        # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
+        #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
+        #   thermal_fmu/test_thermal_fields
+        tuple(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),
+        tuple(_areas(b, x, volume) for b in model.fluxes),
+        tuple(hold_film(film, slots, ground) for film, slots in zip(model.films, scene.film_slots, strict=True)),
+        tuple(hold_radiator(radiator, slots, ground)
+              for radiator, slots in zip(model.radiators, scene.radiator_slots, strict=True)),
+        () if points is None else groups_of(points, model.pairs),
+        () if points is None else near_groups(points, model.pairs),
+        0 if points is None else int((points.p > 0).sum()),
+    )
+
+
+def rubbed(held: Held, scene: Scene, points: Points, E: Floats, at: Fields, h: float) -> Held:
+    """With the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
+
+    at : temperatures at its start, from which the effusivities of both sides are taken.
+    """
+    if not E.any():
+        return held
+    model, interface = scene.model, scene.interface
+    whole = np.zeros(scene.volume.n)
+    whole[interface.contact_nodes] = E
+    share = slave_share(points, model.pairs, model.bodies, interface.node_body, at)
+    return replace(held, friction=friction_power(points, share, whole, scene.slave_nodes, h))
+
+
+def _mechanical(volume: Volume, shapes: Sequence[Shape], E_M: Floats) -> Floats:
+    if not E_M.any():
+        return np.zeros(volume.n)
+    return spread_energies(volume, shapes, E_M)
+
+
+def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
+    points = gauss_points(flux.edges, x, volume.axisymmetric)
+    nodes = flux.edges[points.edge]
+    share = points.area[:, None] * points.N
+    if flux.value.is_uniform:
+        return at_nodes(nodes, share, volume.n)
+    shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
+    assert shapes is not None
+    # fault: flux of a field not weighted in place -> return np.array([at_nodes(nodes, term.mean() * share, volume.n)
+    #   for term in shapes]) | thermal_fmu/test_thermal_fields
+    return np.array([at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
+
+
+def prescribed_values(held: Held, levels: Sequence[Level], T: Floats) -> Floats:
+    """T : (n,) [K] with the prescribed temperatures put in; where two meet at a node the later one holds."""
+    out = T.copy()
+    for fixed, level in zip(held.fixed, levels, strict=True):
+        out[fixed.nodes] = resolve(level, fixed.shapes)
+    return out

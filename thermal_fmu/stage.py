@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from thermal_fmu import phase
+from thermal_fmu import phase_change
 from thermal_fmu.boundary import Boundary, boundary_flow
-from thermal_fmu.held import Held
-from thermal_fmu.loads import Loads
+from thermal_fmu.cells import Entries, conduct, store
 from thermal_fmu.methods import Stage
-from thermal_fmu.scene import Scene
-from thermal_fmu.volume import Entries, conduct, store
+from thermal_fmu.scene import Held, Scene
+from thermal_fmu.sources import Loads
 
 Floats = NDArray[np.float64]
 
@@ -76,13 +75,13 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
     weight = stage.a * problem.dt
     data = np.zeros(volume.pattern.indices.size if jacobian else 0)
     S, f = np.zeros(volume.n), np.zeros(volume.n)
-    at = phase.fields(scene.melting, s)
+    at = phase_change.fields(scene.melting, s)
     if problem.blur > 0.0:
-        at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
+        at = phase_change.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
-        at = phase.between(phase.fields(scene.melting, problem.s_n), at, stage.theta)
+        at = phase_change.between(phase_change.fields(scene.melting, problem.s_n), at, stage.theta)
     if not problem.stores:
-        at = phase.sloped(at)
+        at = phase_change.sloped(at)
     # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
     slope = stage.theta * weight
     on = tuple(zip(held.masses, held.shapes, strict=True))
@@ -92,7 +91,7 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
     stored = np.zeros(len(model.bodies))
     if problem.stores:
         stored = store(volume, held.masses, model.bodies, (problem.s_n, s), S, into)
-    # fault: conductivity of the start of the step -> import thermal_fmu.volume as lagging; right = lagging.at_points;
+    # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
     #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, held.shapes, model.bodies,
     #   at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
     conduct(volume, held.shapes, model.bodies, at, f, into)

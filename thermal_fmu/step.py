@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermal_fmu import phase
+from thermal_fmu import phase_change
+from thermal_fmu.boundary import TERMS
+from thermal_fmu.cells import spread_energies
 from thermal_fmu.heat import Heat, both_ways
-from thermal_fmu.held import Held, prescribed_values
-from thermal_fmu.loads import Calendar, LoadFactors, Loads, loads_at
-from thermal_fmu.methods import METHODS, Method
-from thermal_fmu.newton import Solved, solve_stage
-from thermal_fmu.scene import Scene
-from thermal_fmu.solver import Anchor, Factors
+from thermal_fmu.methods import METHODS, Method, Stage
+from thermal_fmu.newton import Anchor, Factors, Solved, solve_stage
+from thermal_fmu.scene import Held, Scene, prescribed_values
+from thermal_fmu.sources import Calendar, LoadFactors, Loads, loads_at
 from thermal_fmu.stage import StageProblem, balance
 
 Floats = NDArray[np.float64]
@@ -101,8 +101,8 @@ def damped_step(course: Course, method: Method, s: Floats, anchor: Anchor | None
 def with_prescribed(course: Course, loads: Loads, s: Floats) -> Floats:
     """s : (n,) [K] with the prescribed temperatures of `loads` put in."""
     melting = course.scene.melting
-    T = prescribed_values(course.held, loads.prescribed, phase.temperature(melting, s))
-    return phase.prescribe(melting, s, T, course.scene.fixed)
+    T = prescribed_values(course.held, loads.prescribed, phase_change.temperature(melting, s))
+    return phase_change.prescribe(melting, s, T, course.scene.fixed)
 
 
 def flow_at(course: Course, s: Floats, t: float, dt: float, side: int) -> tuple[Floats, Floats]:
@@ -127,3 +127,60 @@ def _heat(scene: Scene, method: Method, solved: list[Solved], dt: float) -> Heat
         #   thermal_fmu/test_thermal_nonlinear
         through += w / stage.a * s.balance.R[scene.fixed]
     return Heat(solved[-1].balance.stored, both_ways(through), np.asarray(terms))
+
+
+# The local error of a step, from the heat that flows along it.
+
+def local_error(course: Course, start: tuple[Floats, Floats], done: Stepped, t: float,
+                h: float) -> tuple[float, tuple[Floats, Floats]]:
+    """Largest error at a free node [K] of the step `done` from t to t + h [s].
+
+    start : s_0 (n,) [K] and the flow f_0 (n,) [W] where it began; the same of its end is returned too.  What it moved
+    is compared with Simpson's rule along the cubic through both ends,
+
+        d = h/6 (f_0 + 4 f(s_m) + f_1) - (E_1 - E_0),   s_m = (s_0 + s_1)/2 + h/8 (ds_0/dt - ds_1/dt),
+
+    which is right to h^4 for any one-step method of order two or less; differences of temperatures alone see only one
+    of the several products of derivatives an error is made of.  Rates and error come from dR/ds of the step, whose
+    factors are at hand: A^-1 f and A^-1 d, so that the stiff modes the step did not resolve do not drown the rest.
+    Raises BadPropertyError, SingularMatrixError.
+    """
+    free = ~course.scene.fixed
+    s_0, f_0 = start
+    s_1, f_1 = flow_at(course, done.s, t + h, h, -1)
+    if done.anchor is None:
+        return 0.0, (s_1, f_1)  # nothing was solved: nothing flows
+    factors = course.factors.of(done.anchor)
+    bend = factors(np.where(free, f_0 - f_1, 0.0))
+    # fault: middle of a chord for the middle of the path -> middle = 0.5 * (s_0 + s_1) + 0.0 * bend |
+    #   thermal_fmu/test_thermal_adaptive
+    middle = 0.5 * (s_0 + s_1) + np.where(free, 0.125 * h * bend, 0.0)
+    _, f_m = flow_at(course, middle, t + 0.5 * h, h, 1)
+    # fault: local error by the trapezoidal rule -> missing = h / 2.0 * (f_0 + f_1) - done.moved |
+    #   thermal_fmu/test_thermal_adaptive
+    missing = h / 6.0 * (f_0 + 4.0 * f_m + f_1) - done.moved
+    error = factors(np.where(free, missing, 0.0))
+    return float(np.abs(error[free]).max(initial=0.0)), (s_1, f_1)
+
+
+# The entropy part of the adiabatic split: a temperature jump at the start of a substep.
+
+def entropy_jump(course: Course, E_S: Floats, s_n: Floats, anchor: Anchor | None, factors: Factors,
+                 t: float) -> Stepped:
+    """Find s with E(s) - E(s_n) = E_S spread over the nodes; prescribed nodes stay, and what they hold back counts.
+
+    E_S : (n_cells,) [J].  factors, anchor : the jump's own, for its matrix is that of storage alone.
+    Raises NotConvergedError, SingularMatrixError, BadPropertyError.
+    """
+    scene = course.scene
+    given = spread_energies(scene.volume, course.held.shapes, E_S)
+    loads = loads_at(scene.model, course.load, course.calendar.snap(t, 0.0), 1)
+    problem = StageProblem(scene, course.held, loads, Stage(0.0, 1.0, 1.0), 0.0, s_n, course.power_M, given, True)
+    solved = solve_stage(problem, s_n, scene.model.stepping.tolerance, factors, anchor)
+    terms = np.zeros(len(TERMS))
+    terms[TERMS.index("entropy")] = E_S.sum()
+    held_back = np.where(scene.fixed, solved.balance.R, 0.0)
+    # fault: entropy part at held nodes lost -> heat = Heat(solved.balance.stored, both_ways(0.0 * held_back), terms) |
+    #   thermal_fmu/test_thermal_entropy
+    heat = Heat(solved.balance.stored, both_ways(held_back), terms)
+    return Stepped(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

@@ -6,21 +6,85 @@ from dataclasses import dataclass, replace
 from math import isinf
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contact.half.sparse import SingularMatrixError
-from thermal_fmu import phase
-from thermal_fmu.loads import SNAP_STEP, SNAP_TIME, Calendar
-from thermal_fmu.local_error import local_error
+from contact.half.linalg import SingularMatrixError
+from thermal_fmu import phase_change
+from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Method
-from thermal_fmu.newton import NotConvergedError
-from thermal_fmu.pace import Measure, Pace, after, length, shorter
-from thermal_fmu.solver import Anchor
-from thermal_fmu.step import Course, Stepped, damped_step, flow_at, take_step
-from thermal_fmu.stepping import Adaptive
-from thermal_fmu.volume import BadPropertyError
+from thermal_fmu.newton import Anchor, NotConvergedError, Solved, solve_stage
+from thermal_fmu.problem import Adaptive, Stepping
+from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
+from thermal_fmu.stage import StageProblem, balance
+from thermal_fmu.step import Course, Floats, Stepped, damped_step, flow_at, local_error, take_step, with_prescribed
 
-Floats = NDArray[np.float64]
+# How long the next inner step may be: a controller with memory.
+
+SAFETY = 0.9
+# The proportional and the integral share: a pure integral one swings where the bound changes from step to step.
+OF_ERROR, OF_LAST_ERROR = 0.7, 0.4
+MOST_GROWTH, MOST_CUT = 4.0, 0.1
+FAILED_CUT = 0.5  # of a step that was not solved
+SMALLEST = 1e-6  # share of a bound: one that is not felt at all must not be divided by
+SHORTENED = 1.0 - 1e-9  # of a length: what is left beyond it is round-off, not a step
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What inner steps hand on.  h : length to try next [s], 0: not known yet.
+
+    error : of the last inner step, as a share of the tolerance; 1 where its method or its data were others.
+    """
+
+    h: float = 0.0
+    error: float = 1.0
+
+
+NO_PACE = Pace()
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A step that was solved.  error, change : estimated local error and largest change of T, as shares of what is
+    allowed.  order : the error falls like h^(order + 1).
+    """
+
+    error: float
+    change: float
+    order: int
+
+    @property
+    def passes(self) -> bool:
+        """Whether it keeps to both bounds; a measure that is no number does not."""
+        # fault: max_dT not kept to -> return self.error <= 1.0 | thermal_fmu/test_thermal_adaptive
+        return self.error <= 1.0 and self.change <= 1.0
+
+
+def length(h: float, left: float) -> float:
+    """The step to try where h [s] is wished (0: no wish) and `left` [s] remain: never a sliver for the last one."""
+    if h == 0.0 or h >= SHORTENED * left:
+        return left
+    # fault: a sliver for the last inner step -> return h | thermal_fmu/test_thermal_adaptive
+    return 0.5 * left if 2.0 * h > left else h
+
+
+def shorter(h: float, found: Measure | None) -> float:
+    """The next try after a step h [s] that did not pass; found : None where it was not solved."""
+    if found is None:
+        return FAILED_CUT * h
+    by_error = SAFETY * max(found.error, SMALLEST) ** (-1.0 / (found.order + 1))
+    return h * max(MOST_CUT, min(SAFETY, by_error, SAFETY / max(found.change, SMALLEST)))
+
+
+def after(pace: Pace, h: float, found: Measure, retried: bool) -> Pace:
+    """The pace after a step h [s] that passed; retried : a longer one did not."""
+    power = found.order + 1
+    error = max(found.error, SMALLEST)
+    growth = SAFETY * error ** (-OF_ERROR / power) * pace.error ** (OF_LAST_ERROR / power)
+    growth = min(growth, SAFETY / max(found.change, SMALLEST), 1.0 if retried else MOST_GROWTH)
+    if not retried and h < SHORTENED * pace.h:
+        return Pace(max(pace.h, growth * h), pace.error)  # cut short by a kink, which says nothing against the pace
+    return Pace(growth * h, error)
+
 
 LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given
 
@@ -141,7 +205,7 @@ def _attempt(plan: Walk, progress: Progress, anchor: Anchor | None, place: Place
     except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
         return str(exc)
     free, melting = ~course.scene.fixed, course.scene.melting
-    dT = phase.temperature(melting, done.s) - phase.temperature(melting, progress.s)
+    dT = phase_change.temperature(melting, done.s) - phase_change.temperature(melting, progress.s)
     change = float(np.abs(dT[free]).max(initial=0.0)) / plan.adaptive.max_dT
     used = METHODS[method.damped[0]] if progress.damped > 0 and method.damped is not None else method
     return Tried(done, Measure(error, change, used.order), there)
@@ -166,3 +230,124 @@ def _why(tried: Tried | str) -> str:
     if isinstance(tried, str):
         return f"was not solved: {tried}"
     return f"has {tried.found.error:.3g} of adaptive.tolerance and {tried.found.change:.3g} of adaptive.max_dT"
+
+
+# Steady states by load increments: R(T) = (1 - lambda) R(T_start), lambda from 0 to 1.
+
+STEADY = METHODS["steady"]
+MAX_HALVINGS = 10  # of an increment; a path that needs steps of a thousandth of one is no path
+
+
+def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anchor | None, t: float,
+                   dt: float) -> Stepped:
+    """From s_start : (n,) [K] to the steady state under the loads of t + dt, prescribed values moving along.
+
+    The path starts where the residual is zero by construction.  An increment that fails is halved, and grows again as
+    the next ones succeed.  Raises NotConvergedError, SingularMatrixError.
+    """
+    whole = 2**MAX_HALVINGS
+    done, size, last = 0, whole, increments * whole  # lambda = done/last, exactly
+    s, iterations = s_start, 0
+    path: _Path | None = None
+    while True:
+        size = min(size, last - done)
+        try:
+            if done + size == last:
+                stepped = take_step(course, STEADY, s, anchor, t, dt)
+                return replace(stepped, iterations=iterations + stepped.iterations)
+            path = path or _path(course, s_start, t, dt)
+            solved = _increment(path, (done + size) / last, s, anchor)
+        except (NotConvergedError, BadPropertyError) as exc:
+            if size == 1:
+                return _all_at_once(course, s_start, anchor, (t, dt), f"at {done / last:.3g} of the load no "
+                                    f"increment helps: {exc}")
+            size //= 2
+            continue
+        s, anchor, iterations = solved.s, solved.anchor, iterations + solved.iterations
+        done, size = done + size, min(2 * size, whole)
+
+
+def _all_at_once(course: Course, s_start: Floats, anchor: Anchor | None, when: tuple[float, float],
+                 why: str) -> Stepped:
+    """Where the path turns back before its end, its end may still be in reach of Newton's method from the start."""
+    try:
+        return take_step(course, STEADY, s_start, anchor, *when)
+    except (NotConvergedError, BadPropertyError) as exc:
+        raise NotConvergedError(why) from exc
+
+
+@dataclass(frozen=True)
+class _Path:
+    """problem : of lambda = 1.  f : (n,) [W] at the start.  s_start, s_end : (n,) [K], right at fixed nodes."""
+
+    course: Course
+    problem: StageProblem
+    f: Floats
+    s_start: Floats
+    s_end: Floats
+
+
+def _path(course: Course, s_start: Floats, t: float, dt: float) -> _Path:
+    model = course.scene.model
+    loads = loads_at(model, course.load, course.calendar.snap(t + dt, dt), -1)
+    problem = StageProblem(course.scene, course.held, loads, STEADY.stages[0], dt, s_start, course.power_M,
+                           np.zeros(s_start.size), False)
+    f = -balance(problem, s_start, jacobian=False).R / dt
+    return _Path(course, problem, np.where(course.scene.fixed, 0.0, f), s_start,
+                 with_prescribed(course, loads, s_start))
+
+
+def _increment(path: _Path, share: float, s: Floats, anchor: Anchor | None) -> Solved:
+    """share : lambda."""
+    course, problem = path.course, path.problem
+    fixed = course.scene.fixed
+    # fault: prescribed values do not move along -> guess = np.where(fixed, path.s_end, s) |
+    #   thermal_fmu/test_thermal_steady
+    guess = np.where(fixed, (1.0 - share) * path.s_start + share * path.s_end, s)
+    # fault: increments without a path -> partial = replace(problem, earlier=0.0 * path.f) |
+    #   thermal_fmu/test_thermal_steady
+    partial = replace(problem, earlier=-(1.0 - share) * problem.dt * path.f)
+    return solve_stage(partial, guess, course.scene.model.stepping.tolerance, course.factors, anchor)
+
+
+# The way of one communication substep: by increments, by inner steps, damped, or in one.
+
+@dataclass(frozen=True)
+class Begin:
+    """Where a substep begins: s : (n,) [K], anchor of its first solve, (inner) steps still to be damped, pace."""
+
+    s: Floats
+    anchor: Anchor | None
+    damped: int
+    pace: Pace
+
+
+@dataclass(frozen=True)
+class Advanced:
+    """The substep as one step, what is left to be damped, the pace; inner steps that passed, and that did not."""
+
+    done: Stepped
+    damped: int
+    pace: Pace
+    substeps: int = 1
+    rejected: int = 0
+
+
+def advance(course: Course, stepping: Stepping, method: Method, begin: Begin, t: float, h: float) -> Advanced:
+    """From t to t + h [s].
+
+    Raises NotConvergedError, SingularMatrixError, BadPropertyError; LeastStepError with adaptive inner steps.
+    """
+    left = max(begin.damped - 1, 0)
+    if not method.stores:
+        done = walk_to_steady(course, stepping.increments, begin.s, begin.anchor, t, h)
+        return Advanced(done, left, begin.pace)
+    if stepping.adaptive is not None:
+        start = Progress(begin.s, begin.anchor, begin.pace, begin.damped)
+        end = walk(course, method, stepping.adaptive, start, t, h)
+        assert end.done is not None
+        return Advanced(end.done, end.damped, end.pace, end.substeps, end.rejected)
+    # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time
+    damped = DAMPED_SUBSTEPS if course.calendar.jump_within(t, h) else begin.damped
+    done = (damped_step if damped > 0 else take_step)(course, method, begin.s, begin.anchor, t, h)
+    return Advanced(done, max(damped - 1, 0), begin.pace)

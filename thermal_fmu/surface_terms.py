@@ -1,7 +1,7 @@
 """Radiation: to the surroundings, Eq. (12), and between facing points, Eq. (11).
 
 T^4 is continued below 0 K as T |T|^3, and an emissivity beyond its range as its nearest bound: Newton's method may pass
-there on its way.  What it ends with is checked (thermal_fmu/limits.py).
+there on its way.  What it ends with is checked (thermal_fmu/boundary.py).
 """
 
 from __future__ import annotations
@@ -12,15 +12,70 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.field import Level, resolve
-from contact.half.property import Property
-from contact.laws import gap_factor
-from thermal_fmu.exposed import ExposedPoints, Ground, exposed_points
-from thermal_fmu.facing import Points
-from thermal_fmu.spec_boundary import NearRadiation, PairLaws, Radiator
+from contact.half.contact_client import ContactSurfaces
+from contact.half.functions import Level, Property, resolve
+from contact.laws import Law, closed_conductance, gap_factor, open_conductance
+from thermal_fmu.facing import EdgePoints, Points, gauss_points
+from thermal_fmu.phase_change import Fields
+from thermal_fmu.problem import Body, Exposed, Film, NearRadiation, PairLaws, Radiator
+
+# Where surfaces are open to their surroundings: whole edges, less what faces something, Eq. (7).
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class ExposedPoints:
+    """nodes : (n, 2).  N : (n, 2).  area : (n,) weighted with kappa [m2].  slots : (n, 2, 2) of the matrix data."""
+
+    nodes: Ints
+    N: Floats
+    area: Floats
+    slots: NDArray[np.int64]
+
+    def places(self, x: Floats) -> Floats:
+        """(n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2)."""
+        return np.einsum("pi,pij->pj", self.N, x[self.nodes])
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What exposed points are found on.
+
+    x : (n_nodes, 2) current coordinates [m].  points : what faces what, None where nothing can.
+    """
+
+    x: Floats
+    axisymmetric: bool
+    surfaces: ContactSurfaces
+    points: Points | None
+
+
+def exposed_points(where: Exposed, slots: NDArray[np.int64], ground: Ground) -> ExposedPoints:
+    """The points of a surface open to its surroundings.  slots : (n_edges, 2, 2) of its edges.
+
+    The whole edge counts with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.
+    """
+    parts = [gauss_points(where.edges, ground.x, ground.axisymmetric)]
+    points, first = ground.points, ground.surfaces.first.get(where.surface)
+    if points is not None and first is not None and where.near is not None and where.far is not None:
+        # fault: no kappa -> excess = 0.0 * points.gap | thermal_fmu/test_thermal_contact
+        excess = gap_factor(points.gap, where.near, where.far) - 1.0
+        parts += [
+            _pieces(points.slave_edge - first, points.N_s, excess * points.area_s, len(where.edges)),
+            # fault: kappa on the slave side only -> *(), | thermal_fmu/test_thermal_contact
+            _pieces(points.master_edge - first, points.N_m, excess * points.area_m, len(where.edges)),
+        ]
+    edge = np.concatenate([part.edge for part in parts])
+    return ExposedPoints(where.edges[edge], np.concatenate([part.N for part in parts]),
+                         np.concatenate([part.area for part in parts]), slots[edge])
+
+
+def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) -> EdgePoints:
+    own = (edge >= 0) & (edge < n_edges) & (area != 0.0)
+    return EdgePoints(edge[own].astype(np.intp), N[own], area[own])
+
 
 LEAST_EMISSIVITY = 1e-6  # met only between Newton's steps; it keeps 1/eps a number
 
@@ -130,3 +185,180 @@ def _emissivity(emissivity: Property, T: Floats) -> tuple[Floats, Floats]:
     raw = emissivity(T)
     eps = np.clip(raw, LEAST_EMISSIVITY, 1.0)
     return eps, np.where(raw == eps, emissivity.slope(T), 0.0)
+
+
+# Convection from surfaces, covered or not: Eqs. (5-7).
+
+@dataclass(frozen=True)
+class HeldFilm:
+    """A film on given coordinates.  h, Te : (n_terms, n) shapes of its fields at the points, None where uniform."""
+
+    film: Film
+    points: ExposedPoints
+    h: Floats | None
+    Te: Floats | None
+
+
+def hold_film(film: Film, slots: NDArray[np.int64], ground: Ground) -> HeldFilm:
+    """A film where it acts.  slots : (n_edges, 2, 2) of its edges."""
+    points = exposed_points(film.where, slots, ground)
+    if film.h.is_uniform and film.Te.is_uniform:
+        return HeldFilm(film, points, None, None)
+    places = points.places(ground.x)
+    return HeldFilm(film, points, film.h.shapes(places), film.Te.shapes(places))
+
+
+def film_flow(held: HeldFilm, level: tuple[Level, Level], T: Floats) -> tuple[Floats, Floats]:
+    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+
+    level : of hbar [W/m2K^(1 + exponent)] and of the ambient Te [K].
+    Eq. (5): h h_factor(T) |T - Te|^a (T - Te), odd in T - Te.
+    """
+    film, points = held.film, held.points
+    T_a = (points.N * T[points.nodes]).sum(axis=1)
+    dT = T_a - resolve(level[1], held.Te)
+    strength = resolve(level[0], held.h) * points.area
+    if film.exponent != 0.0:
+        # fault: film exponent even -> strength = strength * np.abs(dT) ** (2 * film.exponent) |
+        #   thermal_fmu/test_thermal_time
+        strength = strength * np.abs(dT) ** film.exponent
+    if film.h_factor is None:
+        dq = (1.0 + film.exponent) * strength
+    else:
+        # fault: derivative of h_factor forgotten -> grows = 0.0 * T_a | thermal_fmu/test_thermal_fields
+        grows = film.h_factor.slope(T_a) * strength * dT
+        # fault: h_factor at the ambient -> strength = film.h_factor(T_a - dT) * strength |
+        #   thermal_fmu/test_thermal_fields
+        strength = film.h_factor(T_a) * strength
+        dq = (1.0 + film.exponent) * strength + grows
+    flow = (strength * dT)[:, None] * points.N
+    slope = dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
+    return flow, slope
+
+
+# Sums at nodes.
+
+def at_nodes(nodes: NDArray[np.integer], share: Floats, n: int) -> Floats:
+    """(n,) sums at the nodes of what each place gives to its own; nodes, share : (n_places, m)."""
+    return np.bincount(nodes.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)
+
+
+# Friction heat: what sliding made at surface nodes, shared out between the two sides (2.4).
+
+@dataclass(frozen=True)
+class Friction:
+    """slave, master : (n,) [W] into the nodes of either side, spread evenly over the substep."""
+
+    slave: Floats
+    master: Floats
+
+
+def friction_power(points: Points, share: Floats, E: Floats, is_slave: NDArray[np.bool_], h: float) -> Friction:
+    """Power from energies E : (n,) [J] at nodes, over a substep h [s].
+
+    share : (n_p,) of each facing point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
+    A node's energy goes to the facing points found from it by N A, from there by N_s to the slave's nodes and by N_m
+    to the master's.  A node that finds nothing keeps what it carries.
+    """
+    rubbed, N = points.found_from
+    # fault: friction heat spread without areas -> weight = N | thermal_fmu/test_thermal_friction
+    weight = N * points.area[:, None]
+    whole = at_nodes(rubbed, weight, E.size)
+    faces = whole > 0.0
+    per_area = np.divide(E, whole, out=np.zeros(E.size), where=faces)
+    Q = (per_area[rubbed] * weight).sum(axis=1)
+    # fault: joules of nodes that face nothing lost -> kept = np.where(faces, 0.0, 0.0 * E) |
+    #   thermal_fmu/test_thermal_friction
+    kept = np.where(faces, 0.0, E)
+    to_slave = at_nodes(points.nodes[:, :2], (share * Q)[:, None] * points.N_s, E.size)
+    to_master = at_nodes(points.nodes[:, 2:], ((1.0 - share) * Q)[:, None] * points.N_m, E.size)
+    slave, master = to_slave + np.where(is_slave, kept, 0.0), to_master + np.where(is_slave, 0.0, kept)
+    # fault: friction energy as power -> return Friction(slave, master) | thermal_fmu/test_thermal_friction
+    return Friction(slave / h, master / h)
+
+
+def slave_share(points: Points, pairs: Sequence[PairLaws | None], bodies: Sequence[Body],
+                node_body: NDArray[np.int32], at: Fields) -> Floats:
+    """(n_p,) share of the slave: the pair's friction_share, else e_s/(e_s + e_m) with effusivities sqrt(k rho c).
+
+    Half-spaces that slide take heat by their effusivities while their surfaces stay equally warm.  at : the start of
+    the substep.
+    """
+    out = np.empty(points.pair.size)
+    for pair, laws in enumerate(pairs):
+        of = np.flatnonzero(points.pair == pair)
+        if laws is not None and laws.friction_share is not None:
+            out[of] = laws.friction_share
+        elif of.size:
+            e_s, e_m = (_effusivity(points.nodes[of, side], N[of], bodies[node_body[points.nodes[of[0], side][0]]], at)
+                        for side, N in ((slice(0, 2), points.N_s), (slice(2, 4), points.N_m)))
+            # fault: friction shares swapped -> out[of] = e_m / (e_s + e_m) | thermal_fmu/test_thermal_friction
+            out[of] = e_s / (e_s + e_m)
+    return out
+
+
+def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: Fields) -> Floats:
+    T, f_s = ((N * v[nodes]).sum(axis=1) if v is not None else None for v in (at.T, at.f_s))
+    assert T is not None
+    return body.material.effusivity(T, f_s)
+
+
+# Heat exchanged between facing points, touching or apart: Eqs. (8-10), pairwise through one common area.
+
+@dataclass(frozen=True)
+class Group:
+    """Facing points of one pair under one law.
+
+    argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
+    """
+
+    pair: int
+    closed: bool
+    law: Law
+    argument: Floats
+    nodes: Ints
+    N_s: Floats
+    N_m: Floats
+    area: Floats
+
+    @property
+    def mechanism(self) -> str:
+        """The word of the heat ledger."""
+        return "contact" if self.closed else "gap"
+
+
+def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, ...]:
+    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
+    groups = []
+    for pair, own in enumerate(laws):
+        if own is None:
+            continue
+        for closed, law in ((True, own.closed), (False, own.open)):
+            at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
+            if law is not None and at.size:
+                argument = (points.p if closed else points.gap)[at]
+                groups.append(Group(pair, closed, law, argument, points.nodes[at], points.N_s[at],
+                                    points.N_m[at], points.area[at]))
+    return tuple(groups)
+
+
+def exchange_flow(group: Group, factor: float, T: Floats) -> tuple[Floats, Floats]:
+    """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
+
+    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape functions
+    and enters the master's by theirs.
+    """
+    T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
+    T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
+    conductance = closed_conductance if group.closed else open_conductance
+    h, dh = conductance(group.law, group.argument, 0.5 * (T_s + T_m))
+    # fault: one-sided interface flux -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
+    #   thermal_fmu/test_thermal_contact
+    out = np.concatenate([group.N_s, -group.N_m], axis=1)
+    jump = T_s - T_m
+    flow = (factor * group.area * h * jump)[:, None] * out
+    mean = np.concatenate([group.N_s, group.N_m], axis=1)
+    # fault: derivative of h(T) forgotten -> dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.0 * dh *
+    #   jump)[:, None] * mean) | thermal_fmu/test_thermal_nonlinear
+    dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.5 * dh * jump)[:, None] * mean)
+    return flow, out[:, :, None] * dq[:, None, :]

@@ -18,9 +18,8 @@ import numpy as np
 import pythonfmu
 
 from contact.half import entry
-from contact.half.describe import model_description
 from contact.half.interface import Interface
-from contact.half.layout import layout_of, standard_variables
+from contact.half.layout import layout_of, model_description, standard_variables
 from contact.half.model import load_directory
 
 _ENTRY = '''\

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import Signal, signal_from
 from contact.half.interface import Interface
-from contact.half.signal import Signal, signal_from
 
 R = TypeVar("R")
 

@@ -8,10 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from contact.half.interface import Interface
+from contact.half.interface import Interface, register_message, surface_names
 from contact.half.model import Link
-from contact.half.register import register_message, surface_names
-from contact.wire import (
+from contact.messages import (
     Coupling,
     Couplings,
     Facing,

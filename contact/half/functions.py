@@ -9,8 +9,69 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator, PPoly
 
-from contact.half.signal import Signal, signal_from
+# Signals: boundary data as a function of time, constant or piecewise linear, with jumps.
+
+# A step's end is t + h in floating point: a time this close (relative) to a point of the table is that point.
+SNAP = 1e-13
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A piecewise linear function of time, held constant outside its table.
+
+    A jump is written as two points at one time: the first holds before it, the second from it on.
+
+    t : (n,) [s], not decreasing.  value : (n,), unit of the quantity.
+    """
+
+    t: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if self.t.ndim != 1 or self.t.shape != self.value.shape or self.t.size == 0:
+            raise ValueError("a signal needs as many values as times, and at least one")
+        if not (np.isfinite(self.t).all() and np.isfinite(self.value).all()):
+            raise ValueError("a signal holds finite numbers only")
+        if (np.diff(self.t) < 0).any():
+            raise ValueError("the times of a signal must not decrease")
+        if ((np.diff(self.t[:-1]) == 0) & (np.diff(self.t[1:]) == 0)).any():
+            raise ValueError("a signal has at most two values at one time (before and after a jump)")
+
+    def at(self, t: float, side: int = 1) -> float:
+        """Value at time t [s]; at a jump the limit from the left (side=-1) or from the right (side=+1)."""
+        if self.t.size == 1:
+            return float(self.value[0])
+        nearest = self.t[min(int(np.searchsorted(self.t, t)), self.t.size - 1)]
+        below = self.t[max(int(np.searchsorted(self.t, t)) - 1, 0)]
+        for point in (below, nearest):
+            if abs(t - point) <= SNAP * max(abs(t), abs(point)):
+                t = float(point)
+        i = int(np.searchsorted(self.t, t, side="right" if side > 0 else "left"))
+        if i == 0:
+            return float(self.value[0])
+        if i == self.t.size:
+            return float(self.value[-1])
+        t0, t1 = self.t[i - 1], self.t[i]
+        w = (t - t0) / (t1 - t0)
+        return float((1.0 - w) * self.value[i - 1] + w * self.value[i])
+
+    @property
+    def kinks(self) -> NDArray[np.float64]:
+        """Times [s] at which the signal jumps or changes its slope."""
+        return np.unique(self.t) if self.t.size > 1 else np.empty(0)
+
+
+def signal_from(spec: float | Mapping[str, Any]) -> Signal:
+    """A Signal from a number or from {"t": [...], "value": [...]} (the form of model.json).
+
+    Raises ValueError if the table is not a function of time.
+    """
+    if isinstance(spec, Mapping):
+        return Signal(np.asarray(spec["t"], dtype=float), np.asarray(spec["value"], dtype=float))
+    return Signal(np.zeros(1), np.array([float(spec)]))
+
 
 Floats = NDArray[np.float64]
 
@@ -157,3 +218,111 @@ def profile_from(spec: Any) -> Profile:
     if isinstance(spec, Mapping) and set(spec) == {"at", "value"}:
         return Profile(np.asarray(spec["at"], dtype=float), np.asarray(spec["value"], dtype=float))
     raise ValueError(f'a profile is {{"at", "value"}} or {{"polynomial"}}, not {spec!r}')
+
+
+# Properties: material data as a function of temperature, with derivative and exact integral.
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Property:
+    """A function of temperature T [K]: constant, polynomial or monotone cubic table, one piecewise polynomial inside.
+
+    Beyond its table a property keeps the value of the table's end.
+    """
+
+    constant: float | None
+    curve: PPoly | None = None
+    low: float = -np.inf
+    high: float = np.inf
+
+    def __call__(self, T: Array) -> Array:
+        """Value at T : any shape [K]."""
+        if self.curve is None:
+            return np.full(np.shape(T), self.constant)
+        return np.asarray(self.curve(np.clip(T, self.low, self.high)))
+
+    def slope(self, T: Array) -> Array:
+        """Derivative by temperature at T : any shape [K]; 0 beyond a table."""
+        if self.curve is None:
+            return np.zeros(np.shape(T))
+        inside = (self.low <= T) & (self.high >= T)
+        return np.where(inside, self._derivative(np.clip(T, self.low, self.high)), 0.0)
+
+    def increase(self, T0: Array, T: Array) -> Array:
+        """Exact integral over temperature from T0 to T : same shape [K].
+
+        One antiderivative serves every temperature, so the increases of a path add up to that of its ends.  For a
+        constant the difference is taken before the product: no round-off of large temperatures.
+        """
+        if self.curve is None:
+            assert self.constant is not None
+            return self.constant * (T - T0)
+        return self._integral(T) - self._integral(T0)
+
+    def _integral(self, T: Array) -> Array:
+        assert self.curve is not None
+        inner = np.clip(T, self.low, self.high)
+        total: Array = self._antiderivative(inner)
+        outside = T - inner
+        if outside.any():
+            total = total + outside * self.curve(inner)
+        return total
+
+    # Made once, not at every call: they are asked for in every iteration.
+
+    @cached_property
+    def _derivative(self) -> PPoly:
+        assert self.curve is not None
+        return self.curve.derivative()
+
+    @cached_property
+    def _antiderivative(self) -> PPoly:
+        assert self.curve is not None
+        return self.curve.antiderivative()
+
+    @property
+    def is_constant(self) -> bool:
+        """True where the property does not depend on temperature."""
+        return self.curve is None
+
+
+def property_from(spec: float | Mapping[str, Any]) -> Property:
+    """A Property from a number, {"T": [...], "value": [...]} or {"polynomial": [a0, a1, ...], "T_ref": K}.
+
+    The polynomial is a0 + a1 (T - T_ref) + ...  Raises ValueError if a table's temperatures do not increase.
+    """
+    if not isinstance(spec, Mapping):
+        return Property(float(spec))
+    if "polynomial" in spec:
+        a = np.asarray(spec["polynomial"], dtype=float)
+        T_ref = float(spec.get("T_ref", 0.0))
+        # One piece wide enough for any temperature; PPoly wants the highest power first, about its left end.
+        return Property(None, PPoly(a[::-1, None], np.array([T_ref, T_ref + 1e9])))
+    T, value = np.asarray(spec["T"], dtype=float), np.asarray(spec["value"], dtype=float)
+    if T.ndim != 1 or T.shape != value.shape or T.size == 0:
+        raise ValueError("a table needs as many values as temperatures, and at least one")
+    if not (np.diff(T) > 0).all():
+        raise ValueError("the temperatures of a table must increase")
+    if T.size == 1:
+        return Property(float(value[0]))
+    if T.size == 2:
+        slope = (value[1] - value[0]) / (T[1] - T[0])
+        return Property(None, PPoly(np.array([[slope], [value[0]]]), T), float(T[0]), float(T[-1]))
+    curve = PchipInterpolator(T, value)
+    return Property(None, PPoly(curve.c, curve.x), float(T[0]), float(T[-1]))
+
+
+def positive_property(spec: float | Mapping[str, Any], what: str) -> Property:
+    """A Property that is positive wherever its number or table says what it is.  Raises ValueError: `what` must be.
+
+    A polynomial cannot be checked here: the step that meets a value <= 0 is discarded.
+    """
+    made = property_from(spec)
+    if isinstance(spec, Mapping) and "polynomial" in spec:
+        return made
+    values = np.asarray(spec["value"] if isinstance(spec, Mapping) else spec, dtype=float)
+    if not (np.isfinite(values) & (values > 0.0)).all():
+        raise ValueError(f"{what} must be positive, not {values.min():g}")
+    return made

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+
+from contact.messages import Passes, Register
 
 FORMAT = "slideline.interface"
 FORMAT_VERSION = 1
@@ -139,3 +142,120 @@ def read_interface(path: Path) -> Interface:
             )
     except (OSError, KeyError, TypeError) as exc:
         raise ValueError(f"{path}: not a readable {FORMAT} file ({exc})") from exc
+
+
+# What a half, or the coupler, tells the contact service of a scene, once.
+
+def surface_names(interface: Interface) -> list[str]:
+    """The contact surfaces in the order of their numbers: as the pairs first name them, slave before master."""
+    return list(dict.fromkeys(name for pair in interface.pairs for name in (pair.slave, pair.master)))
+
+
+def register_message(interface: Interface) -> Register:
+    """The surfaces of an interface file as the message that registers them.
+
+    The edges of one surface are consecutive and keep their order; nodes are indices s into Interface.contact_nodes.
+    """
+    names = surface_names(interface)
+    number = {name: i for i, name in enumerate(names)}
+    nodes = interface.contact_nodes
+    edges = [np.searchsorted(nodes, interface.surfaces[name]).reshape(-1, 2) for name in names]
+    return Register(
+        n_nodes=len(nodes),
+        edges=np.concatenate([np.empty((0, 2), dtype=np.int32), *edges]).astype(np.int32),
+        edge_surface=np.repeat(np.arange(len(names)), [len(e) for e in edges]).astype(np.int32),
+        axisymmetric=interface.axisymmetric,
+        passes=passes_of(interface, number),
+    )
+
+
+def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
+    """How the pairs are searched: once, twice from either side, or a surface from itself; number : of surfaces."""
+    rows = []
+    for i, pair in enumerate(interface.pairs):
+        slave, master = number[pair.slave], number[pair.master]
+        # A surface that meets itself finds every place from both sides in one search.
+        # fault: two passes of full weight -> weight = 1.0 | mechanical_fmu/test_contact_patch
+        weight = 0.5 if pair.two_pass or slave == master else 1.0
+        rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu)
+        rows.append((i, slave, master, *rest))
+        if pair.two_pass and slave != master:
+            rows.append((i, master, slave, *rest))
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 9
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 4]
+    return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
+
+
+# Columns: the nodes of a rectangle that share one x, for halves that know one dimension only.
+
+Indices = NDArray[np.intp]
+
+SAME = 1e-9  # of a body's length: nodes nearer to each other in x stand in one column
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The columns of every body, numbered body by body, from left to right.
+
+    of_node : (n_nodes,) column of each node.  first : (n_bodies + 1,) first column of each body, and the end.
+    bottom, top : (n_columns,) lowest and highest node.  size : (n_columns,) number of nodes.
+    of_cell : (n_cells,) the left one of the two columns each cell stands between, quads before triangles.
+    """
+
+    of_node: Indices
+    first: Indices
+    bottom: Indices
+    top: Indices
+    size: Indices
+    of_cell: Indices
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return self.size.size
+
+    def of_body(self, body: int) -> Indices:
+        """Its columns, from left to right."""
+        return np.arange(self.first[body], self.first[body + 1])
+
+    def mean(self, values: Floats) -> Floats:
+        """(n_columns,) means of nodal values : (n_nodes,)."""
+        return np.asarray(np.bincount(self.of_node, weights=values, minlength=self.count) / self.size)
+
+    def heights(self, x: Floats) -> Floats:
+        """(n_columns,) heights [m] of nodes at x : (n_nodes, 2) [m]."""
+        return np.asarray(x[self.top, 1] - x[self.bottom, 1])
+
+
+def columns_of(interface: Interface) -> Columns:
+    """The columns of an interface.
+
+    Raises ValueError where a body is no rod along x: a cell that does not stand between two columns beside each other.
+    """
+    of_node, first = np.full(len(interface.nodes), -1, dtype=np.intp), [0]
+    for body in range(len(interface.bodies)):
+        own = np.flatnonzero(interface.node_body == body)
+        order = own[np.argsort(interface.nodes[own, 0], kind="stable")]
+        x = interface.nodes[order, 0]
+        of_node[order] = first[-1] + np.concatenate([[0], np.cumsum(np.diff(x) > SAME * (x[-1] - x[0]))])
+        first.append(int(of_node[order[-1]]) + 1)
+    if (of_node < 0).any():
+        raise ValueError(f"node {int(np.argmin(of_node)) + 1} of the mesh belongs to no cell")
+    of_cell = _between(interface, of_node)
+    by_height = np.lexsort((interface.nodes[:, 1], of_node))
+    size = np.bincount(of_node)
+    end = np.cumsum(size)
+    return Columns(of_node, np.array(first), by_height[end - size], by_height[end - 1], size, of_cell)
+
+
+def _between(interface: Interface, of_node: Indices) -> Indices:
+    left = []
+    for cells, body in ((interface.quads, interface.quad_body), (interface.triangles, interface.triangle_body)):
+        columns = of_node[cells]
+        low = columns.min(axis=1, initial=of_node.size)
+        wrong = columns.max(axis=1, initial=0) != low + 1
+        if wrong.any():
+            raise ValueError(f"body {interface.bodies[body[np.argmax(wrong)]]!r} is no rod along x: its cells must "
+                             "stand in columns, as those of a rectangle do")
+        left.append(low)
+    return np.concatenate(left)

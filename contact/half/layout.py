@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -138,3 +141,112 @@ def checked_output(variable: Variable, value: Value) -> Value:
     if not isinstance(value, str):
         raise ValueError(f"output {variable.name}: {value!r} is not a text")
     return value
+
+
+# Units of FMI variables: from "W/m2K" to the exponents of the SI base units.
+
+# Exponents (kg, m, s, K, A, mol, cd, rad) of every symbol a unit may be made of; all of them coherent, factor 1.
+BASE = ("kg", "m", "s", "K", "A", "mol", "cd", "rad")
+_SYMBOLS = {
+    "kg": (1,), "m": (0, 1), "s": (0, 0, 1), "K": (0, 0, 0, 1), "rad": (0, 0, 0, 0, 0, 0, 0, 1), "1": (),
+    "N": (1, 1, -2), "Pa": (1, -1, -2), "J": (1, 2, -2), "W": (1, 2, -3),
+}
+_TOKEN = re.compile(r"(kg|rad|Pa|[mskKNJW1])(\d?)")
+
+
+def base_exponents(unit: str) -> dict[str, int]:
+    """Exponents of the base units of `unit`: symbols side by side, powers as digits, at most one "/".
+
+    "W/m2K" is {"kg": 1, "s": -3, "K": -1}.  Raises ValueError for what is not such a unit.
+    """
+    total = dict.fromkeys(BASE, 0)
+    parts = unit.split("/")
+    if len(parts) > 2:
+        raise ValueError(f"unit {unit!r}: one '/' at most")
+    for sign, part in zip((1, -1), parts, strict=False):
+        tokens = _TOKEN.findall(part)
+        symbols = [symbol for symbol, _ in tokens]
+        # A symbol twice in a row is a prefix in disguise: "mm" is not m2.
+        if not part or _TOKEN.sub("", part) or len(set(symbols)) < len(symbols) or not _SYMBOLS.keys() >= set(symbols):
+            raise ValueError(f"unit {unit!r} is not made of {', '.join(_SYMBOLS)} and powers")
+        for symbol, power in tokens:
+            for base, exponent in zip(BASE, _SYMBOLS[symbol], strict=False):
+                total[base] += sign * exponent * int(power or 1)
+    return {base: exponent for base, exponent in total.items() if exponent}
+
+
+# modelDescription.xml of a half, written as text: 20 000 variables in a tenth of a second.
+
+def model_description(layout: Layout, identifier: str, guid: str, tool: str, description: str) -> str:
+    """The XML text.  identifier : name of model and binary.  tool : generationTool.
+
+    Raises ValueError for a unit that is not SI or a name that is not a structured one.
+    """
+    variables = layout.variables
+    scalars: list[str] = []
+    outputs: list[int] = []
+    unknown: list[int] = []
+    for variable in variables:
+        first = len(scalars) + 1
+        scalars.extend(_scalars(variable, layout.first[variable.name]))
+        if variable.causality == "output":
+            numbers = range(first, len(scalars) + 1)
+            outputs.extend(numbers)
+            if variable.variability != "constant":
+                unknown.extend(numbers)
+    units = sorted({v.unit for v in layout.reals})
+    return "\n".join([
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(identifier)} guid={quoteattr(guid)} '
+        f'description={quoteattr(description)} generationTool={quoteattr(tool)} '
+        'variableNamingConvention="structured">',
+        f'<CoSimulation modelIdentifier={quoteattr(identifier)} needsExecutionTool="true" '
+        'canHandleVariableCommunicationStepSize="true" canInterpolateInputs="false" '
+        'canBeInstantiatedOnlyOncePerProcess="false" canNotUseMemoryManagementFunctions="true" '
+        'canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>',
+        "<UnitDefinitions>", *map(_unit, units), "</UnitDefinitions>",
+        "<LogCategories>",
+        *(f'<Category name="{name}"/>' for name in
+          ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll")),
+        "</LogCategories>",
+        "<ModelVariables>", *scalars, "</ModelVariables>",
+        "<ModelStructure>",
+        "<Outputs>", *(f'<Unknown index="{i}"/>' for i in outputs), "</Outputs>",
+        "<InitialUnknowns>", *(f'<Unknown index="{i}"/>' for i in unknown), "</InitialUnknowns>",
+        "</ModelStructure>", "</fmiModelDescription>", ""])
+
+
+def scalar_names(variable: Variable) -> Iterator[str]:
+    """Names of a variable's scalars in the order of their value references: 1-based, last index fastest."""
+    if not variable.shape:
+        yield variable.name
+        return
+    for index in product(*(range(1, n + 1) for n in variable.shape)):
+        yield f"{variable.name}[{','.join(map(str, index))}]"
+
+
+def _scalars(variable: Variable, reference: int) -> list[str]:
+    constant = variable.variability == "constant"
+    variability = variable.variability or (
+        "fixed" if variable.causality == "parameter" else "continuous" if variable.kind == "Real" else "discrete")
+    middle = f' causality="{variable.causality}" variability="{variability}"'
+    if variable.causality != "input":
+        calculated = variable.causality == "output" and not constant
+        middle += f' initial="{"calculated" if calculated else "exact"}"'
+    if variable.description:
+        middle += f" description={quoteattr(variable.description)}"
+    unit = f" unit={quoteattr(variable.unit)}" if variable.kind == "Real" else ""
+    starts: Iterator[str] | None = None
+    if constant or variable.causality != "output":
+        starts = iter([f" start={quoteattr(str(variable.start))}"])
+        if variable.kind == "Real":
+            values = np.broadcast_to(np.asarray(variable.start, dtype=np.float64), variable.shape)
+            starts = (f' start="{value!r}"' for value in values.ravel().tolist())
+    return [f'<ScalarVariable name={quoteattr(name)} valueReference="{reference + i}"{middle}>'
+            f"<{variable.kind}{unit}{next(starts) if starts else ''}/></ScalarVariable>"
+            for i, name in enumerate(scalar_names(variable))]
+
+
+def _unit(unit: str) -> str:
+    exponents = "".join(f' {base}="{power}"' for base, power in base_exponents(unit).items())
+    return f"<Unit name={quoteattr(unit)}><BaseUnit{exponents}/></Unit>"

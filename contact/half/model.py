@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface, read_interface
-from contact.wire import Reply, Request
+from contact.messages import Reply, Request
 
 Floats = NDArray[np.float64]
 Value = Floats | float | int | str  # an array for a block, a number or a text for a scalar

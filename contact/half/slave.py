@@ -17,15 +17,163 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from contact.half.demand import LinkOnDemand
 from contact.half.interface import Interface
-from contact.half.layout import layout_of, standard_variables
-from contact.half.model import Discard, Done, Floats, HalfModel, Values, load_directory
+from contact.half.layout import Layout, checked_output, layout_of, standard_variables
+from contact.half.model import Discard, Done, Floats, HalfModel, Value, Values, load_directory
 from contact.half.state import StateError, from_bytes, kept, to_bytes
-from contact.half.store import DISCARDED, FAILED, INTERRUPTED, WELL, Store
+from contact.messages import Reply, Request
+from contact.rpc.link import Link
+from contact.rpc.open import open_link
+
+# The values of a half's FMI variables: one float64 array for all Reals, where value reference = place.
+
+WELL, DISCARDED, FAILED, INTERRUPTED = range(4)  # status.code
+
+
+class Store:
+    """reals : (layout.n_real,).  integers, texts : in the order of the layout."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.reals: Floats = layout.start_store()
+        self.integers = [int(v.start) for v in layout.integers]
+        self.texts = [str(v.start) for v in layout.texts]
+        self._ranges: dict[tuple[int, int], list[int]] = {}
+
+    # By value reference, as FMI asks
+
+    def get_reals(self, vrs: list[int]) -> list[float]:
+        """Values, in a list of their own length.  Raises ValueError for a reference that is no Real."""
+        values: list[float] = self.reals[self._place(vrs)].tolist()
+        return values
+
+    def set_reals(self, vrs: list[int], values: list[float]) -> None:
+        """Set inputs and parameters.  Raises ValueError for any other."""
+        place = self._place(vrs)
+        last = place.stop - 1 if isinstance(place, slice) else int(place.max())
+        if last >= self.layout.n_set:
+            raise ValueError(f"{self.layout.name_of(last)} is not an input or parameter")
+        self.reals[place] = np.fromiter(values, np.float64, len(values))
+
+    def integer_at(self, vr: int, settable: bool = False) -> int:
+        """Place in integers of a value reference.  Raises ValueError for another kind, or where not settable."""
+        return self._among(vr, "Integer", self.layout.n_real, settable)
+
+    def text_at(self, vr: int, settable: bool = False) -> int:
+        """Place in texts of a value reference.  Raises ValueError for another kind, or where not settable."""
+        return self._among(vr, "String", self.layout.n_real + len(self.layout.integers), settable)
+
+    # By name, as the half asks
+
+    def text(self, name: str) -> str:
+        """A text by its variable's name."""
+        return self.texts[self.text_at(self.layout.first[name])]
+
+    def set_text(self, name: str, value: str) -> None:
+        """Write a text, whatever its causality."""
+        self.texts[self.text_at(self.layout.first[name])] = value
+
+    def inputs(self) -> Values:
+        """What is set from outside, by name; copies, so that no model holds what changes under it."""
+        store = self.reals[: self.layout.n_set].copy()
+        store.flags.writeable = False
+        values: dict[str, Value] = {name: store[a:b].reshape(shape) if shape else float(store[a])
+                                    for name, a, b, shape in self.layout.real_inputs}
+        pairs: list[tuple[Any, Value]] = [*zip(self.layout.integers, self.integers, strict=True),
+                                          *zip(self.layout.texts, self.texts, strict=True)]
+        values.update({v.name: value for v, value in pairs if v.causality != "output"})
+        return values
+
+    def input_refused(self) -> str:
+        """Why the inputs cannot be used: the name of one that is not finite, or ""."""
+        if np.isfinite(self.reals[: self.layout.n_set]).all():
+            return ""
+        name = (self.layout.not_finite(self.reals, "input") or self.layout.not_finite(self.reals, "parameter"))
+        return f"input {name} holds a value that is not finite"
+
+    def take_outputs(self, outputs: Values) -> str:
+        """Write outputs, all or none; why they are refused (one is not finite), or "".
+
+        Raises ValueError for an output of another shape or kind, KeyError for one that was not declared: bugs.
+        """
+        known = self.layout.outputs
+        checked = {name: checked_output(known[name], value) for name, value in outputs.items()}
+        for name, value in checked.items():
+            if not (math.isfinite(value) if isinstance(value, float) else
+                    isinstance(value, (int, str)) or np.isfinite(value).all()):
+                return f"output {name} is not finite"
+        for name, value in checked.items():
+            at = self.layout.first[name]
+            if isinstance(value, str):
+                self.texts[self.text_at(at)] = value
+            elif isinstance(value, int):
+                self.integers[self.integer_at(at)] = value
+            elif isinstance(value, float):
+                self.reals[at] = value
+            else:
+                self.reals[at : at + value.size] = value.ravel()
+        return ""
+
+    def report(self, code: int, message: str, dt_suggest: float, dt_stable: float) -> None:
+        """Write status.*."""
+        first = self.layout.first
+        self.integers[self.integer_at(first["status.code"])] = code
+        self.set_text("status.message", message)
+        self.reals[first["status.dt_suggest"]] = dt_suggest
+        self.reals[first["status.dt_stable"]] = dt_stable
+
+    # Inside
+
+    def _place(self, vrs: list[int]) -> slice | NDArray[np.intp]:
+        """Where value references lie; a slice if they are consecutive (the whole list is compared, not its ends)."""
+        n = len(vrs)
+        if n == 0:
+            return slice(0, 0)
+        if vrs[-1] - vrs[0] == n - 1 and vrs[0] >= 0 and vrs[-1] < self.layout.n_real:
+            key = (vrs[0], n)
+            if key not in self._ranges:
+                self._ranges[key] = list(range(vrs[0], vrs[0] + n))
+            if vrs == self._ranges[key]:
+                return slice(vrs[0], vrs[0] + n)
+        places = np.array(vrs, dtype=np.intp)
+        if places.min() < 0 or places.max() >= self.layout.n_real:
+            raise ValueError("a value reference that is no Real")
+        return places
+
+    def _among(self, vr: int, kind: str, start: int, settable: bool) -> int:
+        variables = self.layout.texts if kind == "String" else self.layout.integers
+        if not 0 <= vr - start < len(variables):
+            raise ValueError(f"value reference {vr} is no {kind}")
+        if settable and variables[vr - start].causality == "output":
+            raise ValueError(f"{variables[vr - start].name} is not an input or parameter")
+        return vr - start
+
+
+# A link to the contact service that opens when first asked, so that a half without contact opens none.
+
+class LinkOnDemand:
+    """A link (contact.link.Link) by its text."""
+
+    def __init__(self, spec: str) -> None:
+        self.spec = spec
+        self._link: Link | None = None
+
+    def ask(self, request: Request) -> Reply:
+        """The reply to a request.  Raises contact.link.LinkError."""
+        if self._link is None:
+            self._link = open_link(self.spec)
+        return self._link.ask(request)
+
+    def close(self) -> None:
+        """Close the link, if it was ever opened."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
 
 LOG_LENGTH = 200  # messages kept for a host that never fetches them
 TEXT_LENGTH = 1500  # characters of one message: hosts cut at 2047

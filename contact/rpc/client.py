@@ -8,14 +8,12 @@ from collections.abc import Callable, Iterator
 from threading import Lock
 from typing import Any, cast
 
-from contact.codec import WireError
-from contact.desk import Envelope
-from contact.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
-from contact.messages import REPLIES, Kinds, decode, encode, kinds_of
-from contact.server import keys_of
-from contact.tally import Told
-from contact.wire import Refused, Register, Registered, Reply, Request
-from contact.zenoh_link import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
+from contact.codec import REPLIES, Kinds, WireError, decode, encode, kinds_of
+from contact.messages import Refused, Register, Registered, Reply, Request
+from contact.rpc.calls import Envelope, Told
+from contact.rpc.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
+from contact.rpc.server import keys_of
+from contact.rpc.zenoh_session import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
 
 CALL_DEADLINE = 300.0  # s; a first request may compile kernels on a busy machine, a death is noticed at once
 STATUS_TIMEOUT = 2.0  # s

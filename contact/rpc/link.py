@@ -14,9 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from contact.codec import WireError
-from contact.messages import REPLIES, REQUESTS, decode, encode
-from contact.wire import Reply, Request
+from contact.codec import REPLIES, REQUESTS, WireError, decode, encode
+from contact.messages import Reply, Request
 
 Handler = Callable[[Request], Reply]
 

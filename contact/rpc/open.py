@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from contact.link import CodecLink, DirectLink, Link, LinkSpecError
+from contact.rpc.link import CodecLink, DirectLink, Link, LinkSpecError
 
 _ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
 
@@ -22,6 +22,6 @@ def open_link(spec: str) -> Link:
     match = _ZENOH.fullmatch(spec)
     if match is None:
         raise LinkSpecError(f"contact link {spec!r} is none of: direct, codec, zenoh:tcp/127.0.0.1:PORT/RUN")
-    from contact.client import ZenohLink
+    from contact.rpc.client import ZenohLink
 
     return ZenohLink(match["endpoint"], match["run"])

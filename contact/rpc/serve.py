@@ -1,7 +1,7 @@
-"""The contact service in a process of its own:  python -m contact.serve --listen tcp/127.0.0.1:PORT --run ID
+"""The contact service in a process of its own:  python -m contact.rpc.serve --listen tcp/127.0.0.1:PORT --run ID
 
 It says `ready ENDPOINT INSTANCE` on its standard output and answers until it is interrupted.  With --child it
-lives as long as its parent (contact.child).
+lives as long as its parent (contact.rpc.child).
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import sys
 from collections.abc import Callable
 from types import FrameType
 
-from contact.child import become_child, keep_freed_memory
-from contact.link import Handler
-from contact.messages import REQUESTS
-from contact.server import Server
-from contact.tally import lines
-from contact.zenoh_link import Session, close_all_sessions, close_session, open_session
+from contact.codec import REQUESTS
+from contact.rpc.calls import lines
+from contact.rpc.child import become_child, keep_freed_memory
+from contact.rpc.link import Handler
+from contact.rpc.server import Server
+from contact.rpc.zenoh_session import Session, close_all_sessions, close_session, open_session
 
 
 def main(handle: Handler, arguments: list[str] | None = None) -> int:
     """Serve until stopped; returns the exit code.  handle : request -> reply."""
-    parser = argparse.ArgumentParser(prog="python -m contact.serve", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m contact.rpc.serve", description=__doc__)
     add = parser.add_argument
     add("--listen", default="tcp/127.0.0.1:0", help="loopback endpoint; port 0 takes a free one")
     add("--run", required=True, help="name of the run whose halves may ask")

@@ -2,9 +2,9 @@
 
 Keys, with a random instance for every life of a server, so that an answer of a former life is never taken for
 one of this, and two servers of one role are seen instead of silently both being heard:
-    slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.desk)
+    slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.rpc.calls)
     slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, in words
-    slideline/RUN/ROLE/INSTANCE/v1/tally    what it was asked so far (contact.tally), a message
+    slideline/RUN/ROLE/INSTANCE/v1/tally    what it was asked so far (contact.rpc.calls), a message
     slideline/RUN/alive/ROLE/INSTANCE       the token
 """
 
@@ -18,12 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
 
-from contact.codec import WireError
-from contact.desk import Answered, Desk, failure
-from contact.link import LinkError
-from contact.messages import Kinds, decode, encode
-from contact.tally import Tally
-from contact.zenoh_link import Question, Session
+from contact.codec import Kinds, WireError, decode, encode
+from contact.rpc.calls import Answered, Desk, Tally, failure
+from contact.rpc.link import LinkError
+from contact.rpc.zenoh_session import Question, Session
 
 UNREADABLE = "unreadable"  # the verb of bytes that are no request
 

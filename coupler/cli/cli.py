@@ -14,27 +14,27 @@ from typing import Annotated, Any
 
 import typer
 
-from contact.link import LinkError
-from coupler.advise.advise import Options, advise
-from coupler.advise.coarse import CELLS
-from coupler.advise.show import TrialLine
-from coupler.console import ProgressLine, summary
+from contact.rpc.link import LinkError
+from coupler.cli.console import ProgressLine, summary
 from coupler.control.plan import Plan
-from coupler.demo import run_demo
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
+from coupler.experiments.advice_text import TrialLine
+from coupler.experiments.advise import Options, advise
+from coupler.experiments.variants import CELLS
 from coupler.fmu.launch import build_halves
-from coupler.init.verb import init_command
-from coupler.outset import plan_of
-from coupler.pilot import is_quick
-from coupler.pilot import pilot as pilot_run
+from coupler.init.init import init_command
+from coupler.record.paths import check_target
 from coupler.record.results import Results
-from coupler.record.target import check_target
 from coupler.report import write_report
-from coupler.resume import resume, resumed
-from coupler.rules.replay import rules_report
-from coupler.runner import run
+from coupler.running.demo import run_demo
+from coupler.running.pilot import is_quick
+from coupler.running.pilot import pilot as pilot_run
+from coupler.running.replay import rules_report
+from coupler.running.resume import resume, resumed
+from coupler.running.run import run
+from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario, parse_override
-from coupler.verify.verb import verify_half_command
+from coupler.verify.verify import verify_half_command
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
 
@@ -176,10 +176,9 @@ def study_command(scenario: ScenarioFile,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Run a grid of settings, and draw error against cost.  Ctrl-C leaves what is done; the same command goes on."""
     # Here and not above: a command that makes no study starts a second sooner without matplotlib.
-    from coupler.study.conduct import How, conduct
-    from coupler.study.grid import grid_of, parse_axis
-    from coupler.study.page import write_study
-    from coupler.study.show import StudyLine
+    from coupler.experiments.grid import grid_of, parse_axis
+    from coupler.experiments.study import How, StudyLine, conduct
+    from coupler.experiments.study_page import write_study
 
     options: dict[str, Any] = {}
     if grid:
@@ -256,7 +255,3 @@ def main() -> None:
     except KeyboardInterrupt as exc:
         typer.echo("\n".join(getattr(exc, "__notes__", ())), err=True)
         sys.exit(INTERRUPTED)
-
-
-if __name__ == "__main__":
-    main()

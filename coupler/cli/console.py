@@ -12,10 +12,10 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
-from coupler.progress import Progress
-from coupler.record.beside import can_resume
+from coupler.record.paths import can_resume
 from coupler.record.results import Results, iteration_words
-from coupler.schemes.window import Verdict
+from coupler.running.progress import Progress
+from coupler.schemes.state import Verdict
 
 ZERO_CELSIUS = 273.15
 # The first windows load compiled code and solve from cold: an estimate from them is ten times too long.

@@ -2,7 +2,7 @@
 
 With rho, what plain iteration multiplies a difference by in one window, and R, what is left of a temperature after
 one window on a geometry held still, a zigzag from window to window is multiplied by R - 2 rho f in windows solved once,
-where f is how often the thermal half sees it (coupler.schemes.curve).  So it dies where
+where f is how often the thermal half sees it (coupler.schemes.schemes).  So it dies where
 
     2 rho f < 1 + R.
 
@@ -20,11 +20,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control.estimate import front_moves
+from coupler.control.error_estimate import front_moves
 from coupler.scenario.options import Iteration, Scheme, Seen, Tolerances
-from coupler.schemes.curve import STEADIEST, closest, zigzag
-from coupler.schemes.level import predicted
-from coupler.schemes.window import CoupledState, Course, Solved
+from coupler.schemes.schemes import STEADIEST, closest, zigzag
+from coupler.schemes.state import CoupledState, Course, Solved, predicted
 
 Array = NDArray[np.float64]
 
@@ -101,7 +100,7 @@ class Memory:
 
 @dataclass(frozen=True)
 class Choice:
-    """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.schemes.curve).
+    """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.schemes.schemes).
 
     loose : the share of a change in which iterates need only agree; 0: as the user said.
     """

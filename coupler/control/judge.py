@@ -7,18 +7,95 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coupler.control import auto, estimate, events, stepsize
-from coupler.control.cutting import Facts, at_least, cut, shorter, tried_again
-from coupler.control.cycle_action import Acted, Shown, acted
-from coupler.control.estimate import Estimate
+from coupler.control import auto, error_estimate, events, step_size
+from coupler.control.error_estimate import Estimate
 from coupler.control.events import Found
-from coupler.control.monitors import failed_monitors, monitors
-from coupler.control.state import ControlState
+from coupler.control.monitor_values import failed_monitors, monitors
+from coupler.control.plan import Plan
+from coupler.control.state import Committed, ControlState
+from coupler.control.two_cycle import Acted, Shown, acted
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
 from coupler.rules.engine import Firing
 from coupler.scenario.options import OnMax, Scheme
-from coupler.schemes.window import Solved, Verdict
+from coupler.schemes.state import Solved, Span, Verdict
+
+# A window that does not stand is tried again, shorter: how much, and when that is given up.
+
+# A window is halved at most this often before the run gives up: 2^-10 of a window a user chose is a sign of a
+# problem that smaller windows do not cure.
+MAX_CUTS = 10
+# So many tries on end without one that stands are a loop, whoever asked for them.
+MAX_TRIES = 60
+
+
+@dataclass(frozen=True)
+class Facts:
+    """A window that was tried.  at : before it."""
+
+    plan: Plan
+    at: Committed
+    span: Span
+    solved: Solved
+
+    @property
+    def t(self) -> float:
+        """Where it begins [s]."""
+        return self.span.clock.seconds(self.span.k0)
+
+    @property
+    def H(self) -> float:
+        """Its size [s]."""
+        return self.span.end - self.t
+
+
+def cut(facts: Facts, share: float, why: str) -> ControlState:
+    """Control for the next try, `share` (< 1) of the window.  Raises CouplingError where it may not be cut again."""
+    if facts.plan.adaptive is not None:
+        return shorter(facts, share * facts.H, why)
+    control, span = facts.at.control, facts.span
+    ends = control.ends or (span.k1,)
+    if ends[-1] != span.k1:
+        ends = (*ends, span.k1)
+    middle = span.k0 + int((span.k1 - span.k0) * share)
+    if len(ends) > MAX_CUTS or middle == span.k0:
+        raise gave_up(facts, why, f"the window was halved {len(ends) - 1} times to {facts.H:.3g} s")
+    return tried_again(facts, replace(control, ends=(*ends, middle), aim=0), why)
+
+
+def shorter(facts: Facts, size: float, why: str) -> ControlState:
+    """Control for a next try of `size` [s].  Raises CouplingError where the window is at its least."""
+    adaptive, control = facts.plan.adaptive, facts.at.control
+    assert adaptive is not None
+    if at_least(facts):
+        raise gave_up(facts, why, f"the window of {facts.H:.3g} s is at its least")
+    return tried_again(facts, replace(control, size=max(size, adaptive.least), reason=f"tried again after: {why}",
+                                      below=facts.span.k1, aim=0), why)
+
+
+def at_least(facts: Facts) -> bool:
+    """Whether a window that finds its own size may not be shorter."""
+    adaptive = facts.plan.adaptive
+    return adaptive is not None and adaptive.least * (1.0 + 1e-6) >= facts.H
+
+
+def tried_again(facts: Facts, control: ControlState, why: str) -> ControlState:
+    """With one more failure counted.  Raises CouplingError after too many on end."""
+    if control.failures >= MAX_TRIES:
+        raise gave_up(facts, why, f"{control.failures} tries on end were put back")
+    return replace(control, failures=control.failures + 1)
+
+
+def gave_up(facts: Facts, why: str, how: str) -> CouplingError:
+    """The error of a window that cannot be solved."""
+    course = facts.solved.course
+    return CouplingError(
+        f"{why}; {how}", t=facts.t, window=facts.at.control.number + 1,
+        iteration=len(course.misfits) if course else 0,
+        residuals=tuple(course.misfits[-1].values()) if course else (),
+        remedy="Everything up to here is in the results file. Give smaller windows (coupling.windows) "
+               "or more substeps around this time, or look at the data that change here")
+
 
 # So many windows on end in which hardly anything changes are a steady state.
 SLOW = 2
@@ -48,12 +125,12 @@ def judged(facts: Facts) -> Judged:
     solved, adaptive = facts.solved, facts.plan.adaptive
     if adaptive is None:
         return _ruled(facts, _Found(None, found, events_memory))
-    error = estimate.estimate(facts.at.control.estimate, facts.at.state, solved, adaptive.tolerance,
+    error = error_estimate.estimate(facts.at.control.estimate, facts.at.state, solved, adaptive.tolerance,
                               facts.at.control.settings.iteration)
     if error is not None and error.error > 1.0:
         if not at_least(facts):
-            size = stepsize.rejected(facts.H, error.size, error.order)
-            again = replace(shorter(facts, size, error.words), controller=stepsize.failed(facts.at.control.controller))
+            size = step_size.rejected(facts.H, error.size, error.order)
+            again = replace(shorter(facts, size, error.words), controller=step_size.failed(facts.at.control.controller))
             return Judged(_put_back(solved, Verdict.ERROR, error.words), again, error=error)
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
@@ -145,7 +222,8 @@ def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> Cont
         ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
         stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
         cycle=done.watch,
-        estimate=estimate.after(control.estimate, start, solved, found.error) if plan.adaptive else control.estimate,
+        estimate=(error_estimate.after(control.estimate, start, solved, found.error) if plan.adaptive
+                  else control.estimate),
         choice=_learned(facts),
         events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
 
@@ -163,8 +241,8 @@ def _sized(facts: Facts, control: ControlState, error: Estimate | None) -> Contr
     adaptive = facts.plan.adaptive
     if adaptive is None:
         return control
-    limits = stepsize.Limits(adaptive.least, adaptive.most)
-    size, memory = stepsize.proposed(control.controller, facts.H, None if error is None else error.size,
+    limits = step_size.Limits(adaptive.least, adaptive.most)
+    size, memory = step_size.proposed(control.controller, facts.H, None if error is None else error.size,
                                      2 if error is None else error.order, limits)
     # fault: a crumb before a kink sets the size after it -> size = max(size, 0.0) | coupler/test_control
     size = max(size, _as_planned(facts, error))
@@ -179,7 +257,7 @@ def _as_planned(facts: Facts, error: Estimate | None) -> float:
     of the iteration, tells nothing of longer ones.
     """
     planned = facts.at.control.size
-    return planned if planned > facts.H and (error is None or error.size <= stepsize.AIM) else 0.0
+    return planned if planned > facts.H and (error is None or error.size <= step_size.AIM) else 0.0
 
 
 def _is_slow(facts: Facts) -> bool:

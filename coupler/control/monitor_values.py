@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-from coupler.control.estimate import Estimate
+from coupler.control.error_estimate import Estimate
 from coupler.control.state import ControlState
-from coupler.schemes.ledger import PREFIX, Ledger
+from coupler.schemes.state import PREFIX, Ledger, Solved, Span
 from coupler.schemes.sweep import OF_A_SUBSTEP
-from coupler.schemes.window import Solved, Span
 
 
 def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate | None = None) -> dict[str, float]:

@@ -7,13 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from coupler.control.branches import Branch, side
-from coupler.control.sights import Place, Sight, seen
-from coupler.rules.model import Rule
+from coupler.control.contact_status import Branch, Place, Sight, seen, side
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import Schedule
-from coupler.schemes.settings import Settings
+from coupler.scenario.rule_model import Rule
+from coupler.schemes.state import Level, Schedule, Settings
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from coupler.control import auto, cycle, estimate, events, stepsize
-from coupler.control.cycle_action import home
+from coupler.control import auto, error_estimate, events, step_size, two_cycle
 from coupler.control.plan import Plan
+from coupler.control.two_cycle import home
 from coupler.rules import engine as rules
-from coupler.schemes.settings import Settings
-from coupler.schemes.window import CoupledState
+from coupler.schemes.state import CoupledState, Settings
 
 
 @dataclass(frozen=True)
@@ -38,9 +37,9 @@ class ControlState:
     event: int = 0
     slow: int = 0
     stop: str = ""
-    cycle: cycle.Watch = field(default_factory=cycle.Watch)
-    estimate: estimate.Memory = field(default_factory=estimate.Memory)
-    controller: stepsize.Memory = field(default_factory=stepsize.Memory)
+    cycle: two_cycle.Watch = field(default_factory=two_cycle.Watch)
+    estimate: error_estimate.Memory = field(default_factory=error_estimate.Memory)
+    controller: step_size.Memory = field(default_factory=step_size.Memory)
     choice: auto.Memory = field(default_factory=auto.Memory)
     rules: rules.Memory = field(default_factory=rules.Memory)
     events: events.Memory = field(default_factory=events.Memory)
@@ -80,9 +79,9 @@ def opened(at: Committed, plan: Plan) -> Committed:
         # Not where contact opens and closes by turns: that may be the cycle itself.
         # fault: halved windows stay halved past a kink -> control = replace(control, cycle=cycle.Watch(), ) |
         #   coupler/test_cycle_action
-        control = replace(control, cycle=cycle.Watch(), settings=home(control.cycle, control.settings))
-    control = replace(control, fresh=k, estimate=estimate.forgotten(control.estimate),
-                      controller=stepsize.forgotten(control.controller), choice=auto.forgotten(control.choice),
+        control = replace(control, cycle=two_cycle.Watch(), settings=home(control.cycle, control.settings))
+    control = replace(control, fresh=k, estimate=error_estimate.forgotten(control.estimate),
+                      controller=step_size.forgotten(control.controller), choice=auto.forgotten(control.choice),
                       events=events.forgotten(control.events))
     if plan.adaptive is not None and damped and control.size > plan.adaptive.first:
         control = replace(control, size=plan.adaptive.first, reason="the first after a kink or an event")

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control.attempt import Kept
-from coupler.schemes.level import Level, exchanged, predicted
-from coupler.schemes.scheme import mechanical_first
-from coupler.schemes.window import CoupledState, Halves, Span
+from coupler.control.solve_window import Kept
+from coupler.schemes.schemes import mechanical_first
+from coupler.schemes.state import CoupledState, Halves, Level, Span, exchanged, predicted
 
 Array = NDArray[np.float64]
 

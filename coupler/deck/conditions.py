@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from coupler.deck.bodies import Body, Names
-from coupler.deck.course import Amplitude, Course, Signal, after, amplitude_at
-from coupler.deck.lexer import Block, Row, number, whole, wrong
-from coupler.deck.log import Log
-from coupler.deck.mesh import Mesh, Name
-from coupler.deck.outline import Outline
-from coupler.deck.steps import Step
+from coupler.deck.lexer import NUMBER, Block, Log, Row, number, whole, wrong
+from coupler.deck.model import Body, Edge, Mesh, Name, Names, Outline, Surfaces
+from coupler.deck.steps import Amplitude, Course, Signal, Step, after, amplitude_at
 
 HELD = {1: "u_x", 2: "u_y", 11: "temperature"}
 PUSHED = {1: "f_x", 2: "f_y"}
@@ -169,3 +166,158 @@ def first_temperature(body: Body, T: Mapping[int, float], row: Row, log: Log) ->
                       f"temperature, and gets the mean of its nodes, {values.mean():.9g}")
         return float(f"{values.mean():.9g}")
     return float(values[0])
+
+
+# What acts on faces and volumes: *DFLUX, *FILM, *RADIATE, *DLOAD and their forms on surfaces.
+
+# Keyword -> what it is, the letter before its face, whether its places are surfaces.
+WORDS = {"DFLUX": ("flux", "S", False), "DSFLUX": ("flux", "S", True), "FILM": ("film", "F", False),
+         "SFILM": ("film", "F", True), "RADIATE": ("radiation", "R", False), "SRADIATE": ("radiation", "R", True),
+         "DLOAD": ("pressure", "P", False), "DSLOAD": ("pressure", "P", True)}
+VOLUME = {"DFLUX": ("BF",), "DLOAD": ("GRAV", "BX", "BY")}
+Key = tuple[str, str, str]  # keyword, place and label in capitals
+
+
+@dataclass(frozen=True)
+class Load:
+    """kind : flux, film, radiation, pressure, BF, BX, BY, GRAV.  surface : of the deck, or empty, then edges.
+    cells : of loads on volumes.  size : flux, h, emissivity, pressure ...; T : of the surroundings; way : gravity's."""
+
+    kind: str
+    size: Course
+    T: Course | None
+    surface: str
+    edges: tuple[Edge, ...]
+    cells: tuple[int, ...]
+    way: tuple[float, float]
+    wanted: str
+    row: Row
+
+
+@dataclass
+class Loads:
+    """thermal, mechanical : entries of boundary lists.  Q_T : body -> source.  gravity : x, y of all bodies."""
+
+    thermal: list[Tree] = field(default_factory=list)
+    mechanical: list[Tree] = field(default_factory=list)
+    Q_T: dict[str, Signal] = field(default_factory=dict)
+    gravity: tuple[Signal, Signal] | None = None
+
+
+def loads_of(steps: Sequence[Step], model: Sequence[Block], surfaces: Surfaces, known: Mapping[str, Amplitude],
+             log: Log) -> list[Load]:
+    """Every load with its course over all steps.  Raises ScenarioError."""
+    loads: dict[Key, Load] = {}
+    for block in model:
+        if block.word in WORDS:
+            log.miss(block, "a load stands in a step")
+    for step in steps:
+        fresh: set[Key] = set()
+        for block in (b for b in step.blocks if b.word in WORDS):
+            for row in block.data:
+                key: Key = (block.word, row.field(0).upper(), row.field(1).upper())
+                load = _load(block, row, step, (surfaces, known, log), loads.get(key))
+                if load is not None:
+                    loads[key] = load
+                    fresh.add(key)
+        renewed = {b.word: b for b in step.blocks if b.word in WORDS and b.option("OP") == "NEW"}
+        for key in [k for k in loads if k[0] in renewed and k not in fresh]:
+            if loads[key].kind == "radiation":
+                log.miss(renewed[key[0]], "OP=NEW: radiation that is not given again stays")
+            else:
+                loads[key] = replace(loads[key], size=after(loads[key].size, step, 0.0, None, 0.0))
+    return list(loads.values())
+
+
+def _load(block: Block, row: Row, step: Step, tools: tuple[Surfaces, Mapping[str, Amplitude], Log],
+          before: Load | None) -> Load | None:
+    """One line of a load; None where it is not understood."""
+    surfaces, known, log = tools
+    kind, letter, on_surface = WORDS[block.word]
+    label = row.field(1).upper()
+    amplitude = amplitude_at(block, "AMPLITUDE", known)
+    place = f"{row.field(0)}_{label}"
+    if label in VOLUME.get(block.word, ()):
+        mesh: Mesh = surfaces.mesh
+        cells = mesh.cells_at(row.field(0), row) if row.field(0) else tuple(range(len(mesh.cells)))
+        x, y, z = (number(row, i, "the direction", 0.0) if label == "GRAV" else 0.0 for i in (3, 4, 5))
+        if z:
+            log.miss(row, "gravity out of the plane is left out")
+        size = after(before.size if before else None, step, number(row, 2, "the load"), amplitude, 0.0)
+        return Load(label, size, None, "", (), cells, (x, y), place, row)
+    fits = label == letter if on_surface else re.fullmatch(f"{letter}[1-4]", label)
+    film = kind in ("film", "radiation")
+    text = row.field(3 if film else 2)
+    if not fits or (film and not NUMBER.fullmatch(text)):
+        log.miss(row, f"understood is {letter}{'' if on_surface else '1 to ' + letter + '4'} with numbers")
+        return None
+    name = surfaces.named(row.field(0), row) if on_surface else ""
+    edges = surfaces.edges[name] if name else tuple(
+        surfaces.face(surfaces.mesh.cells_at(row.field(0), row), label, row))
+    if not edges:
+        log.miss(row, "the place has no faces")
+        return None
+    if not film:
+        size = after(before.size if before else None, step, number(row, 2, "the load"), amplitude, 0.0)
+        return Load(kind, size, None, name, edges, (), (0.0, 0.0), place, row)
+    at_once = replace(step, ramp=False)  # surroundings are there at once; only an amplitude changes them
+    T_e = number(row, 2, "the temperature of the surroundings")
+    T = after(before.T if before else None, at_once, T_e, amplitude, T_e)
+    grown = amplitude_at(block, "FILM AMPLITUDE", known) if kind == "film" else None
+    size = after(before.size if before else None, at_once, number(row, 3, "the coefficient"), grown, 0.0)
+    if kind == "radiation" and len(set(v for _, v in size.points)) > 1:
+        log.miss(row, "an emissivity is the same at all times; the last one holds")
+    return Load(kind, size, T, name, edges, (), (0.0, 0.0), place, row)
+
+
+def conditions_of(loads: Sequence[Load], bodies: Sequence[Body], surfaces: Surfaces, rho: Mapping[str, float],
+                  log: Log) -> Loads:
+    """The loads as entries of the scenario; rho : body -> density.  Faces with the same load become one surface."""
+    out = Loads()
+    groups: dict[tuple[str, Course, Course | None, str], list[Load]] = {}
+    for load in loads:
+        if load.cells:
+            _volume(load, bodies, rho, out, log)
+        else:
+            groups.setdefault((load.kind, load.size, load.T, load.surface), []).append(load)
+    for (kind, size, T, surface), same in groups.items():
+        edges = {edge for load in same for edge in load.edges}
+        name = surface or surfaces.made(same[0].wanted if len(same) == 1 else f"{kind}_faces", edges)
+        for place in surfaces.on(name, bodies):
+            entry = _entry(kind, size, T)
+            (out.mechanical if kind == "pressure" else out.thermal).append({"on": place, **entry})
+    return out
+
+
+def _entry(kind: str, size: Course, T: Course | None) -> Tree:
+    if T is None:
+        return {kind: size.signal}
+    if kind == "film":
+        return {"convection": {"h": size.signal, "T": T.signal}}
+    return {"radiation": {"emissivity": size.last, "T": T.signal}}
+
+
+def _volume(load: Load, bodies: Sequence[Body], rho: Mapping[str, float], out: Loads, log: Log) -> None:
+    """Sources, body forces and gravity, which act on whole bodies."""
+    cells = set(load.cells)
+    whole = [body for body in bodies if cells.issuperset(body.cells)]
+    if sum(len(body.cells) for body in whole) < len(cells):
+        log.miss(load.row, "a load on a volume acts on whole bodies; on parts of one it is left out")
+    size = load.size.signal
+    if load.kind == "GRAV" and len(whole) == len(bodies) and out.gravity is None:
+        out.gravity = (times(size, load.way[0]), times(size, load.way[1]))
+        return
+    for body in whole:
+        if load.kind == "BF":
+            if body.name in out.Q_T:
+                log.miss(load.row, f"body {body.name} has a source already")
+            out.Q_T.setdefault(body.name, size)
+        elif load.kind == "GRAV":
+            if body.name not in rho:
+                log.miss(load.row, f"body {body.name} has no *DENSITY")
+                continue
+            for key, part in zip(("b_x", "b_y"), load.way, strict=True):
+                if part:
+                    out.mechanical.append({"body": body.name, key: times(size, part * rho[body.name])})
+        else:
+            out.mechanical.append({"body": body.name, f"b_{load.kind[1].lower()}": size})

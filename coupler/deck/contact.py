@@ -8,13 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from coupler.deck.bodies import Body, Names
-from coupler.deck.lexer import Block, number, numbers, wrong
-from coupler.deck.log import Log
+from coupler.deck.lexer import Block, Log, number, numbers, wrong
 from coupler.deck.materials import JOINED
-from coupler.deck.outline import Outline, Owner, named
-from coupler.deck.surfaces import Surfaces
-from coupler.scenario.quantity import did_you_mean
+from coupler.deck.model import Body, Names, Outline, Owner, Surfaces, named
+from coupler.scenario.document import did_you_mean
 
 ENDS = 1.001  # a table that ends before it is zero drops to zero within a thousandth of its last gap
 TOUCH = 0.05  # of that: a gap over which surfaces of different meshes still touch

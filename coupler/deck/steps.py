@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 
-from coupler.deck.lexer import Block, Row, number, wrong
-from coupler.deck.log import Log
-from coupler.deck.outline import Outline
+from coupler.deck.lexer import Block, Log, Row, number, numbers, wrong
+from coupler.deck.model import Outline, named
+from coupler.scenario.document import did_you_mean
 
 PROCEDURES = ("STATIC", "COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "HEAT TRANSFER")
 MAX_WINDOWS = 100_000
@@ -96,3 +98,120 @@ def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
     if step.count > MAX_WINDOWS:
         raise wrong(row, f"more than {MAX_WINDOWS} increments", "Give a longer longest increment, or none.")
     return step
+
+
+# How a load goes over time: from step to step, by amplitudes, ramps and jumps.
+
+MAX_POINTS = 5_000  # of an amplitude: a scenario is a text of some kilobytes
+Signal = float | dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """points : (t, value).  total : t counts from the start of the deck, else of the step.  absolute : the value
+    itself, not a factor."""
+
+    points: tuple[tuple[float, float], ...]
+    total: bool
+    absolute: bool
+
+    def at(self, t: float) -> float:
+        """Linear between the points, held outside."""
+        if t <= self.points[0][0]:
+            return self.points[0][1]
+        for (t0, v0), (t1, v1) in pairwise(self.points):
+            if t0 <= t < t1:
+                return v0 + (v1 - v0) * (t - t0) / (t1 - t0)
+        return self.points[-1][1]
+
+
+@dataclass(frozen=True)
+class Course:
+    """points : (t, value) so far, times not decreasing; before: the first value."""
+
+    points: tuple[tuple[float, float], ...]
+
+    @property
+    def last(self) -> float:
+        """The value now."""
+        return self.points[-1][1]
+
+    @property
+    def signal(self) -> Signal:
+        """As a scenario has it: a number, or a table without what says nothing."""
+        # fault: decks: a ramp's end and a jump give three values at one time -> points = self.points |
+        #   coupler/test_deck
+        points = _jumps(self.points)
+        held = (points[0], *points, points[-1])
+        kept = [now for before, now, later in zip(held, held[1:], held[2:], strict=False)
+                if now[1] != before[1] or later[1] != now[1]]
+        if not kept:
+            return self.last
+        return {"t": [t for t, _ in kept], "value": [v for _, v in kept]}
+
+
+def _jumps(points: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
+    """Of the points at one time the first and the last: a ramp may end where the next step jumps."""
+    found: list[tuple[float, float]] = []
+    for point in points:
+        if found and found[-1] == point:
+            continue
+        if len(found) > 1 and found[-2][0] == point[0]:
+            found.pop()
+        found.append(point)
+    return found
+
+
+def amplitudes_of(outline: Outline, log: Log) -> dict[str, Amplitude]:
+    """The *AMPLITUDE blocks by name in capitals.  Raises ScenarioError."""
+    found = {}
+    blocks = [*outline.model, *(b for owner in outline.steps for b in owner.own)]
+    for block in (b for b in blocks if b.word == "AMPLITUDE"):
+        kind = block.option("DEFINITION") or "TABULAR"
+        if kind != "TABULAR":
+            raise wrong(block.row, f"amplitudes of definition {kind[:30]} are not understood",
+                        "Write it as a table: DEFINITION=TABULAR.")
+        flat = [v for row in block.data for v in numbers(row, "an amplitude")]
+        points = tuple(zip(flat[::2], flat[1::2], strict=False))
+        if len(flat) % 2 or not points or len(points) > MAX_POINTS:
+            raise wrong(block.row, f"an amplitude has pairs of time and value, 1 to {MAX_POINTS}")
+        if any(b[0] < a[0] for a, b in pairwise(points)):
+            raise wrong(block.row, "the times of an amplitude must not decrease")
+        found[named(block, "NAME")] = Amplitude(points, block.option("TIME") == "TOTAL TIME",
+                                                block.option("VALUE") == "ABSOLUTE")
+    return found
+
+
+def amplitude_at(block: Block, option: str, known: Mapping[str, Amplitude]) -> Amplitude | None:
+    """The amplitude a block names, None where it names none.  Raises ScenarioError where there is no such."""
+    name = block.option(option)
+    if not name:
+        return None
+    if name not in known:
+        raise wrong(block.row, f"there is no amplitude {name[:60]}", did_you_mean(name[:60], known))
+    return known[name]
+
+
+@lru_cache(maxsize=4096)
+def after(course: Course | None, step: Step | None, value: float, amplitude: Amplitude | None, rest: float) -> Course:
+    """The course with a value given in a step.
+
+    course : so far, None where there was none.  step : None where it holds from the start.  rest : the value before.
+    """
+    t0, t1 = (step.start, step.end) if step is not None else (0.0, 0.0)
+    before = course.points if course is not None else ((0.0, rest),)
+    now = before[-1][1]
+    if step is not None and amplitude is not None:
+        shift = 0.0 if amplitude.total else t0
+        size = 1.0 if amplitude.absolute else value
+        inner = [(t + shift, v) for t, v in amplitude.points if t0 < t + shift < t1]
+        ends = [(t, amplitude.at(t - shift)) for t in (t0, t1)]
+        new = [(t, size * v + 0.0) for t, v in (ends[0], *inner, ends[1])]  # no -0
+    elif step is not None and step.ramp:
+        new = [(t0, now), (t1, value)]
+    else:
+        new = [(t0, value)]
+    if t0 == 0.0:
+        return Course(tuple(new))
+    # fault: decks: a later step forgets what was before -> return Course(tuple(new)) | coupler/test_deck
+    return Course((*before, (t0, now), *new))

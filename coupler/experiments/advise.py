@@ -9,18 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from coupler.advise.climb import Climb
-from coupler.advise.coarse import CELLS
-from coupler.advise.known import Known
-from coupler.advise.trial import Trials
-from coupler.advise.weigh import parse_goal
-from coupler.advise.words import advice, summary
-from coupler.advise.write import advised, text_of, write
 from coupler.errors import ScenarioError
+from coupler.experiments.advice_search import Climb, Known, Trials, parse_goal
+from coupler.experiments.advice_text import advice, advised, summary, text_of, write
+from coupler.experiments.variants import CELLS
 from coupler.fmu.launch import make_folder
+from coupler.scenario.document import read_document
+from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import load_scenario
-from coupler.scenario.override import apply_overrides
-from coupler.scenario.reading import read_document
 
 FILE, TEXT, TRIALS = "advised.yaml", "advice.txt", "trials"
 

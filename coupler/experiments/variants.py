@@ -2,13 +2,187 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import copy
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any
 
-from coupler.advise.bodies import mechanics
-from coupler.advise.edit import Edit, Tree, at
-from coupler.advise.rung import Kind, Rung
 from coupler.scenario.document import Key
+from coupler.scenario.edits import cells_as, windows_times
+
+# Edits of a scenario: values put in and keys taken out, on plain values and on a commented file alike.
+
+Tree = Mapping[str, Any]  # a scenario's values, as the file has them
+
+
+@dataclass(frozen=True)
+class Edit:
+    """put : key -> value.  drop : keys taken out, items of lists too."""
+
+    put: Mapping[Key, Any] = field(default_factory=dict)
+    drop: tuple[Key, ...] = ()
+
+    def plus(self, other: Edit) -> Edit:
+        """Both; where they put the same key, the other's value."""
+        return Edit({**self.put, **other.put}, (*self.drop, *other.drop))
+
+
+def edited(tree: Any, edits: Iterable[Edit]) -> Any:
+    """A copy of the tree with all puts done, then all drops.
+
+    So an edit that takes a block out wins over one that changes something inside it, and numbers of list items are
+    those of the tree as it came.
+    """
+    tree, gone = copy.deepcopy(tree), set()
+    for edit in edits:
+        for key, value in edit.put.items():
+            _put(tree, key, copy.deepcopy(value))
+        gone |= set(edit.drop)
+    # Later items of a list first: the numbers of the others then stay right.
+    # fault: advice: numbers of list items move when one is taken out -> for key in sorted(gone, key=_order): |
+    #   coupler/test_advise
+    for key in sorted(gone, key=_order, reverse=True):
+        _drop(tree, key)
+    return tree
+
+
+def at(tree: Any, key: Key) -> Any:
+    """What stands at a key; None where nothing does."""
+    for part in key:
+        if part not in _inside(tree):
+            return None
+        tree = tree[part]
+    return tree
+
+
+def _order(key: Key) -> tuple[tuple[str, int], ...]:
+    return tuple(("", part) if isinstance(part, int) else (part, 0) for part in key)
+
+
+def _put(tree: Any, key: Key, value: Any) -> None:
+    for part in key[:-1]:
+        if isinstance(tree, dict) and tree.get(part) is None:
+            tree[part] = {}
+        tree = tree[part]
+    tree[key[-1]] = value
+
+
+def _drop(tree: Any, key: Key) -> None:
+    if key[-1] in _inside(holder := at(tree, key[:-1])):
+        del holder[key[-1]]
+
+
+def _inside(tree: Any) -> Any:
+    """What a next part of a key may be."""
+    return tree.keys() if isinstance(tree, Mapping) else range(len(tree)) if isinstance(tree, list) else ()
+
+
+# A rung of the ladder: one thing that a scene could do without.
+
+class Kind(Enum):
+    """What a rung changes; at most one rung of MECHANICS, HEAT, SCHEME, WINDOWS, MESH is taken."""
+
+    SCHEME = "coupling"
+    MECHANICS = "mechanics"
+    HEAT = "heat"
+    EFFECT = "effect"
+    WINDOWS = "windows"
+    MESH = "mesh"
+
+
+@dataclass(frozen=True, eq=False)
+class Rung:
+    """name : what is left out or made simpler, in words.  edit : how, in the scenario.
+
+    deforms : it only says something while deformation is computed.  misses : what such a model cannot show at all.
+    windows, mesh : factors on the scenario's windows and on its cells along an edge, on those of the ladder's trials.
+    """
+
+    name: str
+    kind: Kind
+    edit: Edit = field(default_factory=Edit)
+    deforms: bool = False
+    misses: str = ""
+    windows: float = 1.0
+    mesh: float = 1.0
+
+    @property
+    def rigid(self) -> bool:
+        """Whether bodies keep their shape with it."""
+        return self.edit.put.get(("mechanical", "half")) == "rigid"
+
+    @property
+    def simpler(self) -> bool:
+        """Whether it takes physics out: worth it though it saves nothing; all else must save something."""
+        return self.kind in (Kind.EFFECT, Kind.MECHANICS, Kind.HEAT)
+
+
+# Rungs of mechanics: bodies that keep their shape, bodies at rest, bodies that heat does not move.
+
+RIGID_MISSES = ("bodies keep their shape: no spring-back, no gap that opens by expansion or shrinkage, no stress, no "
+                "slip; pressures are those prescribed, the same along a surface, so nothing of corners")
+REST_MISSES = "bodies stay where they are meshed; contact is that of the start, without pressure"
+ONE_WAY_MISSES = "heat moves nothing: no expansion, no shrinkage"
+REST, RIGID_REST = "bodies at rest (uncoupled)", "rigid bodies, at rest as nothing drives them (uncoupled)"
+AXES = ("u_x", "u_y")
+
+
+def mechanics(tree: Tree) -> Iterator[Rung]:
+    """Uncoupled first, then one-way, then cheaper mechanics."""
+    half, own = at(tree, ("mechanical", "half")), at(tree, ("mechanical", "rigid"))
+    told = own if own is not None else motion_of(tree)
+    if half != "rigid" or told:
+        yield Rung(REST if told else RIGID_REST, Kind.MECHANICS, _rigid(tree, {}), misses=REST_MISSES)
+    if half != "rigid" and told:
+        yield Rung("rigid bodies (one-way)", Kind.MECHANICS, _rigid(tree, None if own is not None else told),
+                   misses=RIGID_MISSES)
+    if half == "elastic" and at(tree, ("mechanical", "rod")) is not None:
+        yield Rung("deformation along x only", Kind.MECHANICS, Edit({("mechanical", "half"): "rod"}),
+                   misses="bending and shear")
+    if half != "rigid" and (still := _still(tree)):
+        yield Rung("heat moves no body (one-way)", Kind.EFFECT, Edit(still), deforms=True, misses=ONE_WAY_MISSES)
+
+
+def _rigid(tree: Tree, told: dict[str, Any] | None) -> Edit:
+    """The half `rigid`, with this motion, or as the scenario has it; it refuses what asks for forces."""
+    put: dict[Key, Any] = {("mechanical", "half"): "rigid"}
+    if told is not None:
+        put["mechanical", "rigid"] = told
+    return Edit(put, tuple(("contact", name, key) for name in tree.get("contact", {}) for key in
+                           ("friction", "augmented")))
+
+
+def motion_of(tree: Tree) -> dict[str, Any]:
+    """The part `mechanical.rigid` of a scenario that has none: each body moves as it is driven; {} where none is.
+
+    The first drive of a body along an axis that is not zero counts.
+    """
+    motion: dict[str, dict[str, Any]] = {}
+    for entry in at(tree, ("mechanical", "elastic", "boundary")) or ():
+        body = entry.get("body") or str(entry.get("on") or entry.get("at")).partition(".")[0]
+        for axis in AXES:
+            if entry.get(axis) not in (None, 0, 0.0):
+                motion.setdefault(body, {}).setdefault(axis, entry[axis])
+    for body, held in (at(tree, ("mechanical", "rod", "held")) or {}).items():
+        for end in ("left", "right"):
+            if held.get(end) not in (None, 0, 0.0):
+                motion.setdefault(body, {}).setdefault("u_x", held[end])
+    return {"motion": motion} if motion else {}
+
+
+def _still(tree: Tree) -> dict[Key, Any]:
+    """No expansion and no shrinkage of any material; nothing where there is one material that does one of them:
+    that is a rung of its own."""
+    still: dict[Key, Any] = {}
+    for name, material in tree["materials"].items():
+        if material.get("alpha"):
+            still["materials", name, "alpha"] = 0
+        if at(material, ("liquid", "shrinkage")):
+            still["materials", name, "liquid", "shrinkage"] = 0
+    return still if len(still) > 1 else {}
+
 
 # Schemes that solve each half once a window: the lower end of the ladder.
 ONCE = ("staggered", "extrapolated")
@@ -152,3 +326,62 @@ def windows(tree: Tree) -> Iterator[Rung]:
     if at(tree, ("coupling", "windows")) is not None:
         for factor in LONGER:
             yield Rung(f"windows {factor:g} times as long", Kind.WINDOWS, windows=factor)
+
+
+# What trials are run with: few cells, few windows, probes of what a simpler model would miss.
+
+# A body of a trial has no more cells than this; shapes and layers stay as they are.
+CELLS = 64
+# Windows are made longer while there are more than this, but never by more than cells are: what bounds a window, heat
+# crossing a cell or an edge passing it, grows with the cell.
+WINDOWS = 400
+OWN = "advise."  # probes of our own begin so
+
+
+def mesh_factor(tree: Tree, cells: int = CELLS) -> float:
+    """The factor on cells along an edge with which no body has more than so many; 1 where nothing can be coarsened."""
+    factor = 1.0
+    for body in tree["bodies"].values():
+        if (n := at(body, ("mesh", "rectangle", "cells"))) is not None:
+            power = 1.0 if min(n) == 1 else 0.5
+            factor = min(factor, (cells / (n[0] * n[1])) ** power)
+    return factor
+
+
+def meshed(tree: Tree, factor: float) -> Edit:
+    """`factor` times as many cells along every edge.  Even counts stay even, so that midpoints stay nodes."""
+    return Edit(cells_as(tree, lambda n: _count(n, factor)) if factor != 1.0 else {})
+
+
+def _count(n: int, factor: float) -> int:
+    # fault: advice: even counts of cells turn odd -> step = 1 | coupler/test_advise
+    step = 2 if n % 2 == 0 else 1
+    return n if n <= 2 else max(round(n * factor / step) * step, 2)
+
+
+def cells_of(tree: Tree) -> int:
+    """Cells of all rectangles."""
+    found = (at(body, ("mesh", "rectangle", "cells")) for body in tree["bodies"].values())
+    return sum(int(n[0]) * int(n[1]) for n in found if n is not None)
+
+
+def windows_factor(count: int, mesh: float) -> float:
+    """The factor on windows for a scenario of so many, meshed by this factor: a power of 2."""
+    longer = 2.0 ** math.ceil(math.log2(max(count / WINDOWS, 1.0)))
+    return min(longer, 2.0 ** math.floor(math.log2(1.0 / mesh)))
+
+
+def timed(tree: Tree, factor: float) -> Edit:
+    """Windows `factor` times as long, none longer than its range; nothing where windows find their own size."""
+    return Edit(windows_times(tree, factor) if factor != 1.0 else {})
+
+
+def watched(tree: Tree) -> Edit:
+    """Probes of pressure and place at every pair."""
+    put: dict[Key, Any] = {}
+    for name, pair in tree.get("contact", {}).items():
+        side = pair["slave"]
+        for what, probe in (("p.max", {"p": {"max": side}}), ("p.mean", {"p": {"mean": side}}),
+                            ("u_x", {"u_x": {"mean": side}}), ("u_y", {"u_y": {"mean": side}})):
+            put["probes", f"{OWN}{name}.{what}"] = probe
+    return Edit(put)

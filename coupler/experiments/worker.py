@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 
-from coupler.trials.trial import solve
+from coupler.experiments.trial import solve
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ from contact.half.entry import sources_hash
 from contact.half.model import load_directory
 from coupler.errors import HalfError
 from coupler.fmu.children import python
-from coupler.fmu.unpack import SAFE_WORDS, is_safe, unpack
+from coupler.fmu.description import SAFE_WORDS, is_safe, unpack
 
 GROUP = "slideline.halves"
 DEADLINE = 300.0  # s a builder may take
@@ -84,7 +84,7 @@ def _cached(place: Path, make: Callable[[Path], object]) -> Path:
 def cache_directory() -> Path:
     """SLIDELINE_CACHE, else ~/.cache/slideline, else a directory of this user's among the temporary ones.
 
-    The second is passed over where FMUs cannot be loaded from it (see coupler.fmu.unpack) or it cannot be written.
+    The second is passed over where FMUs cannot be loaded from it (see coupler.fmu.description) or it cannot be written.
     Raises HalfError if none will do.
     """
     chosen = os.environ.get("SLIDELINE_CACHE")

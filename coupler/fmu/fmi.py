@@ -24,11 +24,10 @@ from fmpy import calloc, free
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
-from contact.half.store import FAILED, INTERRUPTED
+from contact.half.slave import FAILED, INTERRUPTED
 from coupler.errors import HalfError
-from coupler.fmu.description import Description, Field, read_description
+from coupler.fmu.description import Description, Field, read_description, unpack, unpacked_beside
 from coupler.fmu.half import Advance, Array, Block, Status
-from coupler.fmu.unpack import unpack, unpacked_beside
 
 DISCARD, FATAL = 2, 4
 LOG_LENGTH = 200

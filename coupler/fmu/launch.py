@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from coupler.errors import ScenarioError
+from coupler.fmu.builders import build_half
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
-from coupler.fmu.halves import build_half
 from coupler.scenario import Scenario
 
 

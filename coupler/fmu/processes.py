@@ -13,9 +13,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from contact.client import Client
-from contact.link import LinkError, ServiceDownError
-from contact.zenoh_link import Session, close_session, open_session
+from contact.rpc.client import Client
+from contact.rpc.link import LinkError, ServiceDownError
+from contact.rpc.zenoh_session import Session, close_session, open_session
 from coupler.errors import HalfError, indented
 from coupler.fmu.children import Child, ChildError, python, ready_line, reap, start
 from coupler.fmu.host import role_of
@@ -33,8 +33,8 @@ class Processes:
     """The processes of a run.
 
     halves : by name.  contact_link : what to give the halves as parameter `contact.link`, or to open_link.
-    pids : of the halves by name, and of "contact".  asked : what contact was asked so far, contact.tally.Verb by verb;
-    nothing where it cannot say.
+    pids : of the halves by name, and of "contact".  asked : what contact was asked so far, a contact.rpc.calls.Verb for
+    each verb; nothing where it cannot say.
     """
 
     halves: dict[str, RemoteHalf]
@@ -50,7 +50,7 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
     """Start the contact service and one host for every FMU; end them all on the way out, whatever the way.
 
     fmus : name of a half (letters, digits, - and _) -> its FMU.  host, service : commands to run instead of
-    `python -m coupler.fmu.host` and `python -m contact.serve`, with the same options.
+    `python -m coupler.fmu.host` and `python -m contact.rpc.serve`, with the same options.
     Raises ValueError for another name; HalfError or ServiceDownError naming who did not start, later who died, with
     the tail of its log.
     """
@@ -69,7 +69,7 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
         try:
             endpoints, instances = _start(children, fmus, run, directory, time.monotonic() + start_deadline,
                                           host or [*python(), "-m", "coupler.fmu.host"],
-                                          service or [*python(), "-m", "contact.serve"])
+                                          service or [*python(), "-m", "contact.rpc.serve"])
         except ChildError as exc:
             raise _named(exc.child, str(exc), exc.log) from exc
         sessions.append(open_session(connect=endpoints.values()))

@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from contact.client import Client
 from contact.codec import WireError
-from contact.link import LinkError
+from contact.rpc.client import Client
+from contact.rpc.link import LinkError
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Array, Status
 from coupler.fmu.verbs import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from contact.messages import kinds_of
+from contact.codec import kinds_of
 from coupler.fmu.half import Advance, Array, Block
 
 

@@ -2,20 +2,179 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from textwrap import wrap
+from typing import Annotated, Any, Protocol, TypeVar
 
 import typer
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.representer import RoundTripRepresenter
 
 from coupler.errors import ScenarioError
-from coupler.init.ask import Answer, ask_choices, ask_out, ask_template
-from coupler.init.choices import Choices, chosen_materials
-from coupler.init.materials import library
-from coupler.init.templates import template_named, templates
-from coupler.init.write import new_scenario
+from coupler.init.templates import (
+    Choices,
+    Material,
+    Template,
+    chosen_materials,
+    exchangeable,
+    library,
+    named,
+    overrides_of,
+    template_named,
+    templates,
+)
+from coupler.running.newfile import check_free, new_files
 from coupler.scenario import parse_override
+from coupler.scenario.document import WIDTH, Document, did_you_mean, document_from, dumped, layout
+from coupler.scenario.edits import apply_overrides
+from coupler.scenario.load import checked
+from coupler.scenario.scenario import Scenario
+
+# The questions of `slideline init`, of what no option said; whoever asks is passed in.
+
+Answer = TypeVar("Answer")
+KEEP = "keep"
+
+
+class Ask(Protocol):
+    """Asks until `read` takes the answer: it raises ScenarioError for one that will not do."""
+
+    def __call__(self, question: str, default: str, read: Callable[[str], Answer]) -> Answer: ...
+
+
+def ask_template(ask: Ask, say: Callable[[str], None]) -> Template:
+    """Which template, by name or number."""
+    known = list(templates().values())
+    for number, template in enumerate(known, start=1):
+        say(f"  {number}  {template.name}: {template.about}")
+    return ask("Template (name or number)", known[0].name, _template)
+
+
+def ask_choices(template: Template, given: Choices, ask: Ask, say: Callable[[str], None]) -> Choices:
+    """The choices no option made."""
+    tree = template.document.tree
+    title = given.title if given.title is not None else ask("Title", str(tree["title"]), _title)
+    end = given.end if given.end is not None else ask("End time, s", f"{tree['coupling']['end']:g}", _positive)
+    materials = dict(given.materials)
+    asked = [name for name in exchangeable(tree) if name not in materials]
+    if asked:
+        say(f"  materials: {', '.join(library())}; {KEEP}: the template's own numbers")
+    for name in asked:
+        kind = ask(f"Material of {name}", KEEP, _material)
+        if kind != KEEP:
+            materials[name] = kind
+    mesh = given.mesh if given.mesh != 1.0 else ask("Mesh, times as many cells along every edge", "1", _positive)
+    return replace(given, title=title if title != tree["title"] else None,
+                   end=end if end != tree["coupling"]["end"] else None, materials=materials, mesh=mesh)
+
+
+def ask_out(template: Template, ask: Ask) -> Path:
+    """Where it goes."""
+    return ask("File", f"{template.name}.yaml", _free)
+
+
+def _template(text: str) -> Template:
+    known: Mapping[str, Template] = templates()
+    if text.isdecimal() and 1 <= int(text) <= len(known):
+        return list(known.values())[int(text) - 1]
+    if text not in known:
+        raise ScenarioError("there is no such template", value=text, remedy=did_you_mean(text, known))
+    return known[text]
+
+
+def _title(text: str) -> str:
+    if not text.strip():
+        raise ScenarioError("a title has letters", value=text)
+    return text.strip()
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ScenarioError("this is not a number", value=text) from None
+    if not 0 < value < math.inf:
+        raise ScenarioError("this is not a number above 0", value=text)
+    return value
+
+
+def _material(text: str) -> str:
+    if text != KEEP and text not in library():
+        raise ScenarioError("there is no such material", value=text, remedy=did_you_mean(text, [KEEP, *library()]))
+    return text
+
+
+def _free(text: str) -> Path:
+    check_free(Path(text))
+    return Path(text)
+
+
+# A new scenario as a file: the template's text with comments kept, checked, never over another file.
+
+LARGE = 1e5  # from here on numbers are easier read with an exponent
+
+
+class _Words(RoundTripRepresenter):
+    """Writes null as a word (ruamel leaves its place empty), and large numbers with an exponent."""
+
+    def represent_none(self, data: None) -> Any:
+        return self.represent_scalar("tag:yaml.org,2002:null", "null")
+
+    def represent_float(self, data: float) -> Any:
+        if abs(data) < LARGE:
+            return super().represent_float(data)
+        text = next(text for digits in range(1, 18) if float(text := f"{data:.{digits}e}") == data)
+        return self.represent_scalar("tag:yaml.org,2002:float", text)
+
+
+_Words.add_representer(type(None), _Words.represent_none)
+_Words.add_representer(float, _Words.represent_float)
+
+
+def new_scenario(template: Template, choices: Choices, out: Path) -> Scenario:
+    """Write a template with choices to a new file; what was written, checked.
+
+    Raises ScenarioError, and writes nothing, where a choice is wrong or the file cannot be made.
+    """
+    check_free(out)
+    document = template.document_for(out)
+    overrides = overrides_of(document.tree, choices)
+    scenario = checked(document, overrides)
+    text = text_of(document, overrides, named(document.tree, choices)) if overrides else document.text
+    assert document_from(out, text).tree == scenario.resolved, "a scenario survives being written"
+    with new_files({out: text}):
+        return scenario
+
+
+def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping[str, Material]) -> str:
+    """The text of a document with values put in place, comments kept, and the source of each named material."""
+    yaml = layout()
+    yaml.Representer = _Words
+    commented = Document(document.path, document.text, yaml.load(document.text), document.lines)
+    tree = _in_style(apply_overrides(commented, overrides).tree)
+    for name, material in materials.items():
+        tree["materials"].yaml_set_comment_before_after_key(
+            name, before="\n".join(wrap(f"{name}: {material.about}. {material.source}.", WIDTH - 4)), indent=2)
+    return dumped(tree, yaml)
+
+
+def _in_style(node: Any) -> Any:
+    """What was put in as plain values on one line each; what was there as it was."""
+    if type(node) is list:
+        node = CommentedSeq(node)
+        node.fa.set_flow_style()
+    elif type(node) is dict:
+        node = CommentedMap(node)
+        node.fa.set_flow_style()
+    for key, value in node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ():
+        if type(value) in (list, dict) or isinstance(value, CommentedMap | CommentedSeq):
+            node[key] = _in_style(value)
+    return node
+
 
 TemplateArgument = Annotated[str | None, typer.Argument(
     help="A template's name, see --list. Without one you are asked.", show_default=False)]

@@ -1,12 +1,18 @@
-"""What happened to contact in a run, kept from window to window (contact.watch says what is looked for)."""
+"""What happened to contact in a run, kept from window to window (contact.half.diagnostics says what is looked for)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.diagnostics import Contact, Seen, Watch
 from contact.half.interface import Interface
-from contact.watch import Contact, Seen, Watch
-from coupler.schemes.level import Level
+from coupler.fmu.half import Half
+from coupler.record.tables import FRICTION
+from coupler.scenario import Probe
+from coupler.schemes.state import Halves, Level
 
 
 class Watched:
@@ -41,3 +47,59 @@ class Watched:
 
 def _contact(level: Level) -> Contact:
     return Contact(level.x, level.t_N, level.covered)
+
+
+# What the halves tell for the record alone, beside the exchange: fields for pictures, what friction does.
+
+Array = NDArray[np.float64]
+PICTURES: Mapping[str, Mapping[str, Sequence[str]]] = {
+    "thermal": {"point": ("f_s",), "cell": ("q",)}, "mechanical": {"point": (), "cell": ("sigma_v", "sigma")}}
+
+
+def picture_names(halves: Halves) -> dict[str, dict[str, list[str]]]:
+    """half -> "point", "cell" -> those of PICTURES it has."""
+    own: Mapping[str, Half] = {"thermal": halves.thermal, "mechanical": halves.mechanical}
+    return {role: {at: [n for n in names if n in own[role].blocks] for at, names in kinds.items()}
+            for role, kinds in PICTURES.items()}
+
+
+def pictures(halves: Halves) -> dict[str, Array]:
+    """Those fields as they are now."""
+    found: dict[str, Array] = {}
+    for half, kinds in zip((halves.thermal, halves.mechanical), picture_names(halves).values(), strict=True):
+        names = [n for of_kind in kinds.values() for n in of_kind]
+        found |= half.read(names) if names else {}
+    return found
+
+
+def friction(halves: Halves) -> dict[str, Array]:
+    """(n_s,) each of slave nodes, what the mechanical half tells of FRICTION."""
+    half = halves.mechanical
+    told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
+    return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
+
+
+# Probes read from a level of the exchange.
+
+def measure(probes: Mapping[str, Probe], interface: Interface, level: Level) -> Array:
+    """Values : (n_probes,) in SI, in the order of the probes."""
+    fields: dict[str, Array] = {}
+    for probe in probes.values():
+        if probe.quantity not in fields:
+            fields[probe.quantity] = _field(probe.quantity, interface, level)
+    return np.array([probe.of(fields[probe.quantity]) for probe in probes.values()])
+
+
+def _field(quantity: str, interface: Interface, level: Level) -> Array:
+    """A quantity at every node : (n_nodes,); contact quantities are NaN away from the contact surfaces."""
+    if quantity == "T":
+        return level.T
+    if quantity == "f_s":
+        assert level.f_s is not None, "the scenario was checked for it"
+        return level.f_s
+    if quantity in ("u_x", "u_y"):
+        i = ("u_x", "u_y").index(quantity)
+        return level.x[:, i] - interface.nodes[:, i]
+    values = np.full(len(interface.nodes), np.nan)
+    values[interface.contact_nodes] = level.gap if quantity == "gap" else -level.t_N
+    return values

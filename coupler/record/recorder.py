@@ -14,17 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.control.estimate import Estimate
-from coupler.record.beside import drop, journal_of, take_up
-from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.control.error_estimate import Estimate
 from coupler.record.finish import finish
 from coupler.record.journal import Journal, Mark
-from coupler.record.strips import contact_row, strips
-from coupler.record.target import check_target
+from coupler.record.paths import check_target, drop, journal_of, take_up
+from coupler.record.tables import ERROR_FIELDS, ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS, contact_row, strips
 from coupler.rules.engine import Firing
-from coupler.schemes.ledger import Ledger
-from coupler.schemes.level import Level
-from coupler.schemes.window import Course, Solved
+from coupler.schemes.state import Course, Ledger, Level, Solved
 
 Array = NDArray[np.float64]
 

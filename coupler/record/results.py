@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
-from coupler.record.beside import journal_of
-from coupler.record.columns import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
-from coupler.schemes.ledger import PREFIX, imbalance
+from coupler.record.paths import journal_of
+from coupler.record.tables import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.schemes.state import PREFIX, imbalance
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,24 @@ from pathlib import Path
 
 import numpy as np
 
-from coupler.compare import Comparison, Difference, compare
 from coupler.record.results import Results
+from coupler.report.compare import Comparison, Difference, compare
 from coupler.report.curves import name_of
+from coupler.report.figures import (
+    COLOURS,
+    Picture,
+    Shown,
+    counted,
+    legend_below,
+    number,
+    page_figure,
+    plain,
+    shown,
+    styled,
+    svg,
+)
 from coupler.report.page import put_page, template_of
-from coupler.report.picture import COLOURS, Picture, legend_below, page_figure, plain, styled, svg
-from coupler.report.units import Shown, counted, number, shown
-from coupler.schemes.ledger import PREFIX, mechanism
+from coupler.schemes.state import PREFIX, mechanism
 
 TEMPLATE = "comparison.html.j2"
 HEIGHT = 6.0  # inches, curves and their difference together
@@ -129,4 +140,3 @@ def _picture(ds: list[Difference], names: tuple[str, str], temperature_unit: str
     caption = (f"{what[0].upper()}{what[1:]}: {names[0]} in full lines, {names[1]} dashed; below, {names[1]} minus "
                f"{names[0]}, its largest value marked.")
     return svg(figure, f"{caption} {said}.", caption)
-

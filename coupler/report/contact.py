@@ -14,10 +14,21 @@ from numpy.typing import NDArray
 
 from coupler.record.results import Along, Results
 from coupler.report.curves import kinks_of
-from coupler.report.kinks import draw_kinks
-from coupler.report.picture import COLOURS, INK, Picture, legend_below, page_figure, plain, png
-from coupler.report.places import PageFigure
-from coupler.report.units import Shown, axis_names, number, shown
+from coupler.report.figures import (
+    COLOURS,
+    INK,
+    PageFigure,
+    Picture,
+    Shown,
+    axis_names,
+    draw_kinks,
+    legend_below,
+    number,
+    page_figure,
+    plain,
+    png,
+    shown,
+)
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]

@@ -20,10 +20,19 @@ from coupler.errors import ResultsError
 from coupler.record.results import Results
 from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import kinks_of
-from coupler.report.frames import choose, progress
-from coupler.report.picture import INK, Picture, page_figure, png
-from coupler.report.places import PageFigure
-from coupler.report.units import Shown, axis_names, number, shown
+from coupler.report.figures import (
+    INK,
+    PageFigure,
+    Picture,
+    Shown,
+    axis_names,
+    choose,
+    number,
+    page_figure,
+    png,
+    progress,
+    shown,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]

@@ -11,10 +11,21 @@ from numpy.typing import NDArray
 
 from coupler.record.results import Results
 from coupler.report.curves import kinks_of
-from coupler.report.kinks import draw_kinks
-from coupler.report.picture import COLOURS, DASHES, Picture, axes_of, legend_below, page_figure, plain, svg
-from coupler.report.units import Shown, number, shown
-from coupler.schemes.ledger import PREFIX, mechanism
+from coupler.report.figures import (
+    COLOURS,
+    DASHES,
+    Picture,
+    Shown,
+    axes_of,
+    draw_kinks,
+    legend_below,
+    number,
+    page_figure,
+    plain,
+    shown,
+    svg,
+)
+from coupler.schemes.state import PREFIX, mechanism
 
 Array = NDArray[np.float64]
 STORED = "stored."

@@ -6,23 +6,150 @@ import json
 import os
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
-from coupler.record.results import Results
+from coupler.record.results import Results, iteration_words
 from coupler.report.contact import contact_pictures
-from coupler.report.control import choices, errors_picture, event_rows, every_window, short_windows, stretches
-from coupler.report.curves import probe_pictures
-from coupler.report.facts import about, banner, rejected_windows, scenario_facts, summary
+from coupler.report.control import (
+    asked,
+    choices,
+    errors_picture,
+    event_rows,
+    every_window,
+    iterates_picture,
+    rules_that_fired,
+    shares,
+    shares_picture,
+    short_windows,
+    stretches,
+    windows_picture,
+)
+from coupler.report.curves import probe_pictures, watched_pictures
+from coupler.report.fields import field_pictures
+from coupler.report.figures import counted, duration, number, shown
 from coupler.report.heat import depth_of, heat_picture, heat_table
-from coupler.report.rules import rules_that_fired
-from coupler.report.snapshots import field_pictures
-from coupler.report.units import duration
-from coupler.report.watched import watched_pictures
-from coupler.report.work import asked, iterates_picture, shares, shares_picture, windows_picture
+from coupler.schemes.state import HEATS
+
+# The numbers of a run in words.
+
+LISTED_AT_MOST = 100
+
+# What became of a run, as its banner says it; a completed run has none.
+BANNERS = {
+    "failed": "This run failed.",
+    "interrupted": "This run was interrupted.",
+    "stopped": "This run was stopped before its end.",
+    "killed": "This run was killed.",
+}
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A window that was not accepted."""
+
+    t: str
+    H: str
+    verdict: str
+    message: str
+
+
+def banner(results: Results) -> tuple[str, str] | None:
+    """(headline, what follows) for a run that did not complete."""
+    if results.outcome == "completed":
+        return None
+    end = float(results.header["coupling"]["end"])
+    reached = float(results.t[-1]) if len(results.t) else 0.0
+    headline = BANNERS.get(results.outcome, f"This run did not complete ({results.outcome}).")
+    return headline, (f"It reached t = {number(reached, 6)} s of {number(end, 6)} s."
+                      + (f"\n{results.message.rstrip('.')}." if results.message else ""))
+
+
+def about(results: Results) -> str:
+    """What the scenario says of itself: its comment at the top, up to the first empty line."""
+    lines = []
+    for line in str(results.header["scenario"]["text"]).splitlines():
+        words = line.removeprefix("#").strip()
+        if not line.startswith("#") or not words:
+            break
+        lines.append(words)
+    return " ".join(lines)
+
+
+def summary(results: Results) -> str:
+    """The run in one paragraph."""
+    w = results.windows
+    good, rejected = w[w.taken], int((~w.taken).sum())
+    reached = float(results.t[-1]) if len(results.t) else 0.0
+    text = (f"The run {_became(results.outcome)}: {number(reached, 6)} s of simulated time in "
+            f"{counted(len(good), 'window')} ({rejected or 'none'} rejected) with "
+            f"{counted(int(w.solves.sum()), 'half-solve')}, in {duration(wall_seconds(results))} of wall-clock time.")
+    if not len(good):
+        return text
+    if results.ledger:
+        text += (f" The heat ledger closes to {number(results.heat_imbalance, 2)} of the heat moved.")
+    if told := iteration_words(results):
+        text += f" {told[0].upper()}{told[1:]}."
+    T = shown("K", 0.0, results.header["temperature_unit"])
+    text += f" The highest temperature was {T.text(results.max_T, 5)}"
+    p = float(good.max_p.max())
+    if p > 0:
+        first, peak = good[good.max_p > 0][0], good[good.max_p.argmax()]
+        return text + (f", the highest contact pressure {shown('Pa', p).text(p, 5)} "
+                       f"at t = {number(float(peak.t + peak.H), 6)} s; "
+                       f"contact pressed first at t = {number(float(first.t + first.H), 6)} s.")
+    return text + "; no contact pressure was seen."
+
+
+def _became(outcome: str) -> str:
+    return {"completed": "completed", "failed": "failed"}.get(outcome, f"was {outcome}")
+
+
+def wall_seconds(results: Results) -> float:
+    """Wall-clock seconds of a run, set-up included; from its windows where it left no totals."""
+    w, totals = results.windows, results.totals
+    run = float(totals.get("seconds", w.seconds.sum() + w.recording_seconds.sum()))
+    return run + float(totals.get("setup_seconds", 0.0))
+
+
+def scenario_facts(results: Results) -> list[tuple[str, str]]:
+    """What was run: rows of a table."""
+    h, c = results.header, results.header["coupling"]
+    end, planned = float(c["end"]), int(c["windows"])
+    facts = [
+        ("scenario", f"{h['scenario']['file']} (hash {str(h['scenario']['hash'])[:12]})"),
+        ("halves", ", ".join(f"{side}: {kind}" for side, kind in h["halves"].items())),
+        ("geometry", f"{h['geometry']}; bodies {', '.join(h['bodies'])}"),
+        ("contact pairs", "; ".join(f"{p['name']}: slave {p['slave']}, master {p['master']}" for p in h["pairs"])
+         or "none"),
+        ("coupling", f"{c['scheme']}, {counted(planned, 'window')} planned to t = {number(end, 6)} s; "
+         + ", ".join(f"{counted(int(n), side + ' substep')} a window" for side, n in c["substeps"].items())),
+        ("kinks", ", ".join(f"{number(float(k), 6)} s" for k in c["kinks"]) or "none"),
+        ("ran", f"{h['started']}, {'each half in its own process' if h['processes'] else 'in one process'}, "
+         f"on {h['machine']}"),
+    ]
+    if overrides := h["scenario"].get("overrides"):
+        facts.insert(1, ("overrides", ", ".join(f"{k} = {v}" for k, v in dict(overrides).items())))
+    for name in HEATS.values():
+        heat = results.totals.get(name.replace(" ", "_"), {})
+        if not (heat.get("made") or heat.get("carried")):
+            continue
+        facts.append((name, f"made {number(heat['made'])} J, delivered {number(heat['delivered'])} J, "
+                      f"carried past the end {number(heat['carried'])} J"))
+    return facts
+
+
+def rejected_windows(results: Results) -> tuple[list[Rejected], int]:
+    """The rejected windows with their verdicts (at most LISTED_AT_MOST), and how many there were."""
+    w = results.windows
+    rows = [int(k) for k in (~w.taken).nonzero()[0]]
+    return [Rejected(number(float(w.t[k]), 8), number(float(w.H[k]), 4), str(w.verdict[k]), results.messages.get(k, ""))
+            for k in rows[:LISTED_AT_MOST]], len(rows)
+
 
 TEMPLATE = "page.html.j2"
 

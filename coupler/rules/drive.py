@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from coupler.rules.model import Drive
+from coupler.scenario.rule_model import Drive
 
 # A gain not known yet: stable up to a slope of 6.6, more than the exponent of most creep laws and gentle enough for
 # all.

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from coupler.control.monitor_names import COUPLER, INCREMENT, RATE, outputs
 from coupler.fmu.half import Block
-from coupler.rules.model import Give, Rule, UseScheme
 from coupler.scenario.options import Scheme
+from coupler.scenario.rule_model import COUPLER, INCREMENT, RATE, Give, Rule, UseScheme, outputs
 from coupler.schemes.sweep import FEW
 
 Blocks = Mapping[str, Mapping[str, Block]]

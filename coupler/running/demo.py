@@ -9,10 +9,10 @@ from typing import Any
 
 from coupler.errors import ScenarioError
 from coupler.fmu.launch import make_folder
-from coupler.progress import Progress
 from coupler.record.results import Results
 from coupler.report import write_report
-from coupler.runner import run
+from coupler.running.progress import Progress
+from coupler.running.run import run
 from coupler.scenario import Scenario, load_scenario
 
 SCENARIO = "sliding_blocks.yaml"

@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 
 from coupler.control.loop import windows
 from coupler.control.plan import Plan
-from coupler.control.predict import TURNS, Feedback, Limits, feedback, limits
+from coupler.control.window_limits import TURNS, Feedback, Limits, feedback, limits
 from coupler.fmu.launch import launch
-from coupler.outset import first_state, halves_of, plan_of
+from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme, Tolerance, Tolerances, WindowRange
-from coupler.schemes.schedule import schedule
+from coupler.schemes.state import CoupledState, Halves, Span, schedule
 from coupler.schemes.sweep import DiscardError
-from coupler.schemes.window import CoupledState, Halves, Span
 
 # First and last window of the pilot as parts of the run: 19 windows and those that kinks cut.
 FIRST, LAST = 1 / 200, 1 / 5

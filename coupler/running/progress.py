@@ -7,8 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from coupler.control.loop import Tried
-from coupler.schemes.ledger import Ledger
-from coupler.schemes.window import Verdict
+from coupler.schemes.state import Ledger, Verdict
 
 # The time left is told from the pace of this many windows: some windows cost ten times others.
 PACE = 50

@@ -6,12 +6,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from coupler.control.monitor_names import INCREMENT, RATE, with_rate
 from coupler.record.results import Results
 from coupler.rules import engine as plug
-from coupler.rules.model import Rule
 from coupler.scenario import Scenario
-from coupler.schemes.window import Verdict
+from coupler.scenario.rule_model import INCREMENT, RATE, Rule, with_rate
+from coupler.schemes.state import Verdict
 
 # Columns of the windows table that are monitors under another name.
 COLUMNS = {"window": "H", "iterations": "iterations", "contraction": "contraction", "touching": "touching",

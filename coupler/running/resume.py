@@ -7,13 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from coupler.errors import ResultsError
-from coupler.progress import Progress
-from coupler.record.beside import checkpoint_of, journal_of, stopped_of
-from coupler.record.checkpoint import Origin, read_checkpoint
+from coupler.record.checkpoint import Origin, read_checkpoint, versions
 from coupler.record.journal import being_written, check_mark, read_journal
-from coupler.record.keeper import versions
+from coupler.record.paths import checkpoint_of, journal_of, stopped_of
 from coupler.record.results import Results
-from coupler.runner import Run
+from coupler.running.progress import Progress
+from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 

@@ -13,31 +13,24 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.changes import Changes, changed
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
 from coupler.errors import CouplingError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
-from coupler.interrupt import Interrupts
-from coupler.moment import Moment, Moments
-from coupler.outset import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
-from coupler.progress import Pace, Progress, Standing, progress
-from coupler.record.aside import friction, picture_names, pictures
-from coupler.record.checkpoint import Checkpoint, Told
-from coupler.record.header import header_of
-from coupler.record.keeper import Keeper, put_back
-from coupler.record.measure import measure
+from coupler.record.checkpoint import Checkpoint, Keeper, Told, header_of, put_back
+from coupler.record.observe import Watched, friction, measure, picture_names, pictures
+from coupler.record.paths import check_target
 from coupler.record.recorder import Recorder, Words
 from coupler.record.results import Results
-from coupler.record.target import check_target
-from coupler.record.watched import Watched
 from coupler.rules import engine as rules
+from coupler.running.interactive import Changes, Moment, Moments, changed
+from coupler.running.interrupt import Interrupts
+from coupler.running.progress import Pace, Progress, Standing, progress
+from coupler.running.setup import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
 from coupler.scenario import Scenario
-from coupler.scenario.output import SAME, Frames
-from coupler.schemes.account import HEATS
-from coupler.schemes.ledger import Ledger
-from coupler.schemes.window import CoupledState
+from coupler.scenario.timing import SAME_TIME, Frames
+from coupler.schemes.state import HEATS, CoupledState, Ledger
 
 Array = NDArray[np.float64]
 
@@ -51,7 +44,7 @@ class Run:
 
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
-    since : the checkpoint to go on from (coupler.resume.resumed finds it).
+    since : the checkpoint to go on from (coupler.running.resume.resumed finds it).
     Ctrl-C ends the run after the window in hand; a second one at once.
 
     Between windows: `monitors()` shows the last one tried, `change(...)` changes how the next ones are solved,
@@ -148,7 +141,7 @@ class Run:
         """
         kinks = {self.plan.schedule.clock.seconds(k) for k in self.plan.schedule.kinks}
         self._frames = self._frames_from_here()
-        self._until = float("inf") if until is None else until * (1 - SAME)
+        self._until = float("inf") if until is None else until * (1 - SAME_TIME)
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
@@ -181,7 +174,7 @@ class Run:
         return {} if self._tried is None else {**self._tried.monitors, **self.plan.probed(self.state.now)}
 
     def change(self, **changes: Unpack[Changes]) -> None:
-        """From the next window on; see coupler.changes.Changes for what there is.
+        """From the next window on; see coupler.running.interactive.Changes for what there is.
 
         >>> r.change(scheme="iterated", substeps={"mechanical": 4}, inputs={"mechanical": {"load.press": 1.2}})
 

@@ -8,23 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.control.branches import branches_of
-from coupler.control.monitor_names import outputs
+from coupler.control.contact_status import branches_of, looked_at, places_of
 from coupler.control.plan import Locate, Plan
-from coupler.control.sights import looked_at, places_of
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import Launched
-from coupler.record.measure import measure
+from coupler.record.observe import measure
 from coupler.rules.engine import wanted
 from coupler.rules.fit import schemes_of, unfit
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme
-from coupler.schemes.account import HEATS, EnergyAccount
-from coupler.schemes.adiabatic import check_adiabatic
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import CoupledState, Halves, wanted_outputs
+from coupler.scenario.rule_model import outputs
+from coupler.schemes.schemes import check_adiabatic
+from coupler.schemes.state import HEATS, CoupledState, EnergyAccount, Halves, Level, schedule, wanted_outputs
 
 Array = NDArray[np.float64]
 

@@ -10,25 +10,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from contact.half.signal import Signal, signal_from
-from coupler.scenario.base import SignalTable
-from coupler.scenario.context import Context
-from coupler.scenario.convert import Convert
-from coupler.scenario.document import Document
-from coupler.scenario.kinds import fmu_path
-from coupler.scenario.mesh_file import mesh_path
+from contact.half.functions import Signal, signal_from
+from coupler.scenario.document import Document, did_you_mean, document_from, read_document, scenario_error
+from coupler.scenario.edits import apply_overrides
+from coupler.scenario.mesh import mesh_path
 from coupler.scenario.models import models
-from coupler.scenario.output import output_of
-from coupler.scenario.override import apply_overrides
 from coupler.scenario.probes import probes_of
-from coupler.scenario.problem import scenario_error
-from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.reading import document_from, read_document
-from coupler.scenario.rules_of import rules_of
+from coupler.scenario.rules import rules_of
 from coupler.scenario.scenario import Scenario
-from coupler.scenario.scene import scene_of
+from coupler.scenario.scene import Context, Convert, scene_of
 from coupler.scenario.schema import ScenarioFile
-from coupler.scenario.timing import coupling_of
+from coupler.scenario.timing import coupling_of, output_of
+from coupler.scenario.values import SignalTable, fmu_path
 
 
 def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from contact.half.interface import Pair
+from contact.half.diagnostics import start_notes
+from contact.half.functions import property_from
+from contact.half.interface import Interface, Pair
 from contact.laws import branch_jump, closed_conductance, parse_law
+from coupler.scenario.mesh import overlap_notes
 
 # Conductances that differ by less than this share at touch join.
 JOINED = 1e-6
@@ -99,3 +102,24 @@ def _out_of_sight(model: Model, pair: Pair, spec: Model) -> list[str]:
     return [f"pair {pair.name}: {what} fades up to {key} = {far:g} m, but the surfaces see each other only up to "
             f"gap_max = {pair.gap_max:g} m: it jumps there" for what, key, far in fading
             if far is not None and far > pair.gap_max]
+
+
+# What a user should know of a scenario's contact though it is no error.
+
+def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> list[str]:
+    """A sentence each: bodies that overlap, pairs that face nothing, folds, penalties that are too stiff.
+
+    thermal, mechanical : model.json of the halves (of another package: what is not found in them is not told).
+    """
+    return overlap_notes(interface) + start_notes(interface, _stiffness(thermal, mechanical))
+
+
+def _stiffness(thermal: Model, mechanical: Model) -> dict[str, float]:
+    """Body -> E [Pa] at its T0, of the bodies that deform."""
+    found = {}
+    for name, body in mechanical.get("bodies", {}).items():
+        E = mechanical.get("materials", {}).get(body.get("material"), {}).get("E")
+        T0 = thermal.get("bodies", {}).get(name, {}).get("T0")
+        if E is not None and T0 is not None and not body.get("rigid", False):
+            found[name] = float(property_from(E)(np.array([T0]))[0])
+    return found

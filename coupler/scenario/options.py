@@ -10,7 +10,7 @@ from enum import Enum
 
 
 class Scheme(Enum):
-    """How a window is solved: who goes first, and what each half sees of the other (coupler.schemes.scheme)."""
+    """How a window is solved: who goes first, and what each half sees of the other (coupler.schemes.schemes)."""
 
     STAGGERED = "staggered"  # the paper's: thermal first, on the geometry of the start; first order
     MECHANICAL_FIRST = "mechanical_first"  # mechanics first, with the T of the start; first order

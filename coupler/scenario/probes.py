@@ -8,13 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from contact.half.interface import Interface
-from coupler.scenario.body_mean import body_mean
-from coupler.scenario.body_mesh import Floats, Ints
-from coupler.scenario.context import Context
-from coupler.scenario.document import Key
-from coupler.scenario.locate import locate
-from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.scene import NEAREST, surface_key
+from coupler.scenario.document import Key, did_you_mean
+from coupler.scenario.mesh import Floats, Ints, body_mean, locate
+from coupler.scenario.scene import NEAREST, Context, surface_key
 from coupler.scenario.schema import Place
 from coupler.scenario.schema import Probe as ProbeSpec
 

@@ -6,14 +6,26 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from coupler.control import monitor_names
-from coupler.rules.model import Action, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
-from coupler.rules.model import Change as NewValue
-from coupler.scenario.context import Context
-from coupler.scenario.document import Key
-from coupler.scenario.kinds import OWN
-from coupler.scenario.quantity import did_you_mean
-from coupler.scenario.schema_rules import ActionSpec, Condition, Conditions, DriveSpec, HalfName, RuleSpec
+from coupler.scenario import rule_model
+from coupler.scenario.document import Key, did_you_mean
+from coupler.scenario.rule_model import (
+    Action,
+    Drive,
+    Give,
+    Of,
+    Retry,
+    Rule,
+    Stop,
+    Substeps,
+    Test,
+    UseScheme,
+    When,
+    Window,
+)
+from coupler.scenario.rule_model import Change as NewValue
+from coupler.scenario.scene import Context
+from coupler.scenario.schema import ActionSpec, Condition, Conditions, DriveSpec, HalfName, RuleSpec
+from coupler.scenario.values import OWN
 
 # control.method of our own halves (docs/design.md); 0 is the method of the scenario.
 THERMAL_METHODS = {"own": 0, "midpoint": 1, "sdirk2": 2, "backward_euler": 3, "theta": 4, "steady": 5}
@@ -78,17 +90,17 @@ class _Reader:
 
     def _monitor(self, name: str, key: Key) -> tuple[str, bool]:
         """Its full name, and whether it is a temperature.  Raises ScenarioError."""
-        probes, full = self._c.file.probes, monitor_names.full_name(name)
+        probes, full = self._c.file.probes, rule_model.full_name(name)
         if name in probes and full is not None:
             raise self._c.document.error(key, f"{name} is a monitor and a probe", "Give the probe another name.")
         if name in probes:
             return name, probes[name].T is not None
         if full is None:
-            known = (*monitor_names.COUPLER, *monitor_names.SHORT, *probes)
+            known = (*rule_model.COUPLER, *rule_model.SHORT, *probes)
             raise self._c.document.error(
                 key, "there is no such monitor or probe", did_you_mean(name, known)
                 + " Numbers that a half gives out are thermal.NAME and mechanical.NAME.")
-        return full, name in monitor_names.LEVELS_OF_T
+        return full, name in rule_model.LEVELS_OF_T
 
     def _actions(self, spec: ActionSpec, key: Key) -> Iterator[Action]:
         if spec.retry is not None:

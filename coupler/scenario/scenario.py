@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from contact.half.functions import Signal
 from contact.half.interface import Interface, write_interface
-from contact.half.signal import Signal
-from coupler.rules.model import Rule
-from coupler.scenario.contact_notes import contact_notes
-from coupler.scenario.output import Output
+from coupler.scenario.notes import contact_notes, thermal_notes
 from coupler.scenario.probes import Probe
+from coupler.scenario.rule_model import Rule
 from coupler.scenario.scene import NEAREST
-from coupler.scenario.thermal_notes import thermal_notes
-from coupler.scenario.timing import Coupling
+from coupler.scenario.timing import Coupling, Output
 
 
 @dataclass(frozen=True, eq=False)

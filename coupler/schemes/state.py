@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
 
@@ -11,14 +12,250 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.fmu.half import Half
-from coupler.scenario.options import Scheme
+from coupler.scenario.options import Iteration, Scheme, WindowRange
 from coupler.schemes.acceleration import Memory
-from coupler.schemes.account import HEATS, Accounts
-from coupler.schemes.clock import Clock
-from coupler.schemes.ledger import PREFIX
-from coupler.schemes.level import Level
+
+# Levels: what the halves have told each other at one time, and what a scheme makes of two of them.
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Level:
+    """The exchanged fields at one time.
+
+    t [s].  T : (n_nodes,) [K].  x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], <= 0.
+    gap : (n_s,) [m], covered : (n_s,) in [0, 1]; for records.
+    f_s : (n_nodes,) solid fraction, where the thermal half has it: something melts.
+    heat : (n_bodies,) [J] stored since the start of the run, bodies in the order of their names; None: not told yet.
+    """
+
+    t: float
+    T: Array
+    x: Array
+    t_N: Array
+    gap: Array
+    covered: Array
+    f_s: Array | None = None
+    heat: Array | None = None
+
+
+Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window
+
+
+def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array]:
+    """x and t_N that the thermal half is given for a substep with its middle at t [s]: on a line from `now`.
+
+    slope : None holds them as they are now.  t_N stays <= 0: an extrapolated tension means "open".
+    """
+    if slope is None:
+        return now.x, now.t_N
+    earlier, later = slope
+    # fault: extrapolation switched off -> w = 0.0 | coupler/test_coupling
+    w = (t - now.t) / (later.t - earlier.t)
+    return now.x + w * (later.x - earlier.x), np.minimum(now.t_N + w * (later.t_N - earlier.t_N), 0.0)
+
+
+def predicted(now: Level, before: Level | None, t: float) -> Level:
+    """The level at t [s] on the line through the last two; `now` itself in the first window after an event.
+
+    A prediction out of bounds (T > 0, f_s in [0, 1], t_N <= 0) is held at them; one of T stays what it is now.
+    """
+    if before is None:
+        return replace(now, t=t)
+    w = (t - now.t) / (now.t - before.t)
+    x, t_N = geometry_at(now, (before, now), t)
+    T = now.T + w * (now.T - before.T)
+    f_s = now.f_s
+    if f_s is not None and before.f_s is not None:
+        f_s = np.clip(f_s + w * (f_s - before.f_s), 0.0, 1.0)
+    return replace(now, t=t, T=np.where(T > 0.0, T, now.T), x=x, t_N=t_N, f_s=f_s)
+
+
+def exchanged(level: Level) -> dict[str, Array]:
+    """What the mechanical half takes of a level: T, and f_s where there is one."""
+    # fault: solid fraction of the outcome, not of the guess -> return {"T": level.T} if True else {"T": level.T, "f_s":
+    #   level.f_s} | coupler/test_iterated
+    return {"T": level.T} if level.f_s is None else {"T": level.T, "f_s": level.f_s}
+
+
+def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str, Array]:
+    """T, and f_s where the thermal half gives it to the other, interpolated linearly within a window.
+
+    end : the same at the end of the window, known or guessed.
+    """
+    found = {"T": _linear(start.T, end["T"], fraction)}
+    if "f_s" in end:
+        assert start.f_s is not None, "a half that gives f_s gave it at the start"
+        # fault: solid fraction of the end of the window for all mechanical substeps -> found["f_s"] =
+        #   _linear(start.f_s, end["f_s"], 1.0) | coupler/test_accounts
+        found["f_s"] = _linear(start.f_s, end["f_s"], fraction)
+    return found
+
+
+def _linear(start: Array, end: Array, fraction: float) -> Array:
+    return end if fraction == 1.0 or end is start else (1.0 - fraction) * start + fraction * end
+
+
+# The master clock: integer ticks of 2^-40 of the end time, and the exact times of marked ticks.
+
+TICKS = 2**40
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Ticks 0 .. 2^40 cover [0, end] seconds.
+
+    A marked time (a kink) keeps its own floating-point value, so that a signal which jumps there is
+    evaluated at the jump and not 1e-8 s beside it.
+    """
+
+    end: float
+    marks: dict[int, float] = field(default_factory=dict)
+
+    def ticks(self, t: float) -> int:
+        """The tick nearest to t [s]."""
+        return round(t / self.end * TICKS)
+
+    def seconds(self, tick: int) -> float:
+        """The time of a tick [s]."""
+        return self.marks.get(tick, tick / TICKS * self.end)
+
+
+def clock_with_marks(end: float, times: Iterable[float]) -> Clock:
+    """A clock to `end` [s] that knows the exact times of the given marks (those after the end are left out)."""
+    bare = Clock(end)
+    return Clock(end, {bare.ticks(t): t for t in (*times, end) if 0 < t <= end})
+
+
+# The energy accounts: heat the mechanical half made, what of it was delivered, what is carried to the next window.
+
+# Block that crosses -> plain name.  Each has an account of its own.
+HEATS = {"E_M": "mechanical heat", "E_S": "entropy part", "contact.E_friction": "friction heat"}
+AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first substep; the others are spread in time
+
+
+@dataclass(frozen=True)
+class EnergyAccount:
+    """Energies [J].  carry : (n_cells,) or (n_s,) made but not yet delivered.  made, delivered : totals over the run.
+
+    Energies cross the border, not rates: a rate of one window used over a window of another length loses heat.
+    """
+
+    carry: Array
+    made: float = 0.0
+    delivered: float = 0.0
+
+    def deliver(self) -> EnergyAccount:
+        """The account after the carry was handed to the thermal half."""
+        if not self.carry.any():
+            return self
+        # fault: friction heat is delivered twice -> return EnergyAccount(self.carry, self.made, self.delivered +
+        #   float(self.carry.sum())) | scenarios/test_friction_heat
+        return EnergyAccount(np.zeros(self.carry.shape), self.made, self.delivered + float(self.carry.sum()))
+
+    def make(self, energy: Array | float) -> EnergyAccount:
+        """The account after the mechanical half made an energy of the carry's shape [J], or 0 where it makes none."""
+        if isinstance(energy, float):
+            return self
+        # fault: friction heat forgotten between windows -> return EnergyAccount(self.carry, self.made +
+        #   float(energy.sum()), self.delivered) | coupler/test_accounts
+        return EnergyAccount(self.carry + energy, self.made + float(energy.sum()), self.delivered)
+
+
+Accounts = Mapping[str, EnergyAccount]
+
+
+def share_of(accounts: Accounts, share: float, first: bool) -> dict[str, Array]:
+    """What a thermal substep is given of each carry: its share of the window, or all of it in the first substep."""
+    # fault: entropy part handed to every substep -> shares = {n: 1.0 if n in AT_ONCE else share for n in accounts} |
+    #   coupler/test_accounts
+    shares = {n: float(first) if n in AT_ONCE else share for n in accounts}
+    return {n: a.carry if shares[n] == 1.0 else a.carry * shares[n] for n, a in accounts.items()}
+
+
+def delivered(accounts: Accounts, taken: Container[str]) -> dict[str, EnergyAccount]:
+    """The accounts after a thermal half went over a window.  taken : blocks it has; one it lacks is carried on."""
+    return {n: a.deliver() if n in taken else a for n, a in accounts.items()}
+
+
+def with_made(accounts: Accounts, made: Mapping[str, Array]) -> dict[str, EnergyAccount]:
+    """The accounts after a mechanical half went over a window: what it made is due."""
+    return {n: a.make(made.get(n, 0.0)) for n, a in accounts.items()}
+
+
+# The heat ledger: energies into the bodies by mechanism, and how far they are from adding up.
+
+PREFIX = "heat."
+STORED = "heat.stored."
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Totals [J] by term (the thermal half's `heat.*` outputs).
+
+    Every term but the stored ones counts what came INTO the bodies; heat.stored.<body> is what its enthalpy grew.
+    The two sides of an interface are separate terms, each taken from its own side.
+    lost : the low-order bits of each total, so that a million windows add up as exactly as one (Neumaier).
+    """
+
+    totals: Mapping[str, float] = field(default_factory=dict)
+    lost: Mapping[str, float] = field(default_factory=dict)
+
+    def plus(self, terms: Mapping[str, float]) -> Ledger:
+        """The ledger after one more substep."""
+        totals, lost = dict(self.totals), dict(self.lost)
+        for name, energy in terms.items():
+            old = totals.get(name, 0.0)
+            new = old + energy
+            larger, smaller = (old, energy) if abs(old) >= abs(energy) else (energy, old)
+            lost[name] = lost.get(name, 0.0) + ((larger - new) + smaller)
+            totals[name] = new
+        return Ledger(totals, lost)
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Total of each term [J]."""
+        return {name: total + self.lost[name] for name, total in self.totals.items()}
+
+    @property
+    def imbalance(self) -> float:
+        """|sum of terms| / sum of |terms|: 0 where every joule is accounted for."""
+        return imbalance(self.terms)
+
+
+def imbalance(terms: Mapping[str, float]) -> float:
+    """|sum of all terms| / sum of |terms|, stored heat counted against the rest."""
+    signed = [-e if name.startswith(STORED) else e for name, e in terms.items()]
+    scale = math.fsum(abs(e) for e in signed)
+    return abs(math.fsum(signed)) / scale if scale > 0 else 0.0
+
+
+MECHANISMS = {
+    "heat.temperature.in": "prescribed temperature, in",
+    "heat.temperature.out": "prescribed temperature, out",
+    "heat.flux": "prescribed flux",
+    "heat.convection": "convection",
+    "heat.radiation": "far radiation",
+    "heat.source": "thermal source",
+    "heat.mechanical": "mechanical heat",
+    "heat.entropy": "thermoelastic heat (entropy part)",
+    "heat.contact.slave": "solid contact, into the slave",
+    "heat.contact.master": "solid contact, into the master",
+    "heat.gap.slave": "gas gap, into the slave",
+    "heat.gap.master": "gas gap, into the master",
+    "heat.near_radiation.slave": "near radiation, into the slave",
+    "heat.near_radiation.master": "near radiation, into the master",
+    "heat.friction.slave": "friction, into the slave",
+    "heat.friction.master": "friction, into the master",
+}
+
+
+def mechanism(term: str) -> str:
+    """The plain name of a ledger term."""
+    if term.startswith(STORED):
+        return f"stored in {term[len(STORED):]}"
+    return MECHANISMS.get(term, term.removeprefix(PREFIX))
 
 
 class Verdict(Enum):
@@ -127,7 +364,8 @@ class Solved:
 
     course : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
     large, by request.  scheme : by which it was solved.  curve : how that drew x and t_N on.
-    whole : where this is the answer of the window's two halves (coupler.control.doubling), that of the window in one.
+    whole : where this is the answer of the window's two halves (coupler.control.solve_window), that of the window in
+    one.
     """
 
     verdict: Verdict
@@ -175,3 +413,92 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
     has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
     m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]
     return Halves(thermal, mechanical, tuple(t), tuple(m))
+
+
+# Settings: what of a run may be changed while it runs, by a rule, by its user, by `auto`.  Values, never in place.
+
+@dataclass(frozen=True)
+class Settings:
+    """How the next window is solved.
+
+    substeps : {"thermal": n, "mechanical": m}.  window_factor : multiplies the size that was planned.
+    window_cap : no window is longer [s]; inf: as planned.
+    inputs : side -> name of an input -> value, given to that half in every substep besides what is exchanged
+    (control.method, load.NAME, bc.NAME).  A half keeps what it was last given: a name is never taken out again.
+    """
+
+    scheme: Scheme
+    substeps: Mapping[str, int]
+    iteration: Iteration = field(default_factory=Iteration)
+    window_factor: float = 1.0
+    window_cap: float = math.inf
+    inputs: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+# The schedule: where windows end, before anything has been solved.
+
+@dataclass(frozen=True)
+class Schedule:
+    """bounds : ticks at which windows end, ascending, from 0 on.  kinks : those of them that are kinks.
+
+    events : the kinks at which halves restart damped.
+    """
+
+    clock: Clock
+    bounds: tuple[int, ...]
+    kinks: frozenset[int]
+    events: frozenset[int]
+
+
+def schedule(end: float, ranges: Sequence[WindowRange], kinks: Iterable[float],
+             bends: Collection[float] = ()) -> Schedule:
+    """Windows over [0, end] that end at every kink and at the end of every range.
+
+    end [s].  kinks [s]: times at which boundary data jump or change slope; 0 and times past the end are left out.
+    bends [s]: those of them where no half need restart damped.
+    Raises ValueError if the ranges do not reach the end or do not advance.
+    """
+    if not ranges or ranges[-1].until < end:
+        raise ValueError(f"the windows must reach the end of the run, {end} s")
+    kink_times = sorted({t for t in kinks if 0 < t < end})
+    clock = clock_with_marks(end, [*kink_times, *(r.until for r in ranges)])
+    bounds, start = [0], 0.0
+    for r in ranges:
+        until = min(r.until, end)
+        if until <= start:
+            raise ValueError(f"a range of windows ends at {r.until} s, where the one before it ends at {start} s")
+        range_start = start
+        for piece_end in [t for t in kink_times if start < t < until] + [until]:
+            first, last = _sizes_at(r, range_start, start, piece_end)
+            base, sizes = start, geometric_sizes(piece_end - start, first, last)
+            for i in range(len(sizes) - 1):
+                bounds.append(clock.ticks(base + math.fsum(sizes[: i + 1])))
+            bounds.append(clock.ticks(piece_end))
+            start = piece_end
+        if until == end:
+            break
+    unique = tuple(sorted(set(bounds)))
+    events = frozenset(clock.ticks(t) for t in kink_times if t not in bends)
+    return Schedule(clock, unique, frozenset(clock.ticks(t) for t in kink_times), events)
+
+
+def _sizes_at(r: WindowRange, range_start: float, start: float, end: float) -> tuple[float, float]:
+    """First and last window size of the piece [start, end] of a range: a geometric sequence is linear in time."""
+    length = r.until - range_start
+
+    def size(t: float) -> float:
+        return r.first + (r.last - r.first) * (t - range_start) / length
+
+    return size(start), size(end)
+
+
+def geometric_sizes(length: float, first: float, last: float) -> list[float]:
+    """Sizes of about first ... last that add up to length, each the same factor of the one before."""
+    ratio = last / first
+    # Sizes of a geometric sequence change linearly with the time covered, so their number is the integral of 1/size.
+    n = length / first if abs(ratio - 1.0) < 1e-12 else length * math.log(ratio) / (last - first)
+    count = max(1, math.ceil(n - 1e-9))
+    factor = ratio ** (1.0 / (count - 1)) if count > 1 else 1.0
+    sizes = [factor**i for i in range(count)]
+    total = math.fsum(sizes)
+    return [s / total * length for s in sizes]

@@ -12,10 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.fmu.half import Advance, Half, Status
-from coupler.schemes.account import HEATS, share_of
-from coupler.schemes.ledger import PREFIX
-from coupler.schemes.level import Slope, between, geometry_at
-from coupler.schemes.window import CoupledState, Halves, Verdict, Work
+from coupler.schemes.state import (
+    HEATS,
+    PREFIX,
+    CoupledState,
+    Halves,
+    Slope,
+    Verdict,
+    Work,
+    between,
+    geometry_at,
+    share_of,
+)
 
 Array = NDArray[np.float64]
 Sent = Mapping[str, Mapping[str, Array]]
@@ -65,7 +73,7 @@ class _Call:
 
 
 class Leading(Protocol):
-    """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.along_heat)."""
+    """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.schemes)."""
 
     def seen(self, t0: float, t1: float, stored: Array, pace: Array | None) -> tuple[Array, Array]: ...
 

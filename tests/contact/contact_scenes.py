@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from contact.messages import Facing, Floats, Ints, Passes, Project, Register, Registered, Traction, Tractions
 from contact.service import ContactService
 from contact.surfaces import Surfaces, surfaces_of
-from contact.wire import Facing, Floats, Ints, Passes, Project, Register, Registered, Traction, Tractions
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 GAP_MAX, EPS = 0.5, 1e9

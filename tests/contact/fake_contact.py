@@ -1,4 +1,4 @@
-"""A stand-in for the contact service whose replies can be told by eye; also a program like contact.serve."""
+"""A stand-in for the contact service whose replies can be told by eye; also a program like contact.rpc.serve."""
 
 from __future__ import annotations
 
@@ -7,7 +7,18 @@ import time
 
 import numpy as np
 
-from contact.wire import Facing, Passes, Project, Refused, Register, Registered, Reply, Request, Traction, Tractions
+from contact.messages import (
+    Facing,
+    Passes,
+    Project,
+    Refused,
+    Register,
+    Registered,
+    Reply,
+    Request,
+    Traction,
+    Tractions,
+)
 
 SLOW, BUG, DIE = -1.0, -2.0, -3.0  # x[0, 0] of a Project that is to take 3 s, raise, or end the process
 
@@ -58,6 +69,6 @@ def tractions(request: Traction) -> Tractions:
 
 
 if __name__ == "__main__":
-    from contact.serve import main
+    from contact.rpc.serve import main
 
     main(FakeContact().handle)

@@ -1,6 +1,6 @@
 """The real contact service, which goes to sleep in the middle of a chosen Traction and says so by making a file.
 
-python stalling_contact.py NUMBER FILE ... : the rest as contact.serve.  NUMBER counts from 1; 0: never.
+python stalling_contact.py NUMBER FILE ... : the rest as contact.rpc.serve.  NUMBER counts from 1; 0: never.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def stall(number: int, flag: Path) -> None:
             time.sleep(60.0)
         return added_up(*given)
 
-    from contact.serve import main
+    from contact.rpc.serve import main
 
     with patch.object(traction, "added_up", slow):
         sys.exit(main(ContactService().handle, sys.argv[3:]))

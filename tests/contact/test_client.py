@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contact.client import Client
-from contact.link import LinkProtocolError, LinkTimeoutError
-from contact.messages import REPLIES, encode
-from contact.wire import Project, Registered
-from contact.zenoh_link import Answer
+from contact.codec import REPLIES, encode
+from contact.messages import Project, Registered
+from contact.rpc.client import Client
+from contact.rpc.link import LinkProtocolError, LinkTimeoutError
+from contact.rpc.zenoh_session import Answer
 
 TIMEOUT = Answer(ok=False, spoken=False, label="", payload=b"Timeout")
 REQUEST = Project("s", np.zeros((1, 2)))

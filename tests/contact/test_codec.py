@@ -11,9 +11,18 @@ import msgpack
 import numpy as np
 import pytest
 
-from contact.codec import ALIGNMENT, WireError, decode_record, encode_record
-from contact.messages import REPLIES, REQUESTS, decode, encode, kinds_of
-from contact.wire import (
+from contact.codec import (
+    ALIGNMENT,
+    REPLIES,
+    REQUESTS,
+    WireError,
+    decode,
+    decode_record,
+    encode,
+    encode_record,
+    kinds_of,
+)
+from contact.messages import (
     WIRE_VERSION,
     Coupling,
     Couplings,

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 ASK = """
 import numpy as np
 from contact.further import further
-from mechanical_fmu.hardening import flow_stress
+from mechanical_fmu.point import flow_stress
 p = np.zeros(21)
 p[3], p[19] = 3.0, 19.0
 print(flow_stress(p, np.empty(0), 1.0)[0], further(2.0))
@@ -41,7 +41,7 @@ def test_a_change_of_a_constant_in_another_file_is_seen(tmp_path):
         return [float(word) for word in done.stdout.split()]
 
     assert answers() == [3.0, 6.0]
-    for file, more in (("mechanical_fmu/point_layout.py", "P_YIELD = 19"), ("contact/deepest.py", "SHARE = 7.0")):
+    for file, more in (("mechanical_fmu/point.py", "P_YIELD = 19"), ("contact/deepest.py", "SHARE = 7.0")):
         changed = tmp_path / file
         changed.write_text(f"{changed.read_text(encoding='utf-8')}\n{more}\n", encoding="utf-8")
     assert answers() == [19.0, 14.0]

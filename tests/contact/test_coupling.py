@@ -12,9 +12,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import curved, passes, push
 
-from contact.coupling import ENDS
+from contact.messages import Coupling, Couplings, Floats, Refused, Register, Registered
+from contact.multipliers import ENDS
 from contact.service import ContactService
-from contact.wire import Coupling, Couplings, Floats, Refused, Register, Registered
 
 
 def answer(register: Register, x: Floats, multipliers: Floats, before: Floats) -> Couplings:

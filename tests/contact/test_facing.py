@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import GAP_MAX, ask, curved, flat, mirrored, passes, renumbered, scene
 
-from contact.wire import Facing, Floats, Register
+from contact.messages import Facing, Floats, Register
 
 ROUND_OFF = 1e-12  # relative to numbers of order 1: a few hundred operations
 MESHES = [(3, 4), (5, 7), (24, 31), (4, 4), (1, 1), (1, 9), (9, 1)]

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from contact.codec import WireError, decode_record, encode_record
-from contact.messages import decode, encode, kinds_of
+from contact.codec import WireError, decode, decode_record, encode, encode_record, kinds_of
 
 Array = NDArray[np.float64]
 

@@ -8,11 +8,16 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from contact.half.describe import model_description, scalar_names
-from contact.half.layout import checked_output, layout_of, standard_variables
+from contact.half.layout import (
+    base_exponents,
+    checked_output,
+    layout_of,
+    model_description,
+    scalar_names,
+    standard_variables,
+)
 from contact.half.model import Variable
-from contact.half.store import Store
-from contact.half.units import base_exponents
+from contact.half.slave import Store
 
 OWN = (Variable("T", (3,), "output", "K"), Variable("x", (3, 2), "input", "m", start=np.arange(6.0).reshape(3, 2)),
        Variable("load.heat", (), "input", start=1.0), Variable("iterations", kind="Integer", start=0))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contact.half.field import Field, field_from, resolve
-from contact.half.signal import signal_from
+from contact.half.functions import Field, field_from, resolve, signal_from
 
 RAMP = {"t": [0.0, 10.0], "value": [2.0, 4.0]}
 JUMP = {"t": [0.0, 5.0, 5.0, 10.0], "value": [1.0, 1.0, 3.0, 3.0]}

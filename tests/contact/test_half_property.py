@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from contact.half.property import positive_property, property_from
+from contact.half.functions import positive_property, property_from
 
 TABLE = {"T": [300.0, 400.0, 700.0], "value": [10.0, 40.0, 25.0]}
 SPECS = [7.0, TABLE, {"T": [300.0, 500.0], "value": [1.0, 2.0]}, {"polynomial": [2.0, 0.01, 1e-5], "T_ref": 300.0}]

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contact.half import signal, state
-from contact.half.signal import Signal
+from contact.half import functions, state
+from contact.half.functions import Signal
 from contact.half.state import StateError, from_bytes, kept, to_bytes
 
 HERE = __name__.partition(".")[0]
@@ -83,12 +83,12 @@ def test_only_dataclasses_of_the_half_are_made():
     data = to_bytes(Signal(np.zeros(1), np.zeros(1)))
     with pytest.raises(StateError, match="may not hold"):
         from_bytes(data, {"other"})
-    for name in ("contact.half.state:kept", "contact.half.signal:Signal.at", "contact.half.signal:nothing"):
+    for name in ("contact.half.state:kept", "contact.half.functions:Signal.at", "contact.half.functions:nothing"):
         with pytest.raises(StateError, match="not a dataclass"):
-            from_bytes(data.replace(b"contact.half.signal:Signal", name.encode()).replace(
-                data[10:18], (len(name) - len("contact.half.signal:Signal") + int.from_bytes(data[10:18], "little")
+            from_bytes(data.replace(b"contact.half.functions:Signal", name.encode()).replace(
+                data[10:18], (len(name) - len("contact.half.functions:Signal") + int.from_bytes(data[10:18], "little")
                               ).to_bytes(8, "little"), 1), {"contact"})
-    assert signal.Signal is Signal
+    assert functions.Signal is Signal
 
 
 def test_damaged_bytes_are_refused():

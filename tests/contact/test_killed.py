@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.client import ZenohLink
-from contact.link import DirectLink, Link, ServiceDownError
+from contact.messages import Registered, Traction, Tractions
+from contact.rpc.client import ZenohLink
+from contact.rpc.link import DirectLink, Link, ServiceDownError
 from contact.service import ContactService
-from contact.wire import Registered, Traction, Tractions
 
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import flat, passes

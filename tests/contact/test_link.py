@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.desk import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, Desk
-from contact.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError
-from contact.open import open_link
-from contact.wire import Project, Refused, Registered
+from contact.messages import Project, Refused, Registered
+from contact.rpc.calls import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, Desk
+from contact.rpc.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError
+from contact.rpc.open import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import FakeContact, register

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contact.half.diagnostics import Contact, Seen, Watch, behind, facing_at, start_notes
 from contact.half.interface import Interface, Pair
-from contact.notes import facing_at, start_notes
-from contact.watch import Contact, Seen, Watch, behind
-from contact.wire import Floats
+from contact.messages import Floats
 
 E, H = 1e9, 0.25
 N = 5  # nodes along each face

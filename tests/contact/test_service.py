@@ -14,8 +14,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import flat, passes
 
 import contact.service
+from contact.messages import Facing, Project, Refused, Register, Registered, Traction, Tractions
 from contact.service import KEPT, ContactService
-from contact.wire import Facing, Project, Refused, Register, Registered, Traction, Tractions
 
 REGISTER, X = flat(5, 7)
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.half.register import register_message
+from contact.half.interface import register_message
+from contact.messages import Registered, Traction, Tractions
 from contact.service import ContactService
-from contact.wire import Registered, Traction, Tractions
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from contact_ripple import DEPTH, EPS, interface_of

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
-from contact.half import sparse
-from contact.half.sparse import SingularMatrixError, factorise, pattern_of
+from contact.half import linalg
+from contact.half.linalg import SingularMatrixError, factorise, pattern_of
 
 rng = np.random.default_rng(3)
 
@@ -27,10 +27,10 @@ def solver(request, monkeypatch):
 def pardiso(monkeypatch):
     """The module, that solver chosen and nothing known yet."""
     pytest.importorskip("pypardiso")
-    from contact.half import pardiso
+    from contact.half import linalg
 
     monkeypatch.setenv("SLIDELINE_SOLVER", "pardiso")
-    monkeypatch.setattr(pardiso, "_known", [])
+    monkeypatch.setattr(linalg, "_known", [])
     return pardiso
 
 
@@ -127,23 +127,23 @@ def test_a_known_pattern_gives_the_bits_of_a_first_call(pardiso, symmetric):
     b = np.cos(np.arange(matrices[0].shape[0]))
     cold = []
     for A in matrices:
-        pardiso._known[:] = []
+        linalg._known[:] = []
         cold.append(factorise(A)(b))
         gc.collect()
-    pardiso._known[:] = []
-    before = pardiso._Handle.made
+    linalg._known[:] = []
+    before = linalg._Handle.made
     for k in (0, 1, 2, 3, 2, 0, 3, 1):
         again = matrices[k].copy()  # equal, not identical
         assert factorise(again)(b).tobytes() == cold[k].tobytes()
-    assert pardiso._Handle.made == before + 1
+    assert linalg._Handle.made == before + 1
 
 
 def test_few_patterns_are_kept(pardiso):
     for m in (*range(2, 9), 2):
         A = plate(m)
         assert factorise(A)(np.ones(A.shape[0])).size == A.shape[0]
-    assert len(pardiso._known) == pardiso.MOST_PATTERNS
-    assert all(len(pattern.idle) == 1 for pattern in pardiso._known)
+    assert len(linalg._known) == linalg.MOST_PATTERNS
+    assert all(len(pattern.idle) == 1 for pattern in linalg._known)
 
 
 def test_what_cannot_be_solved_is_said(solver):
@@ -177,4 +177,4 @@ def test_wrong_factors_are_told(pardiso):
 def test_an_unknown_solver_is_told(monkeypatch):
     monkeypatch.setenv("SLIDELINE_SOLVER", "cramer")
     with pytest.raises(ValueError, match="known: superlu, pardiso"):
-        sparse.factorise(plate(2))
+        linalg.factorise(plate(2))

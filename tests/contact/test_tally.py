@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.client import ZenohLink
-from contact.codec import WireError, decode_record, encode_record
-from contact.link import LinkProtocolError
-from contact.messages import encode
-from contact.tally import RECENT, Tally, Verb, lines
-from contact.wire import Project
-from contact.zenoh_link import close_session, open_session
+from contact.codec import WireError, decode_record, encode, encode_record
+from contact.messages import Project
+from contact.rpc.calls import RECENT, Tally, Verb, lines
+from contact.rpc.client import ZenohLink
+from contact.rpc.link import LinkProtocolError
+from contact.rpc.zenoh_session import close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import BUG, register

@@ -13,7 +13,7 @@ from scipy.sparse import bsr_matrix
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import EPS, ask, curved, flat, passes, push, scene
 
-from contact.wire import Floats, Register, Tractions
+from contact.messages import Floats, Register, Tractions
 
 ROUND_OFF = 1e-12
 MESHES = [(3, 4), (5, 7), (24, 31)]

@@ -14,14 +14,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact import zenoh_link
-from contact.client import Client, ZenohLink
-from contact.link import DirectLink, LinkError, LinkProtocolError, LinkSpecError, LinkTimeoutError, ServiceDownError
-from contact.messages import REPLIES, REQUESTS, encode
-from contact.open import open_link
-from contact.server import Server
-from contact.wire import Project, Refused, Registered, Traction
-from contact.zenoh_link import check_loopback, close_session, open_session
+from contact.codec import REPLIES, REQUESTS, encode
+from contact.messages import Project, Refused, Registered, Traction
+from contact.rpc import zenoh_session
+from contact.rpc.client import Client, ZenohLink
+from contact.rpc.link import (
+    DirectLink,
+    LinkError,
+    LinkProtocolError,
+    LinkSpecError,
+    LinkTimeoutError,
+    ServiceDownError,
+)
+from contact.rpc.open import open_link
+from contact.rpc.server import Server
+from contact.rpc.zenoh_session import check_loopback, close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import BUG, DIE, SLOW, FakeContact, register
@@ -86,13 +93,13 @@ def test_zenoh_and_direct_agree_to_the_bit(link):
 
 def test_a_process_has_one_session(service, link):
     other = open_link(f"zenoh:{service.endpoint}/r")
-    assert len(zenoh_link._sessions) == 1
+    assert len(zenoh_session._sessions) == 1
     other.close()
     assert isinstance(link.ask(register()), Registered)
 
 
 def test_nobody_there_is_said_soon(monkeypatch):
-    monkeypatch.setattr("contact.zenoh_link.CONNECT_TIMEOUT", 1.0)
+    monkeypatch.setattr("contact.rpc.zenoh_session.CONNECT_TIMEOUT", 1.0)
     started = time.monotonic()
     with pytest.raises(ServiceDownError, match="nobody answers"):
         open_link("zenoh:tcp/127.0.0.1:9/r")
@@ -100,10 +107,10 @@ def test_nobody_there_is_said_soon(monkeypatch):
 
 
 def test_another_run_is_not_there(service, monkeypatch):
-    monkeypatch.setattr("contact.client.CONNECT_TIMEOUT", 0.3)
+    monkeypatch.setattr("contact.rpc.client.CONNECT_TIMEOUT", 0.3)
     with pytest.raises(ServiceDownError, match="no contact in run other"):
         open_link(f"zenoh:{service.endpoint}/other")
-    assert not zenoh_link._sessions
+    assert not zenoh_session._sessions
 
 
 def test_a_service_that_dies_in_mid_call_is_gone(link):
@@ -177,7 +184,7 @@ def test_a_call_repeated_on_the_wire_is_carried_out_once(service, link):
 
 
 def test_two_owners_are_refused(service, monkeypatch):
-    monkeypatch.setattr("contact.client.CONNECT_TIMEOUT", 0.3)
+    monkeypatch.setattr("contact.rpc.client.CONNECT_TIMEOUT", 0.3)
     session = open_session(connect=(service.endpoint,))
     with Server(session, "r", "contact", REQUESTS), pytest.raises(LinkProtocolError, match="2 of contact, not one"):
         Client(session, "r", "contact", REPLIES)
@@ -204,14 +211,14 @@ def test_a_server_in_this_process_is_reached_without_a_second_session():
         worker.start()
         link = open_link(f"zenoh:{session.listen[0]}/here")
         assert isinstance(link.ask(register()), Registered)
-        assert len(zenoh_link._sessions) == 1
+        assert len(zenoh_session._sessions) == 1
         link.close()
         with pytest.raises(LinkError, match="closed"):
             link.ask(register())
         server.stop()
         worker.join(5)
     close_session(session)
-    assert not zenoh_link._sessions
+    assert not zenoh_session._sessions
 
 
 @pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:1", "tcp/192.168.1.2:1", "tcp/[::]:1", "tcp/:1", "tls/127.0.0.1:1",
@@ -233,14 +240,14 @@ def run_script(code: str, *args: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_program_that_forgets_to_close_ends_all_the_same(service):
-    code = ("import sys; from contact.open import open_link; sys.path.insert(0, sys.argv[2]);"
+    code = ("import sys; from contact.rpc.open import open_link; sys.path.insert(0, sys.argv[2]);"
             "from fake_contact import register; l = open_link(sys.argv[1]); print(l.ask(register()).surfaces)")
     done = run_script(code, f"zenoh:{service.endpoint}/r", str(Path(FAKE).parent))
     assert (done.returncode, done.stdout) == (0, "surfaces-4\n")
 
 
 def test_a_server_that_forgets_to_close_ends_all_the_same():
-    code = ("from contact.server import Server; from contact.zenoh_link import open_session;"
+    code = ("from contact.rpc.server import Server; from contact.rpc.zenoh_session import open_session;"
             "s = Server(open_session(listen=('tcp/127.0.0.1:0',)), 'r', 'contact', {}); print('done')")
     done = run_script(code)
     assert (done.returncode, done.stdout) == (0, "done\n")
@@ -249,9 +256,9 @@ def test_a_server_that_forgets_to_close_ends_all_the_same():
 def test_a_session_is_not_used_after_a_fork(service, link):
     code = """
 import os, sys
-from contact.link import LinkError
-from contact.open import open_link
-from contact.wire import Project
+from contact.rpc.link import LinkError
+from contact.rpc.open import open_link
+from contact.messages import Project
 import numpy as np
 link = open_link(sys.argv[1])
 if (pid := os.fork()) == 0:

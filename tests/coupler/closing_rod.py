@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from coupler.fmu.half import Block
-from coupler.schemes.window import CoupledState
+from coupler.schemes.state import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import start

@@ -8,10 +8,7 @@ import numpy as np
 
 from coupler.control.loop import Plan, Tried, windows
 from coupler.scenario.options import Iteration, Scheme, WindowRange
-from coupler.schemes.account import EnergyAccount
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import CoupledState, wanted_outputs
+from coupler.schemes.state import CoupledState, EnergyAccount, Level, schedule, wanted_outputs
 
 
 def start(T: float, x: float, *t_N: float) -> CoupledState:

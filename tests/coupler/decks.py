@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from coupler.deck import Converted, convert
-from coupler.scenario.reading import read_document
+from coupler.scenario.document import read_document
 
 MESH = """*HEADING
  Two blocks

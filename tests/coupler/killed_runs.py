@@ -23,8 +23,8 @@ import h5py
 import numpy as np
 
 from coupler import Results, load_scenario, run
-from coupler.record.beside import can_resume, checkpoint_of, making_of, part_of
-from coupler.resume import resume
+from coupler.record.paths import can_resume, checkpoint_of, making_of, part_of
+from coupler.running.resume import resume
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 WALL_CLOCK = {"thermal_seconds", "mechanical_seconds", "fmi_seconds", "seconds", "recording_seconds"}

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from coupler.scenario.document import Document
-from coupler.scenario.reading import document_from
-from coupler.study.score import Point
-from coupler.trials.trial import Trial
+from coupler.experiments.study import Point
+from coupler.experiments.trial import Trial
+from coupler.scenario.document import Document, document_from
 
 ROOT = Path(__file__).resolve().parents[2]
 LUMPED = ROOT / "scenarios/lumped_gap.yaml"

@@ -11,12 +11,9 @@ import pytest
 
 from coupler.control.loop import Plan, windows
 from coupler.fmu.half import Block
-from coupler.outset import accounts_of, what_is_missing
+from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.account import EnergyAccount, share_of
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import CoupledState, wanted_outputs
+from coupler.schemes.state import CoupledState, EnergyAccount, Level, schedule, share_of, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf

@@ -10,20 +10,35 @@ import numpy as np
 import pytest
 
 from coupler import load_scenario
-from coupler.advise.coarse import mesh_factor, meshed, timed, watched, windows_factor
-from coupler.advise.edit import Edit, edited
-from coupler.advise.known import Known, Step, picked
-from coupler.advise.ladder import ladder
-from coupler.advise.misses import misses
-from coupler.advise.rung import Kind, Rung
-from coupler.advise.trial import variant
-from coupler.advise.weigh import Goal, goals_of, moves, parse_goal, share_of, worst
-from coupler.advise.words import advice
-from coupler.advise.write import advised, text_of
 from coupler.errors import ScenarioError
-from coupler.scenario.override import apply_overrides
-from coupler.scenario.reading import document_from, read_document
-from coupler.trials.trial import Trial
+from coupler.experiments.advice_search import (
+    Goal,
+    Known,
+    Step,
+    goals_of,
+    moves,
+    parse_goal,
+    picked,
+    share_of,
+    variant,
+    worst,
+)
+from coupler.experiments.advice_text import advice, advised, misses, text_of
+from coupler.experiments.trial import Trial
+from coupler.experiments.variants import (
+    Edit,
+    Kind,
+    Rung,
+    edited,
+    ladder,
+    mesh_factor,
+    meshed,
+    timed,
+    watched,
+    windows_factor,
+)
+from coupler.scenario.document import document_from, read_document
+from coupler.scenario.edits import apply_overrides
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, ROOT

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.messages import decode, encode, kinds_of
+from contact.codec import decode, encode, kinds_of
 from coupler.control import auto
 from coupler.control.auto import FEEDS, LOOSE, SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
-from coupler.schemes.curve import STEADIEST, zigzag
-from coupler.schemes.window import Course, Solved, Verdict, Work
+from coupler.schemes.schemes import STEADIEST, zigzag
+from coupler.schemes.state import Course, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.branches import Branch, branches_of, side
-from coupler.control.sights import Place, Status, places_of
+from coupler.control.contact_status import Branch, Place, Status, branches_of, places_of, side
 from coupler.errors import ScenarioError
-from coupler.outset import plan_of
+from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
 from coupler.scenario.options import Scheme
-from coupler.schemes.level import Level
+from coupler.schemes.state import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import ROOT

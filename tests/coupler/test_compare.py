@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from coupler.cli import app
-from coupler.compare import compare
+from coupler.cli.cli import app
 from coupler.errors import ResultsError
 from coupler.record.results import Results
+from coupler.report.compare import compare
 from coupler.report.comparison import sentence, write_comparison
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from coupler.console import SETTING_UP, ProgressLine, summary
-from coupler.progress import Progress
+from coupler.cli.console import SETTING_UP, ProgressLine, summary
+from coupler.running.progress import Progress
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import write_run

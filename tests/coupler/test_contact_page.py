@@ -12,8 +12,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from coupler.scenario import load_scenario
-from coupler.scenario.schema_contact import Augmented, ContactPair, Form, Friction
-from mechanical_fmu.elastic_spec import parse_elastic
+from coupler.scenario.physics import Augmented, ContactForm, ContactPair, Friction
+from mechanical_fmu.problem import parse_elastic
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from contact_runs import PAGE
@@ -48,7 +48,7 @@ def test_every_key_of_contact_is_in_a_block() -> None:
     used = set(keys_in([scene["contact"] for scene in SCENES.values()]))
     known = {key for part in PARTS for key in part.model_fields}
     assert known - used == ELSEWHERE
-    assert all(f"`form: {form.value}`" in TEXT for form in Form)
+    assert all(f"`form: {form.value}`" in TEXT for form in ContactForm)
 
 
 def test_every_block_is_named_and_every_picture_is_there() -> None:

@@ -11,13 +11,9 @@ import pytest
 
 from coupler.control.loop import Plan, windows
 from coupler.errors import CouplingError
-from coupler.outset import what_is_missing, without_checkpoints
+from coupler.running.setup import what_is_missing, without_checkpoints
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.account import EnergyAccount
-from coupler.schemes.ledger import Ledger
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import CoupledState, Verdict, wanted_outputs
+from coupler.schemes.state import CoupledState, EnergyAccount, Ledger, Level, Verdict, schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import gap_of, lumped, shrinking

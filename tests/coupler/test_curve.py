@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coupler.schemes.curve import closest, drawn_on, weights, zigzag
-from coupler.schemes.level import Level, geometry_at
+from coupler.schemes.schemes import closest, drawn_on, weights, zigzag
+from coupler.schemes.state import Level, geometry_at
 
 UNEVEN = [3.0, 2.0, 0.5]
 

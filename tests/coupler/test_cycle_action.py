@@ -12,8 +12,7 @@ import pytest
 
 from coupler.control.loop import Plan, Tried, windows
 from coupler.scenario.options import OnCycle, Scheme, WindowRange
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import Verdict, wanted_outputs
+from coupler.schemes.state import Verdict, schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

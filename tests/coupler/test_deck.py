@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.deck.course import Amplitude, after
 from coupler.deck.lexer import Row
 from coupler.deck.materials import expansion_from
-from coupler.deck.steps import Step
+from coupler.deck.steps import Amplitude, Step, after
 from coupler.errors import ScenarioError
 from coupler.scenario import load_scenario
 

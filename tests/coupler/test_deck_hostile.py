@@ -11,7 +11,7 @@ import pytest
 
 from coupler.deck import convert
 from coupler.errors import ScenarioError
-from coupler.scenario.reading import read_document
+from coupler.scenario.document import read_document
 
 sys.path.insert(0, str(Path(__file__).parent))
 from decks import converted, coupled_deck, heat_deck

@@ -14,7 +14,7 @@ import pytest
 from scipy.optimize import brentq
 
 from coupler.rules.drive import begun, driven
-from coupler.rules.model import Drive, Rule
+from coupler.scenario.rule_model import Drive, Rule
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import T_IN, X_OUT, FakeHalf, blocks_of

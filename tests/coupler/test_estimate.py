@@ -15,20 +15,26 @@ from fake_halves import G_M, K_G, T_IN, T_S, T_W, X_OUT, C, FakeHalf, G, blocks_
 from scipy.integrate import solve_ivp
 from true_error import ONE, windows
 
-from coupler.control import estimate
-from coupler.control.attempt import Kept, Way, solve_once
-from coupler.control.doubling import doubled, halved
-from coupler.control.estimate import Memory
+from coupler.control import error_estimate
+from coupler.control.error_estimate import Memory
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Plan
+from coupler.control.solve_window import Kept, Way, doubled, halved, solve_once
 from coupler.fmu.half import Block
 from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, Scheme, Tolerance, WindowRange
-from coupler.schemes.account import EnergyAccount
-from coupler.schemes.clock import Clock
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import schedule
-from coupler.schemes.settings import Settings
-from coupler.schemes.window import CoupledState, Solved, Span, Verdict, Work, wanted_outputs
+from coupler.schemes.state import (
+    Clock,
+    CoupledState,
+    EnergyAccount,
+    Level,
+    Settings,
+    Solved,
+    Span,
+    Verdict,
+    Work,
+    schedule,
+    wanted_outputs,
+)
 
 E8 = 831.7186022526  # K, of E4 from 840 K after 20 s
 
@@ -91,7 +97,7 @@ def test_a_window_of_one_tick_has_no_halves() -> None:
 
 def test_what_is_kept_has_a_quarter_of_the_error_of_the_window_in_one() -> None:
     state, both, _ = window()
-    found = estimate.estimate(Memory(), state, both, ErrorTolerances(), Iteration())
+    found = error_estimate.estimate(Memory(), state, both, ErrorTolerances(), Iteration())
     assert found is not None
     assert both.whole is not None
     apart = abs(float(both.state.now.T[0] - both.whole.state.now.T[0]))
@@ -130,10 +136,10 @@ def test_in_a_window_in_which_a_gap_closes_its_halves_are_taken_to_be_no_better(
     with Kept(halves, 0.0, 1) as kept:
         whole = solve_once(halves, state, span, way, kept)
         known = Memory(RATIOS, H, 16, 16, Scheme.EXTRAPOLATED.value)
-        assert estimate.wanted(known, state, span, Scheme.EXTRAPOLATED, whole.state.now)
+        assert error_estimate.wanted(known, state, span, Scheme.EXTRAPOLATED, whole.state.now)
         both = doubled(halves, state, span, way, (kept, whole))
         kept.put_back("")
-    found = estimate.estimate(known, state, both, ErrorTolerances(), Iteration())
+    found = error_estimate.estimate(known, state, both, ErrorTolerances(), Iteration())
     assert found is not None
     true = abs(float(both.state.now.T[0]) - exact)
     assert found.size == found.error
@@ -151,10 +157,10 @@ def solved_at(now: Level, past: tuple[Level, ...], heat: float = 0.0, scheme: Sc
 
 
 def told(memory: Memory, levels: list[Level], heat: float = 0.0, scheme: Scheme = Scheme.EXTRAPOLATED,
-         ) -> estimate.Estimate:
+         ) -> error_estimate.Estimate:
     """levels : newest first."""
     before = solved_at(levels[1], tuple(levels[2:])).state
-    found = estimate.estimate(memory, before, solved_at(levels[0], tuple(levels[1:4]), heat, scheme),
+    found = error_estimate.estimate(memory, before, solved_at(levels[0], tuple(levels[1:4]), heat, scheme),
                               ErrorTolerances(temperature=Tolerance(1.0, 0.0)), Iteration())
     assert found is not None
     return found
@@ -191,7 +197,7 @@ def test_gaps_that_begin_or_end_are_no_error() -> None:
 
 def test_without_a_measurement_nothing_is_known() -> None:
     levels = [level(t, t) for t in (2.0, 1.0)]
-    assert estimate.estimate(Memory(), solved_at(levels[1], ()).state, solved_at(levels[0], (levels[1],)),
+    assert error_estimate.estimate(Memory(), solved_at(levels[1], ()).state, solved_at(levels[0], (levels[1],)),
                              ErrorTolerances(), Iteration()) is None
 
 
@@ -200,7 +206,7 @@ def test_when_it_is_measured_again() -> None:
     state = solved_at(level(0.0, 900.0), (level(-1.0, 901.0),)).state
 
     def asked(memory: Memory, H: int, at: CoupledState = state, by: Scheme = scheme) -> bool:
-        return estimate.wanted(memory, at, Span(clock, 0, H * 2**36, ONE), by, at.now)
+        return error_estimate.wanted(memory, at, Span(clock, 0, H * 2**36, ONE), by, at.now)
 
     known = Memory(RATIOS, 2.0, 3, 4, scheme.value)
     assert not asked(known, 2)
@@ -220,7 +226,7 @@ def test_while_a_front_moves_every_window_is_measured(before, now, measured: boo
     levels = [replace(level(t, 900.0), f_s=np.array(f)) for t, f in ((0.0, now), (-1.0, before))]
     memory = Memory(RATIOS, 2.0, 16, 16, Scheme.EXTRAPOLATED.value)
     at = solved_at(levels[0], (levels[1],)).state
-    assert estimate.wanted(memory, at, Span(Clock(16.0), 0, 2**37, ONE), Scheme.EXTRAPOLATED, at.now) is measured
+    assert error_estimate.wanted(memory, at, Span(Clock(16.0), 0, 2**37, ONE), Scheme.EXTRAPOLATED, at.now) is measured
 
 
 def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
@@ -231,7 +237,7 @@ def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
     def pauses(ratio: float, memory: Memory) -> list[int]:
         out = []
         for _ in range(6):
-            memory = estimate.after(memory, before, solved, replace(found, ratios=dict.fromkeys(RATIOS, ratio)))
+            memory = error_estimate.after(memory, before, solved, replace(found, ratios=dict.fromkeys(RATIOS, ratio)))
             assert memory.left == memory.pause
             out.append(memory.pause)
         return out
@@ -239,8 +245,8 @@ def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
     assert pauses(0.6, Memory(RATIOS, 1.0)) == [1, 2, 4, 8, 16, 16]
     assert pauses(0.8, Memory(RATIOS, 1.0)) == [0, 1, 2, 4, 8, 16]
     assert pauses(0.3, Memory(RATIOS, 1.0, pause=16))[0] == 0
-    assert estimate.after(Memory(RATIOS, 1.0, 3), before, solved, found).left == 2
-    assert estimate.forgotten(Memory(RATIOS, 1.0, 3)) == Memory()
+    assert error_estimate.after(Memory(RATIOS, 1.0, 3), before, solved, found).left == 2
+    assert error_estimate.forgotten(Memory(RATIOS, 1.0, 3)) == Memory()
 
 
 def adaptive(scheme: Scheme, tolerance: float) -> tuple[float, list]:

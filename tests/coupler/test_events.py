@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
-from coupler.control.crossing import crossing
+from coupler.control.contact_status import SLIPPING, Place, Status, changed, places_of, seen
+from coupler.control.events import crossing
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
-from coupler.control.sights import SLIPPING, Place, Status, changed, places_of, seen
 from coupler.fmu.half import Block
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.level import Level
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import wanted_outputs
+from coupler.schemes.state import Level, schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from closing_rod import closing_rod

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from coupler.errors import HalfError
-from coupler.fmu.unpack import unpack, unpacked_beside
+from coupler.fmu.description import unpack, unpacked_beside
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "contact"))
 from toy_halves import build, fresh
@@ -310,7 +310,7 @@ def test_damaged_archives_are_refused_and_leave_nothing(tmp_path, monkeypatch):
         unpack(tmp_path / "missing.fmu", tmp_path / "x")
     with zipfile.ZipFile(tmp_path / "big.fmu", "w") as archive:
         archive.writestr("a", b"0" * 1000)
-    monkeypatch.setattr("coupler.fmu.unpack.LIMIT", 999)
+    monkeypatch.setattr("coupler.fmu.description.LIMIT", 999)
     with pytest.raises(HalfError, match="more than"):
         unpack(tmp_path / "big.fmu", tmp_path / "x")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["big.fmu", "x.fmu"]

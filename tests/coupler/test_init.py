@@ -12,13 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 from coupler import load_scenario
-from coupler.cli import app
+from coupler.cli.cli import app
 from coupler.errors import ScenarioError
-from coupler.init.ask import ask_choices, ask_out, ask_template
-from coupler.init.choices import Choices, chosen_materials
-from coupler.init.materials import exchangeable, library
-from coupler.init.templates import template_named, templates
-from coupler.init.write import new_scenario
+from coupler.init.init import ask_choices, ask_out, ask_template, new_scenario
+from coupler.init.templates import Choices, chosen_materials, exchangeable, library, template_named, templates
 
 sys.path.insert(0, str(Path(__file__).parent))
 from decks import heat_deck

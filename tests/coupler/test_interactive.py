@@ -13,9 +13,9 @@ import pytest
 from coupler import Results, Run, ScenarioError, load_scenario, run
 from coupler.errors import CouplingError
 from coupler.report.page import render
-from coupler.resume import resume
-from coupler.rules.model import Rule, Stop, Test, When
+from coupler.running.resume import resume
 from coupler.scenario import Scenario
+from coupler.scenario.rule_model import Rule, Stop, Test, When
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import ROOT

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.console import summary
+from coupler.cli.console import summary
 from coupler.control.loop import Tried
 from coupler.errors import CouplingError
 from coupler.report.page import render
 from coupler.scenario.options import Acceleration, Iteration, OnMax, Scheme, Tolerance, Tolerances
-from coupler.schemes.window import CoupledState, Verdict
+from coupler.schemes.state import CoupledState, Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

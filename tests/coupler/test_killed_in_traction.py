@@ -18,7 +18,7 @@ from coupler.fmu import processes as module
 from coupler.fmu.children import python
 from coupler.record.results import Results
 from coupler.report.page import render
-from coupler.runner import Run
+from coupler.running.run import Run
 from coupler.scenario import load_scenario
 
 HERE = Path(__file__).parent
@@ -67,7 +67,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 import psutil
 from test_killed_in_traction import of, start, wait_for
-from contact.link import ServiceDownError
+from contact.rpc.link import ServiceDownError
 
 flag, out, number = Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4])
 try:

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from coupler.control.plan import Plan
-from coupler.control.predict import Feedback, feedback, limits
-from coupler.pilot import Prediction, along
+from coupler.control.window_limits import Feedback, feedback, limits
+from coupler.running.pilot import Prediction, along
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.schedule import schedule
-from coupler.schemes.window import Span, wanted_outputs
+from coupler.schemes.state import Span, schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

@@ -18,11 +18,11 @@ import numpy as np
 import psutil
 import pytest
 
-from contact import zenoh_link
-from contact.client import ZenohLink
-from contact.link import ServiceDownError
-from contact.open import open_link
-from contact.wire import Project, Registered
+from contact.messages import Project, Registered
+from contact.rpc import zenoh_session
+from contact.rpc.client import ZenohLink
+from contact.rpc.link import ServiceDownError
+from contact.rpc.open import open_link
 from coupler.errors import HalfError
 from coupler.fmu.children import ChildError, python, start
 from coupler.fmu.half import Status
@@ -122,7 +122,7 @@ def test_the_coupler_asks_contact_through_the_same_session(fmu):
         assert isinstance(link, ZenohLink)
         assert isinstance(link.ask(register()), Registered)
         assert link.ask(Project("surfaces-4", X)).xi_s.tobytes() == np.sin(X[:, 0]).tobytes()
-        assert len(zenoh_link._sessions) == 1
+        assert len(zenoh_session._sessions) == 1
         link.close()
 
 

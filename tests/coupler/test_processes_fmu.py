@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from contact.codec import decode_record
-from contact.link import ServiceDownError
+from contact.rpc.link import ServiceDownError
 from coupler.errors import HalfError
 from coupler.fmu.processes import processes
 from coupler.scenario import load_scenario

@@ -12,15 +12,13 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.record.beside import journal_of
+from coupler.record.paths import journal_of
 from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.report.curves import eventful
-from coupler.report.frames import choose
-from coupler.report.kinks import spread
+from coupler.report.fields import outline
+from coupler.report.figures import choose, duration, number, shown, spread
 from coupler.report.page import render
-from coupler.report.snapshots import outline
-from coupler.report.units import duration, number, shown
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, blocks, record, write_run

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.record.columns import ERROR_FIELDS
 from coupler.record.results import Results
+from coupler.record.tables import ERROR_FIELDS
 from coupler.report.control import EACH, every_window, stretches
 from coupler.report.curves import error_of, probe_pictures
-from coupler.report.facts import about, summary
-from coupler.report.page import render
+from coupler.report.page import about, render, summary
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import END, Case, blocks, level, times_of, write_run

@@ -15,10 +15,10 @@ import pytest
 
 import coupler.record.finish as finish_module
 from coupler.errors import ResultsError
-from coupler.record.beside import journal_of
-from coupler.record.columns import WINDOW_FIELDS
 from coupler.record.finish import finish
+from coupler.record.paths import journal_of
 from coupler.record.results import Results
+from coupler.record.tables import WINDOW_FIELDS
 from coupler.record.vtkhdf import FieldReader
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -13,17 +13,16 @@ from pathlib import Path
 import pytest
 
 from coupler import Results, run
-from coupler import cli as command_line
+from coupler.cli import cli as command_line
 from coupler.errors import CouplingError, ResultsError
-from coupler.record import keeper as keeper_module
-from coupler.record.beside import checkpoint_of, journal_of, making_of, stopped_of
-from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes
+from coupler.record import checkpoint as keeper_module
+from coupler.record.checkpoint import Checkpoint, Origin, read_checkpoint, to_bytes, versions
 from coupler.record.journal import Journal
-from coupler.record.keeper import versions
-from coupler.resume import resume, resumed
-from coupler.rules.model import Change, Rule, Substeps, Test, When
-from coupler.runner import Run
+from coupler.record.paths import checkpoint_of, journal_of, making_of, stopped_of
+from coupler.running.resume import resume, resumed
+from coupler.running.run import Run
 from coupler.scenario import Scenario, load_scenario
+from coupler.scenario.rule_model import Change, Rule, Substeps, Test, When
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(Path(__file__).parent))

@@ -10,17 +10,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.messages import decode, encode, kinds_of
+from contact.codec import decode, encode, kinds_of
 from coupler.control.loop import Plan, windows
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
 from coupler.rules.drive import Driven
 from coupler.rules.engine import Memory, Past, fire, fire_failed
-from coupler.rules.model import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
 from coupler.scenario.options import Adaptive, OnCycle, Scheme, WindowRange
-from coupler.schemes.schedule import schedule
-from coupler.schemes.settings import Settings
-from coupler.schemes.window import Verdict, wanted_outputs
+from coupler.scenario.rule_model import (
+    Change,
+    Drive,
+    Give,
+    Of,
+    Retry,
+    Rule,
+    Stop,
+    Substeps,
+    Test,
+    UseScheme,
+    When,
+    Window,
+)
+from coupler.schemes.state import Settings, Verdict, schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import start

@@ -7,15 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from coupler.changes import changed
 from coupler.control.state import ControlState
 from coupler.errors import ScenarioError
 from coupler.fmu.half import Block
 from coupler.rules.fit import unfit
-from coupler.rules.model import Change, Drive, Give, Rule, Stop, Test, When
+from coupler.running.interactive import changed
 from coupler.scenario.options import Scheme
-from coupler.schemes.settings import Settings
-from coupler.schemes.window import wanted_outputs
+from coupler.scenario.rule_model import Change, Drive, Give, Rule, Stop, Test, When
+from coupler.schemes.state import Settings, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import blocks_of

@@ -12,14 +12,13 @@ import meshio
 import numpy as np
 import pytest
 
-from contact.half.interface import Pair, read_interface
-from contact.half.register import register_message
+from contact.half.interface import Pair, read_interface, register_message
+from contact.messages import Facing, Project, Registered
 from contact.service import ContactService
-from contact.wire import Facing, Project, Registered
 from coupler.errors import ScenarioError
 from coupler.scenario import Scenario
-from mechanical_fmu.elastic_spec import parse_elastic
-from thermal_fmu.model import ThermalHalf
+from mechanical_fmu.problem import parse_elastic
+from thermal_fmu.half import ThermalHalf
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, line_of, load_text

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from coupler.scenario import reading, timing
+from coupler.scenario import document, timing
 from coupler.scenario.schema import ScenarioFile
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -47,7 +47,7 @@ def test_every_word_is_explained(word: str) -> None:
 
 
 def test_the_limits_are_the_real_ones() -> None:
-    spaced = f"{reading.MAX_VALUES:,}".replace(",", " ")
-    for limit in (f"{reading.MAX_BYTES // 1000} kB", f"{spaced} values", f"{reading.MAX_ALIASES} aliases",
-                  f"{reading.MAX_DEPTH} levels", f"{timing.MAX_WINDOWS:,} windows".replace(",", " ")):
+    spaced = f"{document.MAX_VALUES:,}".replace(",", " ")
+    for limit in (f"{document.MAX_BYTES // 1000} kB", f"{spaced} values", f"{document.MAX_ALIASES} aliases",
+                  f"{document.MAX_DEPTH} levels", f"{timing.MAX_WINDOWS:,} windows".replace(",", " ")):
         assert limit in TEXT

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mechanical_fmu.elastic_spec import parse_elastic
+from mechanical_fmu.problem import parse_elastic
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, load_text

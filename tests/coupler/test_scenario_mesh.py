@@ -11,7 +11,7 @@ import pytest
 
 from contact.half.interface import Interface
 from coupler.errors import ScenarioError
-from coupler.scenario.body_mesh import MeshError, anticlockwise
+from coupler.scenario.mesh import MeshError, anticlockwise
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text

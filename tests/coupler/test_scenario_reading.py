@@ -10,7 +10,7 @@ import pytest
 
 from coupler.errors import ScenarioError
 from coupler.scenario import load_scenario
-from coupler.scenario.reading import MAX_BYTES, read_document
+from coupler.scenario.document import MAX_BYTES, read_document
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text

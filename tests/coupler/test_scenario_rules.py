@@ -9,8 +9,21 @@ from pathlib import Path
 import pytest
 
 from coupler.errors import ScenarioError
-from coupler.rules.model import Change, Drive, Give, Of, Retry, Rule, Stop, Substeps, Test, UseScheme, When, Window
 from coupler.scenario.options import Scheme
+from coupler.scenario.rule_model import (
+    Change,
+    Drive,
+    Give,
+    Of,
+    Retry,
+    Rule,
+    Stop,
+    Substeps,
+    Test,
+    UseScheme,
+    When,
+    Window,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, line_of, load_text

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.half.field import field_from
+from contact.half.functions import field_from
 from contact.half.interface import Pair
 from coupler.errors import ScenarioError
-from coupler.scenario.thermal_notes import thermal_notes
+from coupler.scenario.notes import thermal_notes
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, line_of, load_text

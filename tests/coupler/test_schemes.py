@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.cycle import Swing, Watch, note, swung, two_cycles
+from coupler.control.two_cycle import Swing, Watch, note, swung, two_cycles
 from coupler.scenario.options import Scheme
-from coupler.schemes.level import Level, geometry_at, predicted
-from coupler.schemes.window import Verdict
+from coupler.schemes.state import Level, Verdict, geometry_at, predicted
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

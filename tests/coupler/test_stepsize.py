@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from coupler.control.stepsize import AGAIN, AIM, GROW, SHRINK, Limits, Memory, failed, forgotten, proposed, rejected
+from coupler.control.step_size import AGAIN, AIM, GROW, SHRINK, Limits, Memory, failed, forgotten, proposed, rejected
 
 WIDE = Limits(1e-9, 1e9)
 

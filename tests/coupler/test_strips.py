@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler.record.results import Along
-from coupler.record.strips import strips, unrolled
+from coupler.record.tables import strips, unrolled
 from coupler.report.contact import ALONE, OPEN, SLIPS, STICKS, TOUCHES, closer, contact_pictures, edges_of, status
 
 sys.path.insert(0, str(Path(__file__).parent))

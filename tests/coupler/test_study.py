@@ -12,17 +12,13 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError, ScenarioError
+from coupler.experiments import pool
+from coupler.experiments.grid import cells_of, grid_of, parse_axis
+from coupler.experiments.pool import run_there
+from coupler.experiments.study import Limit, cheapest, errors_of, from_file, front, point_of, richardson, scale_of
+from coupler.experiments.study_page import draw
+from coupler.experiments.trial import Job, Store
 from coupler.scenario.options import Scheme
-from coupler.study import pool
-from coupler.study.grid import grid_of, parse_axis
-from coupler.study.chart import draw
-from coupler.study.cluster import run_there
-from coupler.study.grid import cells_of
-from coupler.study.limits import Limit
-from coupler.study.reference import from_file, richardson
-from coupler.study.score import cheapest, errors_of, front, point_of, scale_of
-from coupler.trials.store import Store
-from coupler.trials.trial import Job
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import FAKE, FELL, T_END, decay, document, point
@@ -211,7 +207,7 @@ def test_a_trial_comes_back_from_the_store(tmp_path):
 
 
 def test_a_trial_of_another_version_is_run_again(tmp_path, monkeypatch):
-    monkeypatch.setattr("coupler.trials.store.VERSION", 0)
+    monkeypatch.setattr("coupler.experiments.trial.VERSION", 0)
     store = Store(tmp_path)
     store.put("a", decay(0.5, 1))
     assert store.get("a") is not None

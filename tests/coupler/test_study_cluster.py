@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from coupler.errors import HalfError
-from coupler.study.cluster import run_there
-from coupler.trials.trial import Job, scenario_of, tried
+from coupler.experiments.pool import run_there
+from coupler.experiments.trial import Job, scenario_of, tried
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import LUMPED
@@ -43,6 +43,6 @@ def test_a_run_on_a_cluster_is_that_of_this_process() -> None:
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("coupler.study.cluster.PATIENCE", "1s")
+    monkeypatch.setattr("coupler.experiments.pool.PATIENCE", "1s")
     with pytest.raises(HalfError, match="no Dask scheduler answers"):
         next(run_there({"a": job(WINDOWS)}, "tcp://127.0.0.1:1"))

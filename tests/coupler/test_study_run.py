@@ -15,12 +15,11 @@ import pytest
 from typer.testing import CliRunner
 
 from coupler import load_scenario, run
-from coupler.cli import app
+from coupler.cli.cli import app
 from coupler.errors import ScenarioError
-from coupler.study.conduct import How, Study, conduct
-from coupler.study.page import write_study
-from coupler.study.show import StudyLine
-from coupler.trials.trial import Trial
+from coupler.experiments.study import How, Study, StudyLine, conduct
+from coupler.experiments.study_page import write_study
+from coupler.experiments.trial import Trial
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import E8, LUMPED
@@ -53,7 +52,7 @@ def studied(out: Path, show: Told) -> Study:
 def same_sources() -> Iterator[None]:
     """Outcomes are kept by the sources too; an edit while these tests run is not what they are about."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(import_module("coupler.study.conduct"), "sources", lambda: "as they are")
+        patch.setattr(import_module("coupler.experiments.study"), "sources", lambda: "as they are")
         yield
 
 

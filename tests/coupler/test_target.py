@@ -12,11 +12,10 @@ import h5py
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.record.beside import journal_of
 from coupler.record.journal import Journal
+from coupler.record.paths import check_target, journal_of
 from coupler.record.recorder import Recorder
 from coupler.record.results import Results
-from coupler.record.target import check_target
 from coupler.report import write_report
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -13,20 +13,22 @@ from pydantic import BaseModel
 from ruamel.yaml import YAML
 
 from coupler.scenario import load_scenario
-from coupler.scenario.schema_contact import Conduction
-from coupler.scenario.schema_field import FieldSum, Term
-from coupler.scenario.schema_material import Axes, Latent, Phases
-from coupler.scenario.schema_thermal import (
+from coupler.scenario.physics import (
     Adaptive,
+    Axes,
+    Conduction,
     Convection,
     FilmGap,
+    Latent,
     Method,
     NearRadiation,
+    Phases,
     Radiation,
     RadiationGap,
     Thermal,
     ThermalBoundary,
 )
+from coupler.scenario.values import FieldSum, Term
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from thermal_page import PAGE, scenes

@@ -11,13 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from coupler.cli import app
+from coupler.cli.cli import app
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.half import Advance, Block, Status
-from coupler.verify.face import face_findings, role_of
-from coupler.verify.finding import Finding, Verdict
-from coupler.verify.verb import table_of, verdict_words
-from coupler.verify.verify import verify_half
+from coupler.verify.checks import Finding, Verdict, face_findings, role_of
+from coupler.verify.verify import table_of, verdict_words, verify_half
 
 N = 3
 

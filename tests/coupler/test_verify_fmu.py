@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from coupler.init.choices import Choices
-from coupler.init.templates import template_named
-from coupler.init.write import new_scenario
+from coupler.init.init import new_scenario
+from coupler.init.templates import Choices, template_named
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "contact"))
 from toy_halves import build, fresh
@@ -19,8 +18,8 @@ RESTORE = "save and restore to the bit"
 VERIFY = """
 import json, sys, tempfile
 from pathlib import Path
-from coupler.verify.finding import Verdict
-from coupler.verify.subject import fmu_of
+from coupler.verify.checks import Verdict
+from coupler.verify.checks import fmu_of
 from coupler.verify.verify import verify_fmu
 
 told = {}

@@ -13,13 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from coupler.control import estimate
-from coupler.control.attempt import Kept, Way, solve_once
-from coupler.control.doubling import doubled
+from coupler.control import error_estimate
+from coupler.control.solve_window import Kept, Way, doubled, solve_once
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
-from coupler.schemes.schedule import Schedule
-from coupler.schemes.settings import Settings
-from coupler.schemes.window import CoupledState, Halves, Solved, Span
+from coupler.schemes.state import CoupledState, Halves, Schedule, Settings, Solved, Span
 
 ONE = {"thermal": 1, "mechanical": 1}
 PIECES = 64
@@ -45,18 +42,18 @@ class Window:
 
 def windows(halves: Halves, state: CoupledState, schedule: Schedule, scheme: Scheme, every: int) -> Iterator[Window]:
     """Every so many windows, with its errors; the others are solved all the same."""
-    way, memory = Way(scheme, Settings(scheme, ONE)), estimate.Memory()
+    way, memory = Way(scheme, Settings(scheme, ONE)), error_estimate.Memory()
     for i, (k0, k1) in enumerate(pairwise(schedule.bounds)):
         span = Span(schedule.clock, k0, k1, ONE)
         exact = fine(halves, state, span) if i % every == 0 else None
         with Kept(halves, state.now.t, i + 1) as kept:
             solved = solve_once(halves, state, span, way, kept)
-            if estimate.wanted(memory, state, span, scheme, solved.state.now):
+            if error_estimate.wanted(memory, state, span, scheme, solved.state.now):
                 solved = doubled(halves, state, span, way, (kept, solved))
-        found = estimate.estimate(memory, state, solved, ErrorTolerances(), way.settings.iteration)
+        found = error_estimate.estimate(memory, state, solved, ErrorTolerances(), way.settings.iteration)
         assert solved.taken, solved.message
         assert found is not None, "a window of which nothing is known is measured"
-        memory = estimate.after(memory, state, solved, found)
+        memory = error_estimate.after(memory, state, solved, found)
         if exact is not None:
             tolerance = way.settings.iteration.tolerance.temperature
             change = float(np.abs(solved.state.now.T - state.now.T).max())
@@ -94,4 +91,4 @@ def true_errors(solved: Solved, exact: Solved, names: Sequence[str]) -> dict[str
 
 def heat(solved: Solved) -> float:
     """Energy through contact [J]."""
-    return sum(terms.get(name, 0.0) for terms in solved.terms for name in estimate.HEAT)
+    return sum(terms.get(name, 0.0) for terms in solved.terms for name in error_estimate.HEAT)

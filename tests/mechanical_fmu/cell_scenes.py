@@ -10,10 +10,10 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from contact.half.interface import Interface
-from contact.half.sparse import pattern_of
-from mechanical_fmu.elements import Treatment, cells_of
+from contact.half.linalg import pattern_of
+from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point_layout import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
+from mechanical_fmu.point import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
 from mechanical_fmu.volume import Step, Volume
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ import numpy as np
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard
-from mechanical_fmu.elastic_model import load
+from mechanical_fmu.elastic_half import load
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 STEEL = {"E": 2.0e11, "nu": 0.3, "alpha": 1.2e-5, "T_ref": 300.0}

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechanical_fmu.material import moduli
-from mechanical_fmu.material_spec import parse_material
-from mechanical_fmu.points import N_P, history_size, update
+from mechanical_fmu.point import N_P, history_size, update
+from mechanical_fmu.problem import parse_material
 
 ONE_CELL = np.zeros(1, dtype=np.intp)
 

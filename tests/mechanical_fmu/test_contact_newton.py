@@ -13,8 +13,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, blocks, done, elastic, hold, inputs_of
 
-import mechanical_fmu.augment as augment
-from contact.open import open_link
+import mechanical_fmu.augmented as augment
+from contact.rpc.open import open_link
 
 ROUND_OFF = 1e-14
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact.half.linalg import pattern_of
 from contact.half.model import Discard
-from contact.half.sparse import pattern_of
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.newton import Settings, solve

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechanical_fmu.elastic_model import load
+from mechanical_fmu.elastic_half import load
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import block, blocks, elastic, hold, press

@@ -15,8 +15,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import EXPECTED, PLANE, Stuff, equilibrium, grid, moduli_of, quads, volume_of
 
-from contact.half.sparse import pattern_of
-from mechanical_fmu.elements import Treatment
+from contact.half.linalg import pattern_of
+from mechanical_fmu.cells import Treatment
 from mechanical_fmu.volume import Step
 
 SMALL = 1e-6

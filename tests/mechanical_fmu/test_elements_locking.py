@@ -15,7 +15,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import EXPECTED, Stuff, equilibrium, grid, moduli_of, quads, volume_of
 
-from mechanical_fmu.elements import Treatment
+from mechanical_fmu.cells import Treatment
 
 FORMS = {"mean dilatation": Treatment(), "enhanced": Treatment(enhanced=True)}
 A, B, HEIGHT, SMALL = 0.02, 0.05, 0.002, 0.1

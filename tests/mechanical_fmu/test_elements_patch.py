@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import EXPECTED, PLANE, Stuff, equilibrium, mesh, moduli_of, of, rim, volume_of
 
-from mechanical_fmu.elements import Treatment
+from mechanical_fmu.cells import Treatment
 from mechanical_fmu.volume import Step
 
 N = 4

@@ -12,9 +12,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import EXPECTED, Stuff, equilibrium, grid, mesh, moduli_of, of, quads, volume_of
 
-from contact.half.sparse import pattern_of
-from mechanical_fmu.elements import Treatment
-from mechanical_fmu.kernels import cell_forces
+from contact.half.linalg import pattern_of
+from mechanical_fmu.cells import Treatment, cell_forces
 from mechanical_fmu.volume import CellError, InvertedCellError, Step
 
 SOFT = Stuff(2.5, 0.25, free=0.01, s_y=0.05, H=0.1)
@@ -66,8 +65,8 @@ def test_the_two_loops_agree_on_elastic_cells():
 
 
 def general_loop(cells, m, u):
-    from mechanical_fmu.cell_points import Out, cell_points
-    from mechanical_fmu.response import Law
+    from mechanical_fmu.cells import Out, cell_points
+    from mechanical_fmu.strain import Law
 
     out = Out(np.zeros_like(u), np.empty((len(cells.nodes), 8, 8)), np.empty((len(cells.nodes), 0)),
               np.empty(len(cells.nodes)), np.empty((0, 0, 0)), np.empty((0, 0, 0)))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechanical_fmu.points import deviator, has_skew_tangent, history_size, update
+from mechanical_fmu.point import deviator, has_skew_tangent, history_size, update
 
 sys.path.insert(0, str(Path(__file__).parent))
 from point_driver import material, parameters, strained, uniaxial, virgin

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanical_fmu.logstrain import log_strain, log_strain_curvature, log_strain_gradient, piola, piola_tangent, shape
+from mechanical_fmu.strain import log_strain, log_strain_curvature, log_strain_gradient, piola, piola_tangent, shape
 
 RANDOM = np.random.default_rng(7)
 STEP = 1e-5

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from mechanical_fmu.hardening import flow_stress
 from mechanical_fmu.material import MaterialRangeError, moduli
-from mechanical_fmu.material_spec import parse_material
+from mechanical_fmu.point import flow_stress
+from mechanical_fmu.problem import parse_material
 
 sys.path.insert(0, str(Path(__file__).parent))
 from point_driver import material, parameters

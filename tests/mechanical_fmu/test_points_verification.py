@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechanical_fmu.logstrain import log_strain_gradient, piola
 from mechanical_fmu.material import thermoelastic_heat
+from mechanical_fmu.strain import log_strain_gradient, piola
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.open import open_link
-from mechanical_fmu.rigid_model import load
+from contact.rpc.open import open_link
+from mechanical_fmu.rigid_half import load
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, blocks, done

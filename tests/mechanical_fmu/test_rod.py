@@ -11,8 +11,8 @@ import pytest
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard
-from contact.open import open_link
-from mechanical_fmu.rod_model import load
+from contact.rpc.open import open_link
+from mechanical_fmu.rod_half import load
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import done

@@ -14,11 +14,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inputs_of
 
-import mechanical_fmu.augment as augment
+import mechanical_fmu.augmented as augment
 from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
-from contact.open import open_link
-from mechanical_fmu.elastic_spec import parse_elastic
+from contact.rpc.open import open_link
+from mechanical_fmu.problem import parse_elastic
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]
 MODULUS, LENGTH, DELTA = STEEL["E"] / (1 - STEEL["nu"] ** 2), 2.0, 5e-7  # two blocks are one bar in plane strain

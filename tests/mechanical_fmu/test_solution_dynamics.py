@@ -10,7 +10,7 @@ import pytest
 
 from contact.half.model import Discard
 from contact.half.state import from_bytes, kept, to_bytes
-from mechanical_fmu.method_spec import parse_dynamics
+from mechanical_fmu.problem import parse_dynamics
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, NoLink, block, done, elastic, hold, inputs_of

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.advise.advise import Advice, Options, advise
-from coupler.advise.bodies import RIGID_REST
+from coupler.experiments.advise import Advice, Options, advise
+from coupler.experiments.variants import RIGID_REST
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP

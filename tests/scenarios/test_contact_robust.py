@@ -20,9 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mechanical_fmu"))
 from contact_scenes import EXPECTED, mirrored, passes, push, renumbered, scene
 from mechanical_scenes import STEEL, blocks, done, hold, inputs_of
 
-from contact.open import open_link
-from contact.wire import Floats, Register, Tractions
-from mechanical_fmu.elastic_model import load
+from contact.messages import Floats, Register, Tractions
+from contact.rpc.open import open_link
+from mechanical_fmu.elastic_half import load
 
 CLOSE = 1e-9
 Scene = tuple[Register, Floats]

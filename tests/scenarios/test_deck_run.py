@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from coupler.runner import run
+from coupler.running.run import run
 from coupler.scenario import load_scenario
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "coupler"))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.report.facts import scenario_facts
 from coupler.report.heat import heat_table
+from coupler.report.page import scenario_facts
 
 ROOT = Path(__file__).resolve().parents[2]
 D10 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["D10"]

@@ -9,8 +9,8 @@ import pytest
 
 from coupler import Results, load_scenario, run
 from coupler.record.vtkhdf import FieldReader
+from coupler.report.curves import watched_pictures
 from coupler.report.heat import heat_table
-from coupler.report.watched import watched_pictures
 
 ROOT = Path(__file__).resolve().parents[2]
 COARSE = {"bodies.billet.mesh.rectangle.cells": [8, 12], "bodies.die.mesh.rectangle.cells": [16, 7],

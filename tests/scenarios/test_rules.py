@@ -11,12 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from coupler import Results, load_scenario, run
-from coupler.cli import app
+from coupler.cli.cli import app
 from coupler.errors import HalfError
 from coupler.report import write_report
-from coupler.report.rules import rules_that_fired
-from coupler.resume import resume
-from coupler.rules.replay import replayed, words
+from coupler.report.control import rules_that_fired
+from coupler.running.replay import replayed, words
+from coupler.running.resume import resume
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP, ROOT, solve

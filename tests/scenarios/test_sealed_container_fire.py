@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.compare import compare
+from coupler.report.compare import compare
 from coupler.report.comparison import sentence
 
 SCENE = Path(__file__).resolve().parents[2] / "scenarios/sealed_container_fire.yaml"

@@ -11,9 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from coupler import load_scenario
-from coupler.cli import app
-from coupler.control.predict import limits
-from coupler.pilot import pilot
+from coupler.cli.cli import app
+from coupler.control.window_limits import limits
+from coupler.running.pilot import pilot
 
 sys.path.insert(0, str(Path(__file__).parent))
 from small_scenes import LUMPED_GAP, ROOT, solve

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.report.watched import driven_loads, watched_pictures
+from coupler.report.curves import driven_loads, watched_pictures
 
 ROOT = Path(__file__).resolve().parents[2]
 ROW = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["B14"]

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from coupler import load_scenario, run
-from coupler.init.choices import Choices
-from coupler.init.templates import template_named, templates
-from coupler.init.write import new_scenario
+from coupler.init.init import new_scenario
+from coupler.init.templates import Choices, template_named, templates
 
 # Seconds of each scene that a test can afford.
 SHORT = {"casting": 0.05, "forging": 0.1, "friction": 1, "heated_blocks": 0.05, "lumped": 5, "shrink_fit": 6}

@@ -16,9 +16,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from coupler.scenario.options import Acceleration, Iteration, OnMax, Seen, Tolerance, Tolerances
-from coupler.schemes.account import EnergyAccount
-from coupler.schemes.level import Level
-from coupler.schemes.window import CoupledState
+from coupler.schemes.state import CoupledState, EnergyAccount, Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

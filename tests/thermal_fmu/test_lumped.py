@@ -12,8 +12,8 @@ import pytest
 from contact.half.interface import Interface, Pair
 from contact.half.model import Done
 from contact.half.state import from_bytes, to_bytes
-from contact.open import open_link
-from thermal_fmu.lumped_model import load
+from contact.rpc.open import open_link
+from thermal_fmu.stations.half import load_lumped
 
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, imbalance, inputs_of, order, scene
@@ -31,7 +31,7 @@ def spec(boundary: list[dict[str, Any]], T0: float, material: dict[str, Any] = H
 
 def drive(interface: Interface, model: dict[str, Any], dt: np.ndarray, **given: Any) -> list[dict[str, Any]]:
     """Outputs of the steps dt."""
-    half, link = load(interface, model), open_link("direct")
+    half, link = load_lumped(interface, model), open_link("direct")
     inputs, out, t = inputs_of(interface, half, **given), [], 0.0
     state, _ = half.start(inputs, 0.0, link)
     for h in dt:
@@ -127,10 +127,10 @@ def test_latent_heat_whatever_the_step() -> None:
 
 def test_a_restored_body_gives_the_same_bits() -> None:
     model = spec([{"kind": "radiation", "on": "a.left", "emissivity": 0.8, "T": 300.0}], 1200.0)
-    half, link = load(ONE, model), open_link("direct")
+    half, link = load_lumped(ONE, model), open_link("direct")
     inputs = inputs_of(ONE, half)
     state = half.step(half.start(inputs, 0.0, link)[0], inputs, 0.0, 9.0, link).state
     hot = half.step(state, inputs, 9.0, 9.0, link)
-    cold = load(ONE, model).step(from_bytes(to_bytes(state), ("thermal_fmu",)), inputs, 9.0, 9.0, link)
+    cold = load_lumped(ONE, model).step(from_bytes(to_bytes(state), ("thermal_fmu",)), inputs, 9.0, 9.0, link)
     assert np.array_equal(hot.outputs["T"], cold.outputs["T"])
     assert hot.outputs["heat.radiation"] == cold.outputs["heat.radiation"]

@@ -15,13 +15,11 @@ from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run
 from contact.half.interface import Pair
 from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
-from thermal_fmu.loads import Calendar
-from thermal_fmu.local_error import local_error
+from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS, theta_method
-from thermal_fmu.model import load
-from thermal_fmu.pace import NO_PACE, Measure, Pace, after, length, shorter
-from thermal_fmu.step import damped_step, flow_at, take_step
-from thermal_fmu.substeps import ends_within
+from thermal_fmu.sources import Calendar
+from thermal_fmu.step import damped_step, flow_at, local_error, take_step
+from thermal_fmu.substeps import NO_PACE, Measure, Pace, after, ends_within, length, shorter
 
 HELD = {"kind": "temperature", "on": "a.left", "value": 100.0}
 

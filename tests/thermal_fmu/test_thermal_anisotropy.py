@@ -14,10 +14,10 @@ from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, sp
 
 from contact.half.interface import Pair
 from contact.half.model import Done
-from thermal_fmu.held import hold
-from thermal_fmu.loads import loads_at
+from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS
-from thermal_fmu.model import load
+from thermal_fmu.scene import hold
+from thermal_fmu.sources import loads_at
 from thermal_fmu.stage import StageProblem, balance
 
 ANGLE = 0.6

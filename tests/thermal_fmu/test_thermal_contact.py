@@ -11,12 +11,12 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec
 
+from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Pair
-from contact.half.surfaces import ContactSurfaces
-from contact.link import DirectLink
+from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from thermal_fmu.facing import points_of
-from thermal_fmu.model import load
+from thermal_fmu.half import load
 
 LINKS = {"flat": FlatContact, "service": lambda: DirectLink(ContactService().handle)}
 

@@ -14,12 +14,12 @@ from thermal_scenes import EXPECTED, Box, inputs_of, run, scene, spec
 
 from contact.half.interface import Pair
 from contact.half.model import Discard
-from contact.link import DirectLink
+from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from thermal_fmu.boundary import boundary_flow
-from thermal_fmu.held import hold
-from thermal_fmu.loads import loads_at
-from thermal_fmu.model import load
+from thermal_fmu.half import load
+from thermal_fmu.scene import hold
+from thermal_fmu.sources import loads_at
 
 
 def poly(*terms):

@@ -13,11 +13,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, imbalance, inputs_of, run, scene, spec
 
 from contact.half.interface import Pair
-from contact.link import DirectLink
+from contact.rpc.link import DirectLink
 from contact.service import ContactService
-from thermal_fmu.held import hold, rubbed
-from thermal_fmu.model import load
-from thermal_fmu.phase import Fields
+from thermal_fmu.half import load
+from thermal_fmu.phase_change import Fields
+from thermal_fmu.scene import hold, rubbed
 
 STEEL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
 ALUMINIUM = {"rho": 2700.0, "k": 210.0, "c": 900.0}

@@ -18,8 +18,8 @@ from thermal_scenes import Box, FlatContact, inputs_of, scene, spec
 from contact.half.interface import Pair, write_interface
 from contact.half.model import Discard, Done
 from contact.half.state import from_bytes, to_bytes
-from contact.wire import Refused, Register
-from thermal_fmu.model import load
+from contact.messages import Refused, Register
+from thermal_fmu.half import load
 
 
 def blocks():

@@ -16,8 +16,8 @@ from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, sp
 
 from contact.half.interface import Pair
 from contact.half.model import Done
-from thermal_fmu import kept
-from thermal_fmu.model import load
+from thermal_fmu import cells
+from thermal_fmu.half import load
 
 
 def blocks(**more):
@@ -59,13 +59,13 @@ def test_a_scene_at_rest_works_its_cells_out_once(monkeypatch):
     mesh, model = blocks(k=2.0)
     made = {"shapes": 0, "matrices": 0}
     for name, function in (("shapes", "shape_of"), ("matrices", "_entries")):
-        original = getattr(kept, function)
+        original = getattr(cells, function)
 
         def counted(*arguments, name=name, original=original):
             made[name] += 1
             return original(*arguments)
 
-        monkeypatch.setattr(kept, function, counted)
+        monkeypatch.setattr(cells, function, counted)
     ran = run(mesh, model, 0.1, 6)
     assert made == {"shapes": 2, "matrices": 4}
     moved = mesh.nodes + np.where(mesh.node_body[:, None] == 1, [0.0, 0.01], 0.0)

@@ -14,7 +14,7 @@ from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, sp
 
 from contact.half.model import Discard, Done
 from thermal_fmu import newton as newton_module
-from thermal_fmu.model import load
+from thermal_fmu.half import load
 
 
 def residuals_of(monkeypatch, mesh, model, dt):

@@ -12,10 +12,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec
 
 from contact.half.interface import Pair
-from thermal_fmu.held import hold
-from thermal_fmu.loads import loads_at
+from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS
-from thermal_fmu.model import load
+from thermal_fmu.scene import hold
+from thermal_fmu.sources import loads_at
 from thermal_fmu.stage import StageProblem, balance
 
 PEAK = {"T": [0, 395, 398, 400, 402, 405, 1000], "value": [900, 900, 950, 60000, 950, 900, 900]}

@@ -12,12 +12,12 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec
 
+from contact.half.functions import property_from
 from contact.half.interface import Pair
 from contact.half.model import Done
-from contact.half.property import property_from
-from thermal_fmu.material import parse_material
-from thermal_fmu.model import load
-from thermal_fmu.phase import PhaseChange, blend
+from thermal_fmu.half import load
+from thermal_fmu.phase_change import PhaseChange, blend
+from thermal_fmu.problem import parse_material
 
 ALUMINIUM = {"k": {"solid": 210.0, "liquid": 95.0}, "c": {"solid": 1100.0, "liquid": 1180.0}, "rho": 2500.0}
 PURE = {"L": 3.97e5, "T_s": 933.0, "T_l": 933.0}

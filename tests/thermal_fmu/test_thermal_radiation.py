@@ -13,9 +13,9 @@ from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, order, run, sc
 
 from contact.half.interface import Pair
 from contact.half.model import Discard
-from contact.link import DirectLink
+from contact.rpc.link import DirectLink
 from contact.service import ContactService
-from thermal_fmu.model import load
+from thermal_fmu.half import load
 
 SIGMA = 5.670374419e-8
 

@@ -13,9 +13,9 @@ import pytest
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard, Done
 from contact.half.state import from_bytes, to_bytes
-from contact.open import open_link
-from thermal_fmu.model import load as load_plane
-from thermal_fmu.rod_model import load as load_rod
+from contact.rpc.open import open_link
+from thermal_fmu.half import load as load_plane
+from thermal_fmu.stations.half import load_rod
 
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import Box, imbalance, inputs_of, scene

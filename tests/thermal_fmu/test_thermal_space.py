@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, run, scene, spec
 
-from contact.half.elements import table_of
+from contact.half.quadrature import table_of
 
 SIDES = ("left", "right", "bottom", "top")
 
@@ -62,7 +62,7 @@ def test_a13_patch_on_the_mesh_that_came_in(triangles):
     exact = 300.0 + x @ np.array([30.0, -17.0])
     from thermal_scenes import FlatContact, inputs_of
 
-    from thermal_fmu.model import load
+    from thermal_fmu.half import load
 
     half = load(mesh, spec(fixed_to(mesh, exact), method="steady", T0=300.0))
     state, _ = half.start(inputs_of(mesh, half), 0.0, FlatContact())
@@ -115,7 +115,7 @@ def test_a14_manufactured(method, triangles):
         b["value"] = {"t": [0.0, t_end], "value": [u0[node], u0[node] + 1.2 * t_end]}
     from thermal_scenes import FlatContact, inputs_of
 
-    from thermal_fmu.model import ThermalState, load
+    from thermal_fmu.half import ThermalState, load
 
     model = spec(boundary, method=method)
     model["bodies"]["a"]["Q_T"] = 1.2 - 2.0 - 6.0

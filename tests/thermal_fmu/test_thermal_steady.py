@@ -12,13 +12,13 @@ from scipy.optimize import brentq
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, spec, the_course
 
+from contact.half.functions import property_from
 from contact.half.model import Discard
-from contact.half.property import property_from
-from thermal_fmu.increments import walk_to_steady
+from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS
-from thermal_fmu.model import load
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.step import take_step
+from thermal_fmu.substeps import walk_to_steady
 
 SIGMA = 5.670374419e-8
 # Loses a hundredfold of its conductivity between 500 and 600 K: Newton's method from 300 K meets a wall.
@@ -53,20 +53,20 @@ def test_what_fails_in_one_go_succeeds_by_increments():
 
 def test_increments_lead_to_the_same_state_and_prescribed_values_move_along(monkeypatch):
     """k = 10(1 + .002 T), the hot side rises 100 -> 500 in 8 increments; each one is easier than the whole."""
-    from thermal_fmu import increments
+    from thermal_fmu import substeps
 
     bar = scene(Box(0, 1, 0, 1, 20))
     model = spec([{"kind": "temperature", "on": "a.left", "value": 100.0},
                   {"kind": "temperature", "on": "a.right", "value": 500.0}], k={"polynomial": [10.0, 0.02]}, T0=100.0,
                  method="steady")
     walls = []
-    right = increments.solve_stage
+    right = substeps.solve_stage
 
     def seen(problem, guess, *rest):
         walls.append(guess[20])
         return right(problem, guess, *rest)
 
-    monkeypatch.setattr(increments, "solve_stage", seen)
+    monkeypatch.setattr(substeps, "solve_stage", seen)
     walked, whole = (run(bar, model | {"increments": n}, 1.0, 1) for n in (8, 1))
     assert np.allclose(walls, 100.0 + 50.0 * np.arange(1, 8))
     assert np.abs(walked.T - whole.T).max() < 1e-8

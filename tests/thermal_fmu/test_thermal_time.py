@@ -66,7 +66,7 @@ def test_a2_large_steps_do_not_ring_either(method, dt):
 
 def test_a2_rings_where_the_damped_start_is_missing(monkeypatch):
     """The same bar without damping rings for tens of steps: the test above can fail."""
-    monkeypatch.setattr("thermal_fmu.model.DAMPED_SUBSTEPS", 0)
+    monkeypatch.setattr("thermal_fmu.half.DAMPED_SUBSTEPS", 0)
     bar = scene(Box(0, 1, 0, 1, 20))
     ran = run(bar, spec([{"kind": "temperature", "on": "a.right", "value": 300.0}], T0=400.0), 0.02, 25)
     assert (np.diff(ran.T[:, 19]) > 0).sum() > 5
@@ -101,7 +101,7 @@ def decay_errors(method, steps):
 def _mode_error(bar, model, rate, dt, k):
     from thermal_scenes import FlatContact, inputs_of
 
-    from thermal_fmu.model import ThermalState, load
+    from thermal_fmu.half import ThermalState, load
 
     half = load(bar, model)
     mode = np.sin(np.pi * bar.nodes[:, 0])
@@ -203,7 +203,7 @@ def test_an_event_from_outside_restarts_damped():
     """A factor that jumps without notice rings; with control.event raised it does not."""
     from thermal_scenes import FlatContact, inputs_of
 
-    from thermal_fmu.model import load
+    from thermal_fmu.half import load
 
     bar = scene(Box(0, 1, 0, 1, 20))
     half = load(bar, spec([{"kind": "temperature", "on": "a.right", "value": 400.0, "name": "wall"}], T0=400.0))

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from slab_series import EXACT
 from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, order, run, scene, spec
 
-from thermal_fmu.model import load
+from thermal_fmu.half import load
 
 CASE = EXPECTED["A21"]
 TIMES = np.linspace(0.0, 1.0, 101)

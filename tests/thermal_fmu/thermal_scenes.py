@@ -12,10 +12,10 @@ import numpy as np
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Done
-from contact.wire import Facing, Project, Refused, Register, Registered
-from thermal_fmu.held import hold
-from thermal_fmu.model import ThermalHalf, ThermalState, load
-from thermal_fmu.solver import Factors
+from contact.messages import Facing, Project, Refused, Register, Registered
+from thermal_fmu.half import ThermalHalf, ThermalState, load
+from thermal_fmu.newton import Factors
+from thermal_fmu.scene import hold
 from thermal_fmu.step import Course
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))

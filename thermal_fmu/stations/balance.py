@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermal_fmu import phase
-from thermal_fmu.boundary import Boundary, boundary_flow
-from thermal_fmu.held import Held
-from thermal_fmu.loads import Loads
-from thermal_fmu.methods import Stage
-from thermal_fmu.phase import Fields, Melting
-from thermal_fmu.spec import Body
-from thermal_fmu.station_kernels import (
+from thermal_fmu import phase_change
+from thermal_fmu.boundary import TERMS, Boundary, boundary_flow, demand_limits
+from thermal_fmu.cells import BadPropertyError
+from thermal_fmu.heat import Heat, both_ways
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Method, Stage
+from thermal_fmu.newton import (
+    LEAST_BLUR,
+    MAX_CLIMBS,
+    MAX_ITERATIONS,
+    MAX_RETREATS,
+    ROUGH,
+    ROUND_OFF,
+    SHARE,
+    SHARPER,
+    NotConvergedError,
+    descend,
+)
+from thermal_fmu.phase_change import Fields, Melting, temperature
+from thermal_fmu.problem import Body
+from thermal_fmu.scene import Held, prescribed_values
+from thermal_fmu.sources import Calendar, LoadFactors, Loads, loads_at
+from thermal_fmu.stations.scene import StationScene
+from thermal_fmu.stations.stations import (
+    N,
+    StationShape,
     add_melting_fields,
     add_rod_conduction,
     add_rod_slopes,
@@ -23,9 +40,6 @@ from thermal_fmu.station_kernels import (
     melting_heat,
     rod_points,
 )
-from thermal_fmu.station_scene import StationScene
-from thermal_fmu.station_shapes import N, StationShape
-from thermal_fmu.volume import BadPropertyError
 
 Floats = NDArray[np.float64]
 
@@ -93,11 +107,11 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     weight = stage.a * problem.dt
     at = _fields(scene.melting, s)
     if problem.blur > 0.0:
-        at = phase.blurred(scene.melting, at, s, problem.blur, scene.fixed)
+        at = phase_change.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
         # fault: stations see the boundary at the end of a stage only -> at = phase.between(problem.start, at, 1.0) |
         #   thermal_fmu/test_lumped
-        at = phase.between(problem.start, at, stage.theta)
+        at = phase_change.between(problem.start, at, stage.theta)
     band = np.zeros((3 * scene.stations.width + 1, scene.stations.n))
     S, stored = _store(problem, s, band)
     f = _conduct(problem.ground, at, stage.theta * weight, band)
@@ -197,3 +211,181 @@ def _positive(what: str, values: Floats, body: Body) -> Floats:
         raise BadPropertyError(f"the {what} of body {body.name} is {np.nanmin(values):.6g} at a temperature that was "
                                "met")
     return values
+
+
+# Newton's method for a stage at the stations, with the detour of thermal_fmu/newton.py where much freezes at once.
+
+@dataclass(frozen=True)
+class Effort:
+    """How many iterations, and whether each must lower the residual."""
+
+    iterations: int
+    followed: bool
+
+
+WHOLE = Effort(10, False)  # they converge in about five, or go round in circles
+FOLLOWED = Effort(MAX_ITERATIONS, True)
+
+
+@dataclass(frozen=True)
+class StationSolved:
+    """s : (n,) [K] of the stage, its balance, the number of linear solves."""
+
+    s: Floats
+    balance: StationBalance
+    iterations: int
+
+
+def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> StationSolved:
+    """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
+
+    Converged as in thermal_fmu/newton.py.  Raises NotConvergedError, SingularMatrixError, BadPropertyError.
+    """
+    melting = problem.ground.scene.melting
+    solved = _in_turns(problem, s, tolerance) if melting else _newton(problem, s, tolerance, FOLLOWED)
+    demand_limits(problem.ground.held, problem.loads, temperature(melting, solved.s))
+    return solved
+
+
+def _in_turns(problem: StationProblem, s: Floats, tolerance: float) -> StationSolved:
+    """Whole steps, then steps that must lower the residual, then the detour by the one and by the other.
+
+    A line search creeps from edge to edge of the phases, where whole steps are mostly over them at once.
+    """
+    for effort, way in ((WHOLE, _newton), (FOLLOWED, _newton), (WHOLE, _detour)):
+        try:
+            return way(problem, s, tolerance, effort)
+        except (NotConvergedError, BadPropertyError):
+            pass
+    return _detour(problem, s, tolerance, FOLLOWED)
+
+
+def _detour(problem: StationProblem, s: Floats, tolerance: float, effort: Effort) -> StationSolved:
+    blur, sharper, done, spent, retreats = 1.0, SHARPER, 1.0, 0, 0
+    while True:
+        try:
+            solved = _newton(replace(problem, blur=blur), s, tolerance if blur == 0.0 else ROUGH, effort)
+        except NotConvergedError:
+            if blur == 1.0 or retreats == MAX_RETREATS:
+                raise
+            sharper, retreats = sharper**0.5, retreats + 1
+            blur = max(done, LEAST_BLUR) * sharper
+            continue
+        spent += solved.iterations
+        if blur == 0.0:
+            return replace(solved, iterations=spent)
+        s, done = solved.s, blur
+        blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
+
+
+def _newton(problem: StationProblem, s: Floats, tolerance: float, effort: Effort) -> StationSolved:
+    scene = problem.ground.scene
+    now = station_balance(problem, s)
+    floor = ROUND_OFF * float(np.abs(now.band).sum(axis=0) @ np.abs(s))
+    climbs = MAX_CLIMBS if scene.melting else 0
+    for iteration in range(effort.iterations):
+        if now.norm <= max(SHARE * tolerance * now.scale, floor):
+            return StationSolved(s, now, iteration)
+        step = scene.stations.solve(now.band, np.where(scene.fixed, 0.0, -now.R))
+        if not np.isfinite(step).all():
+            raise NotConvergedError(f"the temperature of iteration {iteration + 1} is not finite")
+        if not effort.followed:
+            s = s + step
+            now = station_balance(problem, s)
+            continue
+        before = now.norm
+        s, now = descend(partial(station_balance, problem), s, step, now, (floor, climbs > 0))
+        climbs -= int(now.norm >= before and now.norm > floor)
+    raise NotConvergedError(f"{effort.iterations} iterations left a residual of {now.share:.2e} of the heat that flows "
+                            f"(tolerance {SHARE * tolerance:.1e})")
+
+
+# One step of a method at the stations: its stages in order, and the heat they moved; damped steps after jumps.
+
+@dataclass(frozen=True)
+class StationCourse:
+    """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep."""
+
+    ground: Ground
+    load: LoadFactors
+    calendar: Calendar
+    power_M: Floats
+
+    @property
+    def scene(self) -> StationScene:
+        """The scene."""
+        return self.ground.scene
+
+
+@dataclass(frozen=True)
+class StationStepped:
+    """s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual."""
+
+    s: Floats
+    heat: Heat
+    iterations: int
+    residual: float
+
+    def then(self, more: StationStepped) -> StationStepped:
+        """This step and the one after it as one."""
+        return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
+                       residual=max(self.residual, more.residual))
+
+
+def advance_stations(course: StationCourse, method: Method, s: Floats, damped: int, t: float,
+                     h: float) -> tuple[StationStepped, int]:
+    """From t to t + h [s], and how many substeps are still to be damped.  Raises as solve_stations."""
+    left = DAMPED_SUBSTEPS if course.calendar.jump_within(t, h) else damped
+    if left == 0 or method.damped is None:
+        return _take(course, method, s, t, h), max(left - 1, 0)
+    name, parts = method.damped
+    done = _take(course, METHODS[name], s, t, h / parts)
+    for part in range(1, parts):
+        end = t + h if part == parts - 1 else t + (part + 1) * h / parts
+        done = done.then(_take(course, METHODS[name], done.s, end - h / parts, h / parts))
+    return done, left - 1
+
+
+def entropy_stations(course: StationCourse, E: Floats, s: Floats, t: float) -> StationStepped:
+    """The jump of s that energies E : (n,) [J] make; prescribed stations stay, and what they hold back counts."""
+    model = course.scene.model
+    loads = loads_at(model, course.load, course.calendar.snap(t, 0.0), 1)
+    problem = StationProblem(course.ground, loads, Stage(0.0, 1.0, 1.0), 0.0, s, course.power_M, E)
+    solved = solve_stations(problem, s, model.stepping.tolerance)
+    terms = np.zeros(len(TERMS))
+    terms[TERMS.index("entropy")] = E.sum()
+    held_back = both_ways(solved.balance.R[course.scene.fixed])
+    return StationStepped(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
+                          solved.balance.share)
+
+
+def _take(course: StationCourse, method: Method, s_n: Floats, t: float, dt: float) -> StationStepped:
+    model = course.scene.model
+    solved: list[StationSolved] = []
+    for stage in method.stages:
+        # The end of a step is before a jump that happens then.
+        loads = loads_at(model, course.load, course.calendar.snap(t + stage.c * dt, dt), -1 if stage.c == 1.0 else 1)
+        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else \
+            loads_at(model, course.load, course.calendar.snap(t + dt, dt), -1)
+        earlier = np.zeros(s_n.size)
+        for weight, done in zip(stage.earlier, solved, strict=True):
+            earlier += weight * dt * done.balance.flow
+        problem = StationProblem(course.ground, loads, stage, dt, s_n, course.power_M, earlier)
+        guess = _with_prescribed(course, held_T, solved[-1].s if solved else s_n)
+        solved.append(solve_stations(problem, guess, model.stepping.tolerance))
+    return StationStepped(solved[-1].s, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
+                          max(s.balance.share for s in solved))
+
+
+def _with_prescribed(course: StationCourse, loads: Loads, s: Floats) -> Floats:
+    melting = course.scene.melting
+    T = prescribed_values(course.ground.held, loads.prescribed, phase_change.temperature(melting, s))
+    return phase_change.prescribe(melting, s, T, course.scene.fixed)
+
+
+def _heat(scene: StationScene, method: Method, solved: list[StationSolved], dt: float) -> Heat:
+    terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
+    through = np.zeros(np.count_nonzero(scene.fixed))
+    for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
+        through += w / stage.a * s.balance.R[scene.fixed]
+    return Heat(solved[-1].balance.stored, both_ways(through), np.asarray(terms))

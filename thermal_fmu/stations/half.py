@@ -9,24 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.contact_client import ContactRefusedError
 from contact.half.interface import Interface
+from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from contact.half.sparse import SingularMatrixError
-from contact.half.surfaces import ContactRefusedError
-from thermal_fmu import phase
-from thermal_fmu.face import face_variables, whole
+from thermal_fmu import phase_change
+from thermal_fmu.cells import BadPropertyError, InvertedCellError
 from thermal_fmu.facing import Points, points_of
+from thermal_fmu.half import face_variables, whole
 from thermal_fmu.heat import Heat, no_heat
-from thermal_fmu.loads import calendar_of, factors_of
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
 from thermal_fmu.newton import NotConvergedError
-from thermal_fmu.station_balance import Ground
-from thermal_fmu.station_scene import StationScene, hold_stations, rub_stations
-from thermal_fmu.station_shapes import StationShape
-from thermal_fmu.station_spec import parse_station_model
-from thermal_fmu.station_step import StationCourse, StationStepped, advance_stations, entropy_stations
-from thermal_fmu.stations import Stations
-from thermal_fmu.volume import BadPropertyError, InvertedCellError
+from thermal_fmu.problem import parse_station_model
+from thermal_fmu.sources import calendar_of, factors_of
+from thermal_fmu.stations.balance import Ground, StationCourse, StationStepped, advance_stations, entropy_stations
+from thermal_fmu.stations.scene import StationScene, hold_stations, rub_stations
+from thermal_fmu.stations.stations import Stations, StationShape, lumped_stations, rod_stations
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +70,8 @@ class StationHalf:
         X = np.array(inputs["x"], dtype=np.float64)
         self._shape_of(X)
         T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
-        state = StationState(phase.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS, 0.0)
+        state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
+                             0.0)
         points = self._facing(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
@@ -101,7 +100,7 @@ class StationHalf:
         held = hold_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
         if points is not None:
             E = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
-            held = rub_stations(held, scene, points, E, phase.fields(scene.melting, s), h)
+            held = rub_stations(held, scene, points, E, phase_change.fields(scene.melting, s), h)
         # fault: mass of a rod from where it is -> ground = Ground(scene, shape, shape, held) |
         #   thermal_fmu/test_thermal_rod
         ground = Ground(scene, shape, self._shape_of(state.X), held)
@@ -113,7 +112,7 @@ class StationHalf:
         done, left = advance_stations(course, method, s if jump is None else jump.s, damped, t, h)
         done = done if jump is None else jump.then(done)
         new = StationState(done.s, state.X, event, left, state.stored + float(done.heat.stored.sum()))
-        return Done(new, self._outputs(new, done.heat, held.touching, done, phase.temperature(scene.melting, s)))
+        return Done(new, self._outputs(new, done.heat, held.touching, done, phase_change.temperature(scene.melting, s)))
 
     def _shape_of(self, X: Floats) -> StationShape:
         if self._first is None or not np.array_equal(self._first[0], X):
@@ -130,10 +129,10 @@ class StationHalf:
     def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStepped | None,
                  T_n: Floats) -> dict[str, Value]:
         scene = self._scene
-        T, of_node = phase.temperature(scene.melting, state.s), scene.stations.of_node
+        T, of_node = phase_change.temperature(scene.melting, state.s), scene.stations.of_node
         melts: dict[str, Value] = {}
         if scene.melting:
-            melts["f_s"] = phase.solid_fraction(scene.melting, state.s)[of_node]
+            melts["f_s"] = phase_change.solid_fraction(scene.melting, state.s)[of_node]
         return {
             "T": T[of_node], **melts, **heat.outputs(scene.model),
             "iterations": float(done.iterations) if done else 0.0,
@@ -148,3 +147,17 @@ def _variables(scene: StationScene) -> tuple[Variable, ...]:
     n = len(scene.interface.nodes)
     melts = (Variable("f_s", (n,), description="solid fraction at the end of the substep"),) if scene.melting else ()
     return (*face_variables(scene.interface, scene.model), *melts)
+
+
+# The thermal rod: conduction along x through the columns of rectangles, one temperature a column.
+
+def load_rod(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
+    """The half `thermal_rod` of an interface file and the content of its model.json.  Raises ValueError."""
+    return StationHalf(interface, spec, "thermal_rod", rod_stations)
+
+
+# The lumped thermal half: one temperature a body, C dT/dt = sum of conductances times differences.
+
+def load_lumped(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
+    """The half `lumped` of an interface file and the content of its model.json.  Raises ValueError."""
+    return StationHalf(interface, spec, "lumped", lumped_stations)

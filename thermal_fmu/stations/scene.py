@@ -8,23 +8,26 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface
-from contact.half.surfaces import ContactSurfaces
-from thermal_fmu.edges import gauss_points
-from thermal_fmu.exchange import groups_of
-from thermal_fmu.exposed import ExposedPoints, Ground
-from thermal_fmu.facing import Points
-from thermal_fmu.film import hold_film
-from thermal_fmu.friction import Friction, friction_power, slave_share
-from thermal_fmu.held import Fixed, Held
-from thermal_fmu.nodal import at_nodes
-from thermal_fmu.phase import Fields, Melting
-from thermal_fmu.radiation import hold_radiator, near_groups
-from thermal_fmu.source import is_plain
-from thermal_fmu.spec import Model
-from thermal_fmu.spec_boundary import Exposed
-from thermal_fmu.station_shapes import Ruler, StationShape
-from thermal_fmu.stations import Stations
+from thermal_fmu.facing import Points, gauss_points
+from thermal_fmu.phase_change import Fields, Melting
+from thermal_fmu.problem import Exposed, Model
+from thermal_fmu.scene import Fixed, Held
+from thermal_fmu.sources import is_plain
+from thermal_fmu.stations.stations import Ruler, Stations, StationShape
+from thermal_fmu.surface_terms import (
+    ExposedPoints,
+    Friction,
+    Ground,
+    at_nodes,
+    friction_power,
+    groups_of,
+    hold_film,
+    hold_radiator,
+    near_groups,
+    slave_share,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

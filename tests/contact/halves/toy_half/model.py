@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Values, Variable
-from contact.half.sparse import SingularMatrixError
 
 Array = NDArray[np.float64]
 

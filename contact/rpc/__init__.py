@@ -1,0 +1,1 @@
+"""Calls that reach the contact service once: in this process, through the codec, or over zenoh."""
