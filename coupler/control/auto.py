@@ -2,7 +2,7 @@
 
 With rho, what plain iteration multiplies a difference by in one window, and R, what is left of a temperature after
 one window on a geometry held still, a zigzag from window to window is multiplied by R - 2 rho f in windows solved once,
-where f is how often the thermal half sees it (coupler.schemes.schemes).  So it dies where
+where f is how often the thermal half sees it (coupler.schemes.extrapolation).  So it dies where
 
     2 rho f < 1 + R.
 
@@ -15,6 +15,7 @@ seen by the misses of the prediction, and windows are iterated from there on.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,10 +23,27 @@ from numpy.typing import NDArray
 
 from coupler.control.error_estimate import front_moves
 from coupler.scenario.options import Iteration, Scheme, Seen, Tolerances
-from coupler.schemes.schemes import STEADIEST, closest, zigzag
-from coupler.schemes.state import CoupledState, Course, Solved, predicted
+from coupler.schemes.extrapolation import DAMPED, alternating_gain, closest
+from coupler.schemes.scheme import CouplingScheme
+from coupler.schemes.state import CoupledState, Course, Halves, Solved, predicted
+from coupler.schemes.table import scheme_of
 
 Array = NDArray[np.float64]
+
+# The schemes it chooses from.
+CANDIDATES = (Scheme.ITERATED, Scheme.EXTRAPOLATED, Scheme.STAGGERED, Scheme.ADIABATIC)
+
+
+def chooses(name: Scheme) -> bool:
+    """Whether the scheme of each window is chosen."""
+    return name is Scheme.AUTO
+
+
+def schemes_under(name: Scheme) -> tuple[CouplingScheme, ...]:
+    """The schemes by which windows may be solved where the settings name this one: itself, or all that are chosen from.
+    """
+    return tuple(scheme_of(each) for each in (CANDIDATES if chooses(name) else (name,)))
+
 
 # On the steadiest way rho f is held below this: the 1/2 of R = 0 and a tenth of it, for where the exchange moves much R
 # is well above 0.
@@ -94,20 +112,20 @@ class Memory:
     touching: float = 0.0
     miss: Array = field(default_factory=lambda: np.zeros(0))
     turns: int = 0
-    zigzag: float = 0.0
+    alternating_gain: float = 0.0
     wary: float = 0.0
 
 
 @dataclass(frozen=True)
 class Choice:
-    """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.schemes.schemes).
+    """scheme : of the next window.  reason : in words.  extrapolation : of x and t_N (coupler.schemes.extrapolation).
 
     loose : the share of a change in which iterates need only agree; 0: as the user said.
     """
 
     scheme: Scheme
     reason: str
-    curve: float = 0.0
+    extrapolation: float = 0.0
     loose: float = 0.0
 
 
@@ -121,22 +139,23 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
         return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
     if memory.driven and rho > SAFE and memory.since < memory.rest:
         return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
-    curve = _way_on(memory, _times(state), state.now.t + H, wary)
-    if curve is None and wary:
+    extrapolation = _way_on(memory, _times(state), state.now.t + H, wary)
+    if extrapolation is None and wary:
         return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
-    if curve is None and H > LONGER * memory.H:
+    if extrapolation is None and H > LONGER * memory.H:
         return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
-    if curve is None:
+    if extrapolation is None:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
-    if memory.turns >= (TURNS if memory.rho * memory.zigzag > FEEDS else 2 * TURNS):
+    if memory.turns >= (TURNS if memory.rho * memory.alternating_gain > FEEDS else 2 * TURNS):
         return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=LOOSE)
-    # fault: auto holds a front that has just begun -> if curve < 0.0 and False: | coupler/test_auto
-    if curve < 0.0 and len(state.past) == 1 and front_moves(state):
+    # fault: auto holds a front that has just begun -> if extrapolation < 0.0 and False: | coupler/test_auto
+    if extrapolation < 0.0 and len(state.past) == 1 and front_moves(state):
         # A front is fastest at first, and what is steady enough with one level behind holds where it has gone.
         return Choice(Scheme.ITERATED, f"a front moves, and contraction {rho:.2g} lets x only be held", loose=LOOSE)
-    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s", curve)
+    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s",
+                  extrapolation)
 
 
 def _way_on(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:
@@ -148,10 +167,10 @@ def _way_on(memory: Memory, times: list[float], end: float, wary: bool) -> float
         # fault: a wary auto draws on as closely as ever -> return closest(times, end, 0.5 * HOLDS / rho) |
         #   coupler/test_auto
         return closest(times, end, FEEDS / rho)
-    curve = closest(times, end, 0.5 * HOLDS / rho)
-    # fault: auto believes twice the contraction -> return STEADIEST if curve is None and zigzag(times, end, STEADIEST)
-    #   * rho <= 2.0 * SAFE else curve | coupler/test_auto
-    return STEADIEST if curve is None and zigzag(times, end, STEADIEST) * rho <= SAFE else curve
+    extrapolation = closest(times, end, 0.5 * HOLDS / rho)
+    # fault: auto believes twice the contraction -> return DAMPED if extrapolation is None and alternating_gain(times,
+    #   end, DAMPED) * rho <= 2.0 * SAFE else extrapolation | coupler/test_auto
+    return DAMPED if extrapolation is None and alternating_gain(times, end, DAMPED) * rho <= SAFE else extrapolation
 
 
 def _times(state: CoupledState) -> list[float]:
@@ -177,6 +196,22 @@ def runs_away(course: Course | None) -> bool:
     # fault: auto iterates past the unstable rest -> return course is not None and _drives_on(course) and
     #   course.contraction > 1e9 | coupler/test_auto
     return course is not None and _drives_on(course) and course.contraction > DRIVEN
+
+
+def can_freeze(halves: Halves, substeps: Mapping[str, int]) -> bool:
+    """Whether the halves can be run by the scheme `adiabatic`."""
+    return scheme_of(Scheme.ADIABATIC).lacking(halves.thermal, halves.mechanical, substeps) is None
+
+
+def instead(solved: Solved, freezes: bool, seen: Seen) -> Scheme | None:
+    """The scheme by which an iterated window is to be solved once more; None: it stays.
+
+    Where its iterates show that what changes drives itself on: `staggered`; where they show that heat of squeezing is
+    all that acts back: `adiabatic`.  freezes : the halves can be run by that.  seen : as of `learn`.
+    """
+    if runs_away(solved.course):
+        return Scheme.STAGGERED
+    return Scheme.ADIABATIC if freezes and squeezes(solved, seen) else None
 
 
 def squeezes(solved: Solved, seen: Seen) -> bool:
@@ -280,9 +315,9 @@ def _measured(memory: Memory, measure: Measure, H: float, window: tuple[float, f
     if growth > 0.0 and rho < SAFE:
         # Half of the windows until rho is too large, if it goes on so.
         rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
-    # fault: auto wary of what the exchange does not feed -> wary = H if memory.turns >= TURNS and rho * memory.zigzag <
-    #   SAFE else memory.wary | coupler/test_auto
-    wary = H if memory.turns >= TURNS and FEEDS < rho * memory.zigzag < SAFE else memory.wary
+    # fault: auto wary of what the exchange does not feed -> wary = H if memory.turns >= TURNS and rho *
+    #   memory.alternating_gain < SAFE else memory.wary | coupler/test_auto
+    wary = H if memory.turns >= TURNS and FEEDS < rho * memory.alternating_gain < SAFE else memory.wary
     return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0.0, touching=touching,
                    turns=0, miss=np.zeros(0), wary=wary)
 
@@ -292,7 +327,7 @@ def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:
     if start.before is None or solved.scheme is not Scheme.EXTRAPOLATED:
         return memory
     now = solved.state.now
-    memory = replace(memory, zigzag=zigzag(_times(start), now.t, solved.curve))
+    memory = replace(memory, alternating_gain=alternating_gain(_times(start), now.t, solved.extrapolation))
     miss, last = now.T - predicted(start.now, start.before, now.t).T, memory.miss
     if last.size != miss.size:
         return replace(memory, miss=miss)

@@ -19,9 +19,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
+from coupler.control.auto import schemes_under
 from coupler.control.contact_status import Sight, Status, changed
 from coupler.control.plan import Plan
 from coupler.scenario.options import Scheme
+from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.state import CoupledState, Level, Solved, Span
 
 # Where a quantity that falls towards zero will reach it, from a few of its values, and how sure that is.
@@ -84,7 +86,7 @@ class Reach:
     """Of a window.  must_end : the tick of the next kink.  t0, t1 : its start and its farthest end tried [s].
 
     tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
-    end what is the kink's own.  scheme : by which it is solved; auto: not known yet.
+    end what is the kink's own.  schemes : by which it is solved, or may be.
     """
 
     span: Span
@@ -94,18 +96,18 @@ class Reach:
     tolerance: float
     least: float
     near: float
-    scheme: Scheme | None
+    schemes: tuple[CouplingScheme, ...]
 
     @property
     def behind(self) -> bool:
         """Whether the window is to end just behind its event, or just before."""
         # fault: a window ends before its event whatever the scheme -> return False | coupler/test_events
-        return self.scheme not in (Scheme.ITERATED, Scheme.AUTO)
+        return all(scheme.ends_behind_event for scheme in self.schemes)
 
     @property
     def holds(self) -> bool:
         """Whether mechanics sees the T of the start."""
-        return self.scheme in (Scheme.MECHANICAL_FIRST, Scheme.PARALLEL)
+        return all(scheme.sees_start_T for scheme in self.schemes)
 
     @property
     def end(self) -> float:
@@ -368,12 +370,13 @@ def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
     return Memory((first,), turned=(-1.0,) * n, flutters=(0,) * n, stayed=(0,) * n)
 
 
-def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Reach:
+def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme) -> Reach:
     t0 = span.clock.seconds(span.k0)
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
     near = NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0
-    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near, scheme)
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near,
+                 schemes_under(scheme))
 
 
 def _aim(memory: Memory, reach: Reach) -> float | None:

@@ -17,7 +17,7 @@ from coupler.control.two_cycle import Acted, Shown, acted
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
 from coupler.rules.engine import Firing
-from coupler.scenario.options import OnMax, Scheme
+from coupler.scenario.options import OnMax
 from coupler.schemes.state import Solved, Span, Verdict
 
 # A window that does not stand is tried again, shorter: how much, and when that is given up.
@@ -231,7 +231,7 @@ def _taken(facts: Facts, found: _Found, fired: rules.Fired, done: Acted) -> Cont
 def _learned(facts: Facts) -> auto.Memory:
     """What `auto` knows after a window that stands; other schemes pay nothing for it."""
     control = facts.at.control
-    if control.settings.scheme is not Scheme.AUTO:
+    if not auto.chooses(control.settings.scheme):
         return control.choice
     return auto.learn(control.choice, facts.at.state, facts.solved, facts.H, control.settings.iteration.level)
 

@@ -15,7 +15,7 @@ from contact.codec import decode, encode, kinds_of
 from coupler.control import auto
 from coupler.control.auto import FEEDS, LOOSE, SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
-from coupler.schemes.schemes import STEADIEST, zigzag
+from coupler.schemes.extrapolation import DAMPED, alternating_gain
 from coupler.schemes.state import Course, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -167,7 +167,7 @@ def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
     # What the exchange can hardly feed back is solved once, on the steadiest way that is left.
     tiny = choose(replace(small, rho=0.04), state, 1.0)
     assert tiny.scheme is Scheme.EXTRAPOLATED
-    assert 0.04 * zigzag([2.0, 1.0, 0.0], 3.0, tiny.curve) <= FEEDS * (1.0 + 1e-12)
+    assert 0.04 * alternating_gain([2.0, 1.0, 0.0], 3.0, tiny.extrapolation) <= FEEDS * (1.0 + 1e-12)
     large = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.4, (-0.4,))), 1.0)
     assert (large.wary, choose(large, state, 1.0).scheme) == (0.0, Scheme.EXTRAPOLATED)
     rising = replace(state, past=tuple(replace(level, T=level.T - 10.0 * i) for i, level in enumerate(state.past, 1)))
@@ -203,7 +203,7 @@ def test_rho_is_asked_for_where_it_is_not_known():
     assert choose(known, replace(state, past=()), 1.0).scheme is Scheme.ITERATED
     assert choose(forgotten(known), state, 1.0).scheme is Scheme.ITERATED
     assert choose(replace(known, rho=0.6), state, 1.0).scheme is Scheme.ITERATED
-    assert choose(replace(known, rho=0.5), state, 1.0).curve == STEADIEST
+    assert choose(replace(known, rho=0.5), state, 1.0).extrapolation == DAMPED
     touched = learn(known, state, solved(Scheme.EXTRAPOLATED, 900.0, touching=1.0), 1.0)
     assert math.isnan(touched.rho)
     slid = learn(replace(known, touching=20.0), state, solved(Scheme.EXTRAPOLATED, 900.0, touching=19.0), 1.0)
@@ -218,7 +218,7 @@ def test_a_front_that_has_just_begun_is_not_held_where_it_is():
     assert choose(memory, replace(two, now=now, past=(before, two.past[1])), 1.0).scheme is Scheme.EXTRAPOLATED
     assert choose(memory, replace(two, now=now, past=(replace(now, t=1.0),)), 1.0).scheme is Scheme.EXTRAPOLATED
     line = choose(replace(memory, rho=0.1), replace(two, now=now, past=(before,)), 1.0)
-    assert (line.scheme, line.curve) == (Scheme.EXTRAPOLATED, 0.0)
+    assert (line.scheme, line.extrapolation) == (Scheme.EXTRAPOLATED, 0.0)
 
 
 def test_where_rho_grows_it_is_measured_before_it_is_too_large():

@@ -16,8 +16,8 @@ from coupler.control.state import ControlState, first
 from coupler.errors import CouplingError
 from coupler.scenario.options import Adaptive, ErrorTolerances, OnCycle, Scheme, Tolerance
 from coupler.scenario.rule_model import Retry, Rule, Stop, Test, When
-from coupler.schemes.schemes import thermal_first
 from coupler.schemes.state import Schedule, Settings, Span, Verdict, wanted_outputs
+from coupler.schemes.sweep import thermal_first
 
 sys.path.insert(0, str(Path(__file__).parent))
 from adaptive_run import END, EXACT_E8, SIZES, ledger_of, plan_to, tries

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from coupler.control import error_estimate
-from coupler.control.solve_window import Kept, Way, doubled, solve_once
+from coupler.control.solve_window import Kept, SolveOptions, doubled, solve_once
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
 from coupler.schemes.state import CoupledState, Halves, Schedule, Settings, Solved, Span
 
@@ -22,7 +22,7 @@ ONE = {"thermal": 1, "mechanical": 1}
 PIECES = 64
 TIGHT = Iteration(max_iterations=60, tolerance=Tolerances(
     Tolerance(1e-8, 0.0), Tolerance(1e-13, 0.0), Tolerance(1e-2, 0.0), Tolerance(1e-9, 0.0)))
-FINE = Way(Scheme.ITERATED, Settings(Scheme.ITERATED, ONE, TIGHT))
+FINE = SolveOptions(Scheme.ITERATED, Settings(Scheme.ITERATED, ONE, TIGHT))
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Window:
 
 def windows(halves: Halves, state: CoupledState, schedule: Schedule, scheme: Scheme, every: int) -> Iterator[Window]:
     """Every so many windows, with its errors; the others are solved all the same."""
-    way, memory = Way(scheme, Settings(scheme, ONE)), error_estimate.Memory()
+    way, memory = SolveOptions(scheme, Settings(scheme, ONE)), error_estimate.Memory()
     for i, (k0, k1) in enumerate(pairwise(schedule.bounds)):
         span = Span(schedule.clock, k0, k1, ONE)
         exact = fine(halves, state, span) if i % every == 0 else None
         with Kept(halves, state.now.t, i + 1) as kept:
             solved = solve_once(halves, state, span, way, kept)
             if error_estimate.wanted(memory, state, span, scheme, solved.state.now):
-                solved = doubled(halves, state, span, way, (kept, solved))
+                solved = doubled(halves, state, span, way, kept, solved)
         found = error_estimate.estimate(memory, state, solved, ErrorTolerances(), way.settings.iteration)
         assert solved.taken, solved.message
         assert found is not None, "a window of which nothing is known is measured"
