@@ -188,8 +188,8 @@ def test_a_room_of_the_design_has_the_files_it_names() -> None:
     gone = [room["folder"] + name for room in rooms for name in re.findall(r"`(\w+\.py)`", room["what"])
             if not (ROOT / room["folder"] / name).is_file()]
     assert not gone
-    folders = {f"{path.parent.relative_to(ROOT)}/" for package in ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
-               for path in (ROOT / package).rglob("*.py")}
+    packages = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
+    folders = {f"{path.parent.relative_to(ROOT)}/" for name in packages for path in (ROOT / name).rglob("*.py")}
     assert {room["folder"] for room in rooms} == folders
 
 
