@@ -22,6 +22,7 @@ import json
 import os
 import platform
 import re
+import shutil
 import sys
 import tempfile
 import time
@@ -122,7 +123,8 @@ def store(args: argparse.Namespace) -> int:
     wanted = args.only or (QUICK if args.quick else ())
     known = {scene.name: scene for scene in scenes(folder / "inputs", scenarios, docs, wanted)}
     if unknown := set(args.only or ()) - set(known):
-        raise UsageError(f"no scene {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+        shutil.rmtree(folder / "inputs")
+        raise UsageError(f"no scene {', '.join(sorted(unknown))}; there are demo, {', '.join(known)}")
     chosen = [scene for name, scene in known.items() if not wanted or name in wanted]
     print(f"{len(chosen)} scenes by the code of {root}", flush=True)
     with ThreadPoolExecutor(args.jobs) as pool:

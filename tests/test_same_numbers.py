@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 
 sys.path.insert(0, str(Path(__file__).parent))
 import same_numbers
-from same_scenes import blocks, page_runs, page_scenes
+from same_scenes import Scene, blocks, page_runs, page_scenes
 
 T = np.array([300.0, 301.5, np.nan])
 HEADER = {"title": "bars", "started": "today", "scenario": {"hash": "abc", "text": "end: 2  # seconds\n"},
@@ -238,6 +238,33 @@ def test_nothing_is_stored_over_another(tmp_path, capsys):
     (tmp_path / "mine.txt").write_text("mine")
     assert same_numbers.main(["store", str(tmp_path)]) == 2
     assert "is not empty" in capsys.readouterr().err
+
+
+@pytest.fixture
+def one_scene(monkeypatch, tmp_path):
+    """A store of one scene, bars, that takes no time."""
+    monkeypatch.setattr(same_numbers, "scenes", lambda *_: [Scene("bars", tmp_path / "bars.yaml", tmp_path)])
+    monkeypatch.setattr(same_numbers, "keep", lambda scene, target, quick: (not quick, "as it should be"))
+    return tmp_path / "new"
+
+
+def test_an_unknown_scene_is_answered_with_those_there_are(one_scene, capsys):
+    assert same_numbers.main(["store", str(one_scene), "--only", "bras"]) == 2
+    assert "no scene bras; there are demo, bars" in capsys.readouterr().err
+    assert not list(one_scene.iterdir())
+
+
+@pytest.mark.parametrize(("options", "partial"), [((), False), (("--only", "bars"), True)])
+def test_a_store_that_came_to_its_end_says_what_it_is(one_scene, capsys, options, partial):
+    assert same_numbers.main(["store", str(one_scene), *options]) == 0
+    assert "bars: as it should be\n1 scenes, 0 not well" in capsys.readouterr().out
+    made = same_numbers.stored(one_scene)
+    assert (made.at, made.partial, made.on["numpy"]) == (str(one_scene), partial, np.__version__)
+
+
+def test_a_scene_that_failed_is_counted(one_scene, capsys):
+    assert same_numbers.main(["store", str(one_scene), "--quick", "--only", "bars"]) == 1
+    assert "1 scenes, 1 not well" in capsys.readouterr().out
 
 
 def in_processes(folder: Path, rows: int, outcome: str) -> Path:
