@@ -38,7 +38,7 @@ SHARE = 0.1
 THIN = 1e-7
 
 
-def closes(start: Level, end: Level) -> bool:
+def gap_closes(start: Level, end: Level) -> bool:
     """Whether some gap, faced at both ends of a window, all but closes in it, or opens."""
     faced = np.isfinite(start.gap) & np.isfinite(end.gap) & (start.covered > 0.0) & (end.covered > 0.0)
     a, b = (np.maximum(level.gap[faced], 0.0) for level in (start, end))
@@ -143,7 +143,7 @@ def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end:
             #   coupler/test_estimate
             or not 1.0 / CHANGED <= H / memory.H <= CHANGED or front_moves(start)
             # fault: a window in which a gap closes is not measured -> ) | coupler/test_estimate
-            or closes(start.now, end))
+            or gap_closes(start.now, end))
 
 
 def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: ErrorTolerances,
@@ -161,23 +161,23 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
     if solved.whole is None:
         grown = _grown(memory, H, order)
         errors = {n: memory.ratios[n] * grown * d + left.get(n, 0.0) for n, d in second.items() if n in memory.ratios}
-        return replace(_told(errors, (levels, solved), tolerance, _own(levels, errors["temperature"], left)),
-                       order=order)
+        own = _own(levels, errors["temperature"], left)
+        return replace(_in_tolerances(errors, solved, levels, tolerance, own), order=order)
     apart = _apart(solved, solved.whole, second)
     factors = {n: _doubling(n, order, solved.scheme) for n in apart}
     ratios = {n: factors[n].whole * d / second[n] if second[n] > 0.0 else 0.0 for n, d in apart.items()}
     whole = {n: factors[n].whole * d + left.get(n, 0.0) for n, d in apart.items()}
     kept = {n: factors[n].halves * d + left.get(n, 0.0) for n, d in apart.items()}
     own = _own(levels, whole["temperature"], left)
-    return replace(_told(kept, (levels, solved), tolerance, own), order=order, ratios=ratios,
-                   size=_told(whole, (levels, solved), tolerance, own).error)
+    return replace(_in_tolerances(kept, solved, levels, tolerance, own), order=order, ratios=ratios,
+                   size=_in_tolerances(whole, solved, levels, tolerance, own).error)
 
 
 def _order(start: CoupledState, solved: Solved, level: Seen) -> int:
     """The order of the window's error: 0: none.  level : `coupling.iteration.level`."""
     # fault: the halves of a window in which a gap closes are taken to be as good as ever -> if False: |
     #   coupler/test_estimate
-    if closes(start.now, solved.state.now):
+    if gap_closes(start.now, solved.state.now):
         return 0
     made = any(account.made != start.accounts[name].made for name, account in solved.state.accounts.items())
     return scheme_of(solved.scheme).exchange_at(level).order(heat=made)
@@ -238,10 +238,9 @@ def _grown(memory: Memory, H: float, order: int) -> float:
     return max(H / memory.H, 1.0) ** (order - 1)
 
 
-def _told(errors: Mapping[str, float], window: tuple[Sequence[Level], Solved], tolerance: ErrorTolerances,
-          own: float) -> Estimate:
+def _in_tolerances(errors: Mapping[str, float], solved: Solved, levels: Sequence[Level], tolerance: ErrorTolerances,
+                   own: float) -> Estimate:
     """Errors in tolerances.  own : what part of them is the halves' own; x, gap and heat follow T, so it is one."""
-    levels, solved = window
     shares = {n: _share(e, _scale(n, levels, solved), getattr(tolerance, n)) for n, e in errors.items()}
     return Estimate(shares, {n: (1.0 - own) * s for n, s in shares.items()}, {n: own * s for n, s in shares.items()},
                     errors=errors, size=max(shares.values()))
@@ -316,11 +315,11 @@ def _left_over(start: Level, solved: Solved, iteration: Iteration) -> dict[str, 
     Not the last difference alone: of a window in two halves it is known of the second only, and where the first guess
     already agreed it says little of how wrong both are.
     """
-    if solved.course is None:
+    if solved.history is None:
         return {}
     tolerance = iteration.tolerance.temperature
     change = _largest(solved.state.now.T - start.T)
-    return {"temperature": max(solved.course.misfits[-1]["temperature"], 1.0)
+    return {"temperature": max(solved.history.misfits[-1]["temperature"], 1.0)
             * (tolerance.atol + tolerance.rtol * change)}
 
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from coupler.control import auto, error_estimate, events
+from coupler.control.accept import Attempt, accept
 from coupler.control.error_estimate import Estimate
-from coupler.control.judge import Facts, judged
 from coupler.control.monitor_values import monitors
 from coupler.control.plan import Plan
-from coupler.control.solve_window import Kept, SolveOptions, doubled, solve_once
+from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
 from coupler.control.state import Committed, ControlState, first, opened
 from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive
@@ -149,17 +149,17 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     t0 = span.clock.seconds(span.k0)
     options, why = _options(halves, at, span.end - t0)
     control = at.control
-    with Kept(halves, t0, control.number + 1) as kept:
-        solved = solve_once(halves, at.state, span, options, kept)
+    with SavedStates(halves, t0, control.number + 1) as saved:
+        solved = solve_once(halves, at.state, span, options, saved)
         if solved.taken and plan.adaptive is not None and error_estimate.wanted(
                 control.estimate, at.state, span, options.scheme, solved.state.now):
-            solved = doubled(halves, at.state, span, options, kept, solved)
+            solved = doubled(halves, at.state, span, options, saved, solved)
         if not solved.taken:
-            kept.put_back(solved.message)
-        verdict = judged(Facts(plan, at, span, solved))
+            saved.roll_back(solved.message)
+        verdict = accept(Attempt(plan, at, span, solved))
         # fault: halves not put back where a window is judged not to stand -> if False: | coupler/test_control
         if solved.taken and not verdict.solved.taken:
-            kept.put_back(verdict.solved.message)
+            saved.roll_back(verdict.solved.message)
     state = solved.state if verdict.solved.taken else at.state
     return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
                  Committed(state, verdict.control), control, span, verdict.notes,

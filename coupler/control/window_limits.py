@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control.solve_window import Kept
+from coupler.control.solve_window import SavedStates
 from coupler.scenario.options import Scheme
 from coupler.schemes.state import CoupledState, Halves, Level, Span, exchanged, predicted
 from coupler.schemes.sweep import mechanical_first
@@ -113,7 +113,7 @@ def _slope(halves: Halves, state: CoupledState, span: Span) -> float:
 
 def _outcome(halves: Halves, state: CoupledState, span: Span, guess: Level) -> Array:
     """T at the end of a window whose mechanics are given a guess of it."""
-    with Kept(halves, state.now.t, 0) as kept:
+    with SavedStates(halves, state.now.t, 0) as saved:
         T = mechanical_first(halves, state, span, exchanged(guess)).level.T
-        kept.put_back("a window is only looked at")
+        saved.roll_back("a window is only looked at")
     return T

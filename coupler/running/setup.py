@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.control.auto import chooses, schemes_under
-from coupler.control.contact_status import branches_of, looked_at, places_of
+from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
@@ -54,8 +54,8 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
 
 def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface) -> Halves:
     """With what is asked of them after every substep: what is exchanged and recorded, what events and rules look at."""
-    looked = looked_at(interface) if plan.locate.on else ()
-    return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *looked})
+    more = status_monitors(interface) if plan.locate.on else ()
+    return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *more})
 
 
 def first_state(launched: Launched, halves: Halves, interface: Interface, end: float,
@@ -123,8 +123,8 @@ def plan_of(scenario: Scenario) -> Plan:
         return dict(zip(names, measure(scenario.probes, scenario.interface, level).tolist(), strict=True))
 
     interface = scenario.interface
-    places = places_of(interface) if c.locate else ()
-    branches = branches_of(scenario.models["thermal"], interface.pairs, places) if c.locate and c.branches else ()
-    locate = Locate(c.locate, c.event_tolerance, places, branches)
+    nodes = pair_nodes_of(interface) if c.locate else ()
+    branches = branches_of(scenario.models["thermal"], interface.pairs, nodes) if c.locate and c.branches else ()
+    locate = Locate(c.locate, c.event_tolerance, nodes, branches)
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
                 c.on_cycle, c.steady, scenario.rules, probed)

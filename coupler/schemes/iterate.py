@@ -20,7 +20,7 @@ from coupler.schemes.acceleration import Memory, Trail, contraction, contraction
 from coupler.schemes.scheme import BOTH_ENDS, CouplingScheme, Exchange, Exchanged, Sees, WindowTask
 from coupler.schemes.state import (
     NO_WORK,
-    Course,
+    IterationHistory,
     Level,
     Solved,
     Verdict,
@@ -94,8 +94,8 @@ class _Progress:
     work: Work = NO_WORK
 
     @property
-    def course(self) -> Course:
-        return Course(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR),
+    def history(self) -> IterationHistory:
+        return IterationHistory(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR),
                       contractions(self.trail, TOO_NEAR))
 
     @property
@@ -126,7 +126,7 @@ def solve_iterated(w: WindowTask) -> Solved:
         so_far = _judged(so_far, state.now, swept, how)
         if so_far.converged and (k >= how.least or so_far.tells_no_more):
             break
-    solved = swept.solved(state, Scheme.ITERATED, so_far.course)
+    solved = swept.solved(state, Scheme.ITERATED, so_far.history)
     # fault: nothing learnt from windows past -> solved = replace(solved, state=replace(solved.state, memory=())) |
     #   coupler/test_iterated
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))
@@ -180,7 +180,7 @@ def _unpacked(vector: Array, like: Level, how: Iteration) -> Level:
 def _why(so_far: _Progress, how: Iteration) -> str:
     """The message of a window that did not converge."""
     last = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in so_far.misfits[-1].items())
-    ratio = so_far.course.contraction
+    ratio = so_far.history.contraction
     told = f"; plain iteration multiplies a difference by {ratio:.3g} here" if ratio == ratio else ""
     return (f"{how.max_iterations} iterations with acceleration {how.acceleration.value} leave differences of "
             f"{last} tolerances{told}")

@@ -18,9 +18,9 @@ from coupler.schemes.state import (
     NO_WORK,
     PREFIX,
     CoupledState,
-    Course,
     EnergyAccount,
     Halves,
+    IterationHistory,
     Level,
     Slope,
     Solved,
@@ -228,12 +228,12 @@ class Swept:
     work: Work
     monitors: Mapping[str, float]
 
-    def solved(self, state: CoupledState, scheme: Scheme, course: Course | None = None,
+    def solved(self, state: CoupledState, scheme: Scheme, history: IterationHistory | None = None,
                extrapolation: float = 0.0) -> Solved:
         """The accepted window.  state : before it.  scheme, extrapolation : by which it was solved."""
         past = (state.now, *state.past)[:3]
         new = CoupledState(self.level, past, state.events, self.accounts, self.sent, state.memory)
-        return Solved(Verdict.ACCEPTED, "", new, self.terms, self.work, self.monitors, course, scheme=scheme,
+        return Solved(Verdict.ACCEPTED, "", new, self.terms, self.work, self.monitors, history, scheme=scheme,
                       extrapolation=extrapolation)
 
 

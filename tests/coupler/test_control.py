@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.judge import MAX_TRIES
+from coupler.control.accept import MAX_TRIES
 from coupler.control.loop import propose, windows
 from coupler.control.state import ControlState, first
 from coupler.errors import CouplingError

@@ -23,7 +23,7 @@ from true_error import ONE, TIGHT, fine, true_errors
 
 from coupler.control import error_estimate
 from coupler.control.auto import CANDIDATES, schemes_under
-from coupler.control.solve_window import Kept, SolveOptions, doubled, solve_once
+from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
 from coupler.fmu.half import Block
 from coupler.record.tables import WINDOW_FIELDS
 from coupler.scenario.options import ErrorTolerances, Scheme, Seen, WindowRange
@@ -142,8 +142,8 @@ def ratios(pair: Halves, state: CoupledState, scheme: CouplingScheme, level: See
     for k0, k1 in pairwise(plan.bounds):
         span = Span(plan.clock, k0, k1, ONE)
         right = fine(pair, state, span)
-        with Kept(pair, state.now.t, 1) as kept:
-            solved = doubled(pair, state, span, options, kept, solve_once(pair, state, span, options, kept))
+        with SavedStates(pair, state.now.t, 1) as saved:
+            solved = doubled(pair, state, span, options, saved, solve_once(pair, state, span, options, saved))
         told = error_estimate.estimate(error_estimate.Memory(), state, solved, ErrorTolerances(), how)
         found.append(told.errors["temperature"] / true_errors(solved, right, ("temperature",))["temperature"])
         state = solved.state
