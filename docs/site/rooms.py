@@ -28,10 +28,10 @@ ROOMS = {
     "coupler/__init__.py": Room(0, 1, ("the public names of a run:", "from coupler import run"), door=True),
     "coupler/cli": Room(0, 0, ("the command slideline,", "its options and its messages")),
     "coupler/verify": Room(1, 0, ("checks a half against", "the interface specification")),
-    "coupler/init": Room(2, 0, ("a new scenario from a template", "or from a deck")),
+    "coupler/init": Room(2, 0, ("a new scenario from", "a template or a deck")),
     "coupler/experiments": Room(3, 1, ("many runs of one scenario:", "studies and advice")),
     "coupler/deck": Room(3, 0, ("an Abaqus or CalculiX deck", "becomes a scenario")),
-    "coupler/running": Room(4, 0, ("a run as its user holds it: set up,", "stepped, changed, resumed")),
+    "coupler/running": Room(4, 0, ("a run as its user holds it:", "set up, stepped, resumed")),
     "coupler/report": Room(5, 0, ("the HTML page of a run", "and of a comparison")),
     "coupler/record": Room(6, 0, ("what a run writes, keeps", "and gives back")),
     "coupler/control": Room(7, 0, ("window after window: sizes,", "events, errors, acceptance")),
@@ -47,8 +47,8 @@ ROOMS = {
     "mechanical_fmu": Room(12, 2, ("equilibrium and motion", "of bodies")),
     "contact/half/__init__.py": Room(12, 3, ("what a half is made with:", "from contact.half import Done"), door=True),
     "contact/half": Room(13, 1, ("what every half is made of,", "and its FMI face")),
-    "contact/rpc": Room(14, 1, ("calls that reach the contact service", "once, in process or over zenoh")),
-    "contact": Room(15, 1, ("geometry, laws, forces, and the", "service that answers for them")),
+    "contact/rpc": Room(14, 1, ("calls that reach the service", "once, here or over zenoh")),
+    "contact": Room(15, 1, ("geometry, laws, forces, and", "the service that answers")),
 }
 
 ARROWS = (
@@ -82,7 +82,7 @@ LEGEND = ("An arrow is an import. A room may import", "every room it reaches alo
           "Dashed: a door, a file for the outside,", "which nothing within imports.")
 
 # [px]
-WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 226, 50, 24, 22, 12
+WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 226, 56, 22, 22, 8
 PAPER, LINE, INK, FADED, FILL = "#ffffff", "#546e7a", "#263238", "#5a6b73", "#eceff1"
 
 
@@ -108,7 +108,7 @@ def svg() -> str:
     width, height = max(x for x, _ in corners) + WIDTH + MARGIN, max(y for _, y in corners) + HEIGHT + MARGIN
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
-        'font-family="Helvetica, Arial, sans-serif" font-size="11.5">',
+        'font-family="Helvetica, Arial, sans-serif" font-size="13">',
         "<title>The rooms of the packages, and who imports whom</title>",
         f'<defs><marker id="head" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
         f'<path d="M0 0L8 4L0 8Z" fill="{LINE}"/></marker></defs>',
@@ -122,12 +122,12 @@ def svg() -> str:
         dashes, fill = (' stroke-dasharray="5 3"', PAPER) if room.door else ("", FILL)
         lines.append(f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="4" fill="{fill}" '
                      f'stroke="{LINE}"{dashes}/>')
-        lines.append(f'<text x="{x + 9}" y="{y + 16}" font-weight="bold" font-size="12.5" fill="{INK}">'
+        lines.append(f'<text x="{x + 9}" y="{y + 18}" font-weight="bold" font-size="14" fill="{INK}">'
                      f"{escape(name)}</text>")
-        lines += [f'<text x="{x + 9}" y="{y + 30 + 13 * i}" fill="{FADED}">{escape(line)}</text>'
+        lines += [f'<text x="{x + 9}" y="{y + 34 + 15 * i}" fill="{FADED}">{escape(line)}</text>'
                   for i, line in enumerate(room.says) if line]
     x, y = left_top(Room(0, 2, ("", "")))
-    lines += [f'<text x="{x + 9}" y="{y + 16 + 16 * i}" fill="{INK}">{escape(line)}</text>'
+    lines += [f'<text x="{x + 9}" y="{y + 16 + 18 * i}" fill="{INK}">{escape(line)}</text>'
               for i, line in enumerate(LEGEND)]
     return "\n".join([*lines, "</svg>", ""])
 
