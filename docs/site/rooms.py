@@ -1,7 +1,7 @@
 """Draws the rooms of the packages and who imports whom: `python docs/site/rooms.py` writes docs/images/rooms.svg.
 
-A room is a folder of the packages; a door is a file that only the outside imports or runs, drawn by itself above its
-room.  An arrow is an import; those that others imply are left out.  tests/test_imports.py compares ROOMS and ARROWS
+A room is a folder of the packages; an entry file is one that only the outside imports or runs, drawn by itself above
+its room.  An arrow is an import; those that others imply are left out.  tests/test_imports.py compares ROOMS and ARROWS
 with the imports of the sources, and the picture with them.
 """
 
@@ -21,11 +21,11 @@ class Room:
     floor: int
     column: int
     says: tuple[str, str]
-    door: bool = False
+    entry: bool = False
 
 
 ROOMS = {
-    "coupler/__init__.py": Room(0, 1, ("the public names of a run:", "from coupler import run"), door=True),
+    "coupler/__init__.py": Room(0, 1, ("the public names of a run:", "from coupler import run"), entry=True),
     "coupler/cli": Room(0, 0, ("the command slideline,", "its options and its messages")),
     "coupler/verify": Room(1, 0, ("checks a half against", "the interface specification")),
     "coupler/init": Room(2, 0, ("a new scenario from", "a template or a deck")),
@@ -40,12 +40,12 @@ ROOMS = {
     "coupler/fmu": Room(10, 0, ("halves behind FMI, in this", "process or another")),
     "coupler/scenario": Room(11, 0, ("YAML, checked and meshed;", "the files of each half, in SI")),
     "coupler": Room(12, 0, ("errors.py: the errors that", "a user may see")),
-    "thermal_fmu/build.py": Room(10, 1, ("python -m thermal_fmu.build:", "the FMU of heat"), door=True),
+    "thermal_fmu/build.py": Room(10, 1, ("python -m thermal_fmu.build:", "the FMU of heat"), entry=True),
     "thermal_fmu/stations": Room(11, 1, ("heat on columns of rods", "and on whole bodies")),
     "thermal_fmu": Room(12, 1, ("heat on cells", "")),
-    "mechanical_fmu/build.py": Room(11, 2, ("python -m mechanical_fmu.build:", "the FMU of mechanics"), door=True),
+    "mechanical_fmu/build.py": Room(11, 2, ("python -m mechanical_fmu.build:", "the FMU of mechanics"), entry=True),
     "mechanical_fmu": Room(12, 2, ("equilibrium and motion", "of bodies")),
-    "contact/half/__init__.py": Room(12, 3, ("what a half is made with:", "from contact.half import Done"), door=True),
+    "contact/half/__init__.py": Room(12, 3, ("what a half is made with:", "from contact.half import Done"), entry=True),
     "contact/half": Room(13, 1, ("what every half is made of,", "and its FMI face")),
     "contact/rpc": Room(14, 1, ("calls that reach the service", "once, here or over zenoh")),
     "contact": Room(15, 1, ("geometry, laws, forces, and", "the service that answers")),
@@ -79,7 +79,7 @@ ARROWS = (
 )
 
 LEGEND = ("An arrow is an import. A room may import", "every room it reaches along the arrows,", "and no other.",
-          "Dashed: a door, a file for the outside,", "which nothing within imports.")
+          "Dashed: an entry file, which users import", "or run, and no other file imports.")
 
 # [px]
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 226, 56, 22, 22, 8
@@ -119,7 +119,7 @@ def svg() -> str:
                      'marker-end="url(#head)"/>')
     for name, room in ROOMS.items():
         x, y = left_top(room)
-        dashes, fill = (' stroke-dasharray="5 3"', PAPER) if room.door else ("", FILL)
+        dashes, fill = (' stroke-dasharray="5 3"', PAPER) if room.entry else ("", FILL)
         lines.append(f'<rect x="{x}" y="{y}" width="{WIDTH}" height="{HEIGHT}" rx="4" fill="{fill}" '
                      f'stroke="{LINE}"{dashes}/>')
         lines.append(f'<text x="{x + 9}" y="{y + 18}" font-weight="bold" font-size="14" fill="{INK}">'
