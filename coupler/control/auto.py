@@ -97,13 +97,22 @@ BEGINS = 0.01
 
 
 @dataclass(frozen=True)
+class Steps:
+    """How far a window went, at most over all nodes.  T [K], x [m], t_N [Pa]."""
+
+    T: float = 0.0
+    x: float = 0.0
+    t_N: float = 0.0
+
+
+@dataclass(frozen=True)
 class Memory:
     """What was measured of the exchange since the last event.
 
     rho : contraction of plain iteration in windows of H seconds, nan: not known.  driven : what changes drives itself
     on, instead of turning round.  growth : of ln rho, a window.
     rest : windows until it is measured again, `since` of them over, each counted as far as it moved.  longest : steps
-    of T, x and t_N in a window [K, m, Pa].  touching : points that touched when it was measured.
+    in a window.  touching : points that touched when it was measured.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
     alternating_gain : f of that window.  wary [s] : windows so long did what rho does not foretell; 0: none did.
     """
@@ -114,7 +123,7 @@ class Memory:
     growth: float = 0.0
     rest: int = FIRST_REST
     since: float = 0.0
-    longest: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    longest: Steps = Steps()
     touching: float = 0.0
     miss: Array = field(default_factory=lambda: np.zeros(0))
     turns: int = 0
@@ -266,11 +275,12 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
 
 def _moved(memory: Memory, start: CoupledState, solved: Solved) -> tuple[Memory, float]:
     """What the window moved: the largest share of the longest step, of T, x or t_N."""
-    a, b = start.now, solved.state.now
-    steps = [float(np.abs(new - old).max(initial=0.0)) for new, old in ((b.T, a.T), (b.x, a.x), (b.t_N, a.t_N))]
-    T, x, t_N = (max(step, most) for step, most in zip(steps, memory.longest, strict=True))
-    shares = [step / most for step, most in zip(steps, (T, x, t_N), strict=True) if most > 0.0]
-    return replace(memory, longest=(T, x, t_N)), max(shares, default=0.0)
+    a, b, known = start.now, solved.state.now, memory.longest
+    step = Steps(*(float(np.abs(new - old).max(initial=0.0)) for new, old in ((b.T, a.T), (b.x, a.x), (b.t_N, a.t_N))))
+    longest = Steps(max(step.T, known.T), max(step.x, known.x), max(step.t_N, known.t_N))
+    shares = [one / most for one, most in ((step.T, longest.T), (step.x, longest.x), (step.t_N, longest.t_N))
+              if most > 0.0]
+    return replace(memory, longest=longest), max(shares, default=0.0)
 
 
 def forgotten(memory: Memory) -> Memory:
