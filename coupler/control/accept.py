@@ -1,4 +1,4 @@
-"""Accept or reject a solved window: run the checks in order and return the next control state."""
+"""Accepts or rejects a solved window: runs the checks in order and returns the next control state."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Decision:
 
 
 def accept(attempt: Attempt) -> Decision:
-    """Accept or reject a window.  Raises CouplingError where it must be tried again and may not."""
+    """Accepts or rejects a window.  Raises CouplingError where it must be tried again and may not."""
     if not attempt.solved.taken:
         return _failed(attempt)
     found, events_memory = _event(attempt)

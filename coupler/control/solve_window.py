@@ -67,7 +67,7 @@ class SolveOptions:
 
 
 def solve_once(halves: Halves, state: CoupledState, span: Span, options: SolveOptions, saved: SavedStates) -> Solved:
-    """The window by a scheme; after a discard the halves are where the discard left them.  Raises HalfError."""
+    """Solves the window by a scheme; after a discard the halves are where that left them.  Raises HalfError."""
     scheme = scheme_of(options.scheme)
     if (lack := scheme.lacking(halves.thermal, halves.mechanical, span.substeps)) is not None:
         raise lack

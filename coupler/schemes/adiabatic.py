@@ -25,7 +25,7 @@ JUMP = Exchanged(Sees.BOTH_ENDS, 1)
 
 
 def solve_adiabatic(w: WindowTask) -> Solved:
-    """Solve a window.  Raises DiscardError."""
+    """Solves a window.  Raises DiscardError."""
     swept = mechanical_first(w.halves, w.state, w.span, exchanged(w.state.now))
     return swept.solved(w.state, Scheme.ADIABATIC)
 

@@ -59,7 +59,7 @@ class Lead:
 
 
 def solve_along_heat(w: WindowTask) -> Solved:
-    """Solve a window.  Raises DiscardError."""
+    """Solves a window.  Raises DiscardError."""
     halves, state, span, now = w.halves, w.state, w.span, w.state.now
     if state.before is not None and now.heat is not None:
         before = replace(state.before, heat=_heat_stored(state.before, len(now.heat)))

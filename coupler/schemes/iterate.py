@@ -111,7 +111,7 @@ class _Progress:
 
 
 def solve_iterated(w: WindowTask) -> Solved:
-    """Solve a window by iteration.  Raises DiscardError."""
+    """Solves a window by iteration.  Raises DiscardError."""
     halves, state, span, how = w.halves, w.state, w.span, w.iteration
     first = predicted(state.now, state.before, span.end)
     so_far = _Progress(first, state.now)

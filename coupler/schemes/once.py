@@ -10,23 +10,26 @@ from coupler.schemes.sweep import at_once, mechanical_first, thermal_first
 
 
 def solve_staggered(w: WindowTask) -> Solved:
-    """Solve a window: thermal on x and t_N of the start, then mechanics with the new T.  Raises DiscardError."""
+    """Solves a window: thermal on x and t_N of the start, then mechanics with the new T.  Raises DiscardError."""
     return thermal_first(w.halves, w.state, w.span, None).solved(w.state, Scheme.STAGGERED)
 
 
 def solve_mechanical_first(w: WindowTask) -> Solved:
-    """Solve a window: mechanics on the T of the start, then thermal on the way x and t_N went.  Raises DiscardError."""
+    """Solves a window: mechanics on the T of the start, then thermal from start to end of x and t_N.
+
+    Raises DiscardError.
+    """
     swept = mechanical_first(w.halves, w.state, w.span, exchanged(w.state.now))
     return swept.solved(w.state, Scheme.MECHANICAL_FIRST)
 
 
 def solve_parallel(w: WindowTask) -> Solved:
-    """Solve a window: both on what the other was at the start.  Raises DiscardError."""
+    """Solves a window: both on what the other was at the start.  Raises DiscardError."""
     return at_once(w.halves, w.state, w.span).solved(w.state, Scheme.PARALLEL)
 
 
 def solve_extrapolated(w: WindowTask) -> Solved:
-    """Solve a window: thermal on x and t_N extrapolated past the last levels, then mechanics.  Raises DiscardError."""
+    """Solves a window: thermal on x and t_N extrapolated past the last levels, then mechanics.  Raises DiscardError."""
     slope = extrapolated_slope(w.state.now, w.state.past, w.span.end, w.extrapolation)
     swept = thermal_first(w.halves, w.state, w.span, slope)
     return swept.solved(w.state, Scheme.EXTRAPOLATED, extrapolation=w.extrapolation)
