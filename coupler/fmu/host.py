@@ -88,8 +88,8 @@ def _answer(half: Half, verb: Verb) -> Any:
             return Values(half.initialise(t_start, t_end, parameters, inputs, outputs))
         case Step(t, h, inputs, outputs):
             return half.advance(t, h, inputs, outputs)
-        case Read(names):
-            return Values(half.read(names))
+        case Read(names, finite):
+            return Values(half.read(names, finite))
         case Save():
             return Token(half.save())
         case Restore(token):

@@ -68,8 +68,8 @@ class RemoteHalf:
             self._blame(0.0)
         return done
 
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        return self._call(Read(tuple(names)), Values).values
+    def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
+        return self._call(Read(tuple(names), finite), Values).values
 
     def save(self) -> int:
         return self._call(Save(), Token).token

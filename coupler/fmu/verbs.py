@@ -54,6 +54,7 @@ class Read:
     """Half.read.  Answered by Values."""
 
     names: tuple[str, ...]
+    finite: bool = True
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,8 @@ class Recorder:
         self._journal = Journal(journal_of(out))
         drop(out)
         self._journal.write("run", header, {
-            **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")},
+            **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body",
+                                                  "contact_nodes")},
             **{f"{n}.{strip.pair}": getattr(strip, n) for strip in self._strips for n in ("s", "X")}})
 
     @property
@@ -112,7 +113,7 @@ class Recorder:
         self.rows = rows
 
     def frame(self, level: Level, more: Mapping[str, Array]) -> None:
-        """The fields of both halves at one time.  more : what else the halves show: sigma_v, sigma, f_s, q."""
+        """The fields of both halves at one time.  more : what else they give out, as ExtraOutputs.read has it."""
         started = time.perf_counter()
         n, s = len(level.T), self._interface.contact_nodes
         p, gap = np.zeros(n), np.full(n, np.nan)

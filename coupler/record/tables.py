@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.record.vtkhdf import FileField
 from coupler.schemes.state import Level
 
 Array = NDArray[np.float64]
@@ -94,6 +95,12 @@ def contact_row(found: Sequence[Strip], now: Level, friction: Mapping[str, Array
     values = {"t_N": now.t_N, "gap": now.gap, **friction}
     return {f"contact.{n}": v[at].astype(np.float32) for n, v in values.items()}
 
+
+# Fields of the exchange that stand in every frame, on all nodes; u, p and gap are made of the mechanical half's x,
+# contact.t_N and contact.gap.
+EXCHANGED: Mapping[str, tuple[FileField, ...]] = {
+    "thermal": (FileField("T", "K"),),
+    "mechanical": (FileField("u", "m", 2), FileField("p", "Pa"), FileField("gap", "m"))}
 
 # Tables of a results file: their names, columns and types.
 

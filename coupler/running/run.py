@@ -19,7 +19,7 @@ from coupler.errors import CouplingError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
 from coupler.record.checkpoint import Checkpoint, Keeper, Told, header_of, put_back
-from coupler.record.observe import Watched, friction, measure, picture_names, pictures
+from coupler.record.observe import ContactWarnings, ExtraOutputs, ProbeReader, friction
 from coupler.record.paths import check_target
 from coupler.record.recorder import Recorder, Words
 from coupler.record.results import Results
@@ -79,17 +79,21 @@ class Run:
             self.plan, interface = plan_of(self.scenario), self.scenario.interface
             self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
             check_halves(launched.thermal, launched.mechanical, self.scenario)
+            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
+            self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
+            self.plan = replace(self.plan, probed=self._probes.named)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
-            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._moments = Moments(self.halves)
-            self._watched = Watched(interface, self.halves.mechanical_outputs)
+            self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
+            self._outputs = ExtraOutputs(self.halves, interface)
+            self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
             if self._since is not None:
                 self._take_up(self._since, both)
-            header = {**header_of(self.scenario, self.plan, picture_names(self.halves)),
+            header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about),
                       "processes": self.processes, "notes": self.notes}
             self._recorder = Recorder(self.out, header, interface,
                                       self._since.told.mark if self._since else None)
@@ -152,7 +156,7 @@ class Run:
             tried = self._tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
             if tried.accepted:
-                notes = (*notes, *self._watched.after(self.state.now, tried.solved.state.now))
+                notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now))
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
             self._at = tried.after
@@ -208,7 +212,7 @@ class Run:
         #   moment.plan, self.ledger, list(told.noticed) | coupler/test_interactive
         self._at, self.plan, self.ledger, self.noticed = moment.committed, moment.plan, told.ledger, list(told.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
-        self._watched.put_back(told.seen, told.said)
+        self._warnings.put_back(told.seen, told.said)
         self._recorder.rewind(moment.t, told.rows)
         self._framed, self._tried = min(self._framed, told.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
@@ -245,7 +249,7 @@ class Run:
 
     def _told(self) -> Told:
         """What was recorded and told up to now."""
-        seen, said = self._watched.memory
+        seen, said = self._warnings.memory
         return Told(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
                     tuple(self.plan.rules))
@@ -269,7 +273,7 @@ class Run:
         # fault: frames that were kept are kept again after a resume -> self._framed, self._begun = told.framed, False |
         #   coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
         self._framed, self._begun = told.framed, True
-        self._watched.put_back(told.seen, told.said)
+        self._warnings.put_back(told.seen, told.said)
         number = since.committed.control.number
         self._pace = Pace(number / self._total if self._total else self.state.now.t / self.scenario.coupling.end)
         self._spent, self.setup_seconds = told.seconds, told.setup_seconds
@@ -280,20 +284,20 @@ class Run:
         return self._spent + (time.perf_counter() - self._started)
 
     def _probed(self) -> Array:
-        return measure(self.scenario.probes, self.scenario.interface, self.state.now)
+        return self._probes.values(self.state.now)
 
     def _frame(self) -> None:
         """Record the fields as they are now, once."""
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        self._recorder.frame(self.state.now, pictures(self.halves))
+        self._recorder.frame(self.state.now, self._outputs.read())
 
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
-                "notes": [*self._watched.at_end(self.state.now), *self.noticed],
+                "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}
