@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,10 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
+from coupler.fmu.outputs import On, OutputField, output_field
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
 from coupler.record.paths import journal_of
-from coupler.record.tables import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.tables import (
+    ERROR_FIELDS,
+    ESTIMATE_FIELDS,
+    EXCHANGED,
+    FORMAT,
+    FORMAT_VERSION,
+    ITERATE_FIELDS,
+    WINDOW_FIELDS,
+)
+from coupler.record.vtkhdf import FieldReader, FileField, in_plane
 from coupler.schemes.state import PREFIX, imbalance
 
 Array = NDArray[np.float64]
@@ -191,6 +202,44 @@ class Results:
     def monitors(self) -> dict[str, Array]:
         """Name -> value at each of `t` : (n,); those that rules of the run look at, nan where one was not known."""
         return dict(self._monitors)
+
+    @property
+    def fields(self) -> dict[str, OutputField]:
+        """HALF.NAME -> what was recorded at the frames: the exchange, and every array that a half gives out.
+
+        Of a file of an earlier version the units of a half's own fields are in its field files alone.
+        """
+        known = {(f.half, f.label): f for f in map(output_field, self.header.get("outputs", ()))}
+        listed = {(half, name): on for half, about in self.header["fields"].items()
+                  for at, on in (("point", On.NODES), ("cell", On.CELLS)) for name in about[at]}
+        exchanged = {(half, f.name): f for half, fields in EXCHANGED.items() for f in fields}
+        found = {}
+        for (half, name), on in (listed | {key: f.on for key, f in known.items()}).items():
+            own = exchanged.get((half, name), FileField(name))
+            field = known.get((half, name)) or OutputField(half, name, name, on, (0, own.components), own.unit)
+            found[f"{half}.{name}"] = field
+        return found
+
+    def field(self, name: str) -> tuple[Array, Array]:
+        """(t, values) of a field: times of the frames [s] and, for each, the array in SI as the half gave it.
+
+        name : HALF.NAME, one of `fields`.  values : (n_t, n_nodes), (n_t, n_nodes, k), or of cells, bodies, ...; of
+        contact nodes : at all nodes, NaN where there is no contact surface.  All frames are read into memory.
+        Raises ResultsError for an unknown field, and where its field file is missing.
+        """
+        fields = self.fields
+        if name not in fields:
+            near = difflib.get_close_matches(name, fields, 1)
+            raise ResultsError(f"{self.path} has no field {name!r}"
+                               + (f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(fields)}"))
+        field = fields[name]
+        if field.on in (On.BODIES, On.NOTHING):
+            with h5py.File(self.path, "r") as f:
+                return f["fields/t"][()], f[f"fields/{field.half}/{field.label}"][()]
+        with FieldReader(self.field_files[field.half]) as file:
+            read = file.cell_field if field.on is On.CELLS else file.point_field
+            frames = [in_plane(read(field.label, k), field.components) for k in range(len(file.times))]
+            return file.times, np.array(frames)
 
     @property
     def field_files(self) -> dict[str, Path]:
