@@ -151,10 +151,10 @@ class ProbeReader:
         blocks = {n: b for n, b in self._halves[half].blocks.items() if b.causality == "output" and b.kind == "Real"}
         places = {n: place_of(b, interface) if b.shape else On.NOTHING for n, b in blocks.items()}
         columns = {n: int(np.prod(b.shape if places[n] is On.NOTHING else b.shape[1:])) for n, b in blocks.items()}
+        # fault: a probe of an output that is not there is taken for the first there is -> found = component_of(wanted,
+        #   columns) or (next(iter(columns)), 0) | coupler/test_outputs::test_a_probe_of_what_a_half_does_not_have
         found = component_of(wanted, columns)
         if found is None:
-            # fault: a probe of an output that is not there is taken for the first there is -> found =
-            #   next(iter(columns)), 0 | coupler/test_outputs::test_a_probe_of_what_a_half_does_not_have
             raise self._error(name, probe, f"the {half} half gives out no {wanted}",
                               did_you_mean(wanted, names_of(columns)))
         source = _Source(half, blocks[found[0]], places[found[0]], found[1])
@@ -183,6 +183,8 @@ def _of_output(probe: Probe, source: _Source, values: Array, interface: Interfac
     column = values.reshape(len(values), -1)[:, source.column]
     match source.on:
         case On.CELLS:
+            # fault: a probe of a cell field reads nodes -> return probe.of(column) |
+            #   coupler/test_outputs::test_probes_are_read_from_any_output
             return probe.of_cells(column)
         case On.BODIES:
             return float(column[interface.node_body[probe.nodes[0]]])

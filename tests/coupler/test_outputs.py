@@ -16,6 +16,7 @@ from coupler.errors import ResultsError, ScenarioError
 from coupler.fmu.half import Block
 from coupler.fmu.outputs import On, component_of, names_of, output_fields, place_of, unclear
 from coupler.record.observe import ProbeReader
+from coupler.record.recorder import Recorder
 from coupler.record.results import Results
 from coupler.record.vtkhdf import FieldReader
 from coupler.scenario import Scenario, load_scenario
@@ -275,3 +276,19 @@ def test_components_by_letter_and_by_number() -> None:
     for wrong in ("q", "q.z", "q[0]", "q[3]", "a.b", "a.b.x", "T.x", "nothing"):
         assert component_of(wrong, columns) is None, wrong
     assert all(component_of(name, columns) for name in names_of(columns))
+
+
+def test_two_halves_may_have_outputs_of_one_name(tmp_path: Path) -> None:
+    i = ring(8)
+    fields = [f for half in ("thermal", "mechanical")
+              for f in output_fields(half, {"own": output("own", 16, on="cells")}, i, (), ())]
+    level = Level(0.0, np.zeros(16), i.nodes, *(np.zeros(16) for _ in range(3)))
+    header = {"scenario": {"text": ""}, "pairs": [], "probes": {}, "outputs": [f.to_json() for f in fields],
+              "fields": {"thermal": {"point": ["T"], "cell": ["own"]}, "mechanical": {"point": ["u"], "cell": ["own"]}}}
+    recorder = Recorder(tmp_path / "run.h5", header, i)
+    recorder.start(level, np.zeros(0))
+    recorder.frame(level, {"thermal/own": np.arange(16.0), "mechanical/own": -np.arange(16.0)})
+    recorder.end("completed", "", {})
+    run = Results(tmp_path / "run.h5")
+    assert np.array_equal(run.field("thermal.own")[1], [np.arange(16.0)])
+    assert np.array_equal(run.field("mechanical.own")[1], [-np.arange(16.0)])
