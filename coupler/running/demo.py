@@ -23,7 +23,7 @@ OVERRIDES = {"mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [1
 
 def shipped_scenarios() -> Path:
     """The folder of scenarios: beside the packages in a checkout, inside this one when installed."""
-    here = Path(__file__).resolve().parent
+    here = Path(__file__).resolve().parent.parent
     for folder in (here / "scenarios", here.parent / "scenarios"):
         if (folder / SCENARIO).is_file():
             return folder

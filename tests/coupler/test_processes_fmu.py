@@ -33,7 +33,7 @@ def fmu(request, tmp_path_factory) -> Path:
         "bodies.upper.mesh.rectangle.cells": [6, 2]})
     scenario.write_half("mechanical", directory)
     out = directory / "half.fmu"
-    subprocess.run([sys.executable, "-m", f"mechanical_fmu.build_{request.param}", str(directory), str(out)],
+    subprocess.run([sys.executable, "-m", "mechanical_fmu.build", str(directory), str(out)],
                    check=True, timeout=120)
     return out
 
