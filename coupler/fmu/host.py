@@ -20,11 +20,11 @@ from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.verbs import (
     VERBS,
+    Acknowledged,
     Close,
     Describe,
     Described,
     Deserialise,
-    Done,
     Failed,
     Initialise,
     LogTail,
@@ -104,7 +104,7 @@ def _answer(half: Half, verb: Verb) -> Any:
             return Text(half.log_tail())
         case Close():
             half.close()
-    return Done()
+    return Acknowledged()
 
 
 def _answer_or_stop(half: Half, verb: Verb, server: Server) -> Any:

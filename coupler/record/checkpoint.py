@@ -58,8 +58,8 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a run has recorded and told, up to its last accepted window.
+class RunRecord:
+    """What a run has recorded, up to its last accepted window.
 
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
@@ -85,7 +85,7 @@ class Checkpoint:
     """packages : role of a half -> hash of the sources it was built of.  halves : role -> bytes of its state."""
 
     committed: Committed
-    told: Told
+    record: RunRecord
     packages: dict[str, str]
     halves: dict[str, bytes]
 
@@ -204,13 +204,13 @@ class Keeper:
         """Whether enough time has passed since the last one."""
         return self._every is not None and time.monotonic() - self._last >= self._every
 
-    def keep(self, committed: Committed, told: Told) -> None:
+    def keep(self, committed: Committed, record: RunRecord) -> None:
         """Write a checkpoint; both halves stand at the end of the last accepted window.
 
         A disk that is full ends no run of hours: the older checkpoint stays, and `trouble` says why.
         """
         states = {role: state_of(half) for role, half in self._halves.items()}
-        checkpoint = Checkpoint(committed, told, packages_of(self._halves), states)
+        checkpoint = Checkpoint(committed, record, packages_of(self._halves), states)
         try:
             # What the checkpoint goes on from must be on the disk before the checkpoint is.
             self._recorder.sync()

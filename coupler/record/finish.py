@@ -31,7 +31,7 @@ from coupler.record.tables import (
     ITERATE_FIELDS,
     WINDOW_FIELDS,
 )
-from coupler.record.vtkhdf import Cells, FieldFile, FileField
+from coupler.record.vtkhdf import FieldFile, FileField, MeshCells
 from coupler.schemes.state import PREFIX
 
 # What the records of a journal come to: rows of windows that stand, without those that were rewound.
@@ -138,7 +138,7 @@ def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
     """
     fields, names, known = meta["fields"], meta["field_files"], outputs_of(meta)
     body = np.concatenate([mesh["quad_body"], mesh["triangle_body"]]).astype(np.int32)
-    cells, frames = Cells(mesh["quads"], mesh["triangles"], len(mesh["nodes"])), iter(frames)
+    cells, frames = MeshCells(mesh["quads"], mesh["triangles"], len(mesh["nodes"])), iter(frames)
     begin = list(islice(frames, 1))
     arrays = begin[0][2] if begin else {}
 
@@ -299,7 +299,7 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:
-    """A group a pair: s and X of its strip, and (n_t, n) of each field; a row without one is nan."""
+    """A group a pair: s and X of its contact line, and (n_t, n) of each field; a row without one is nan."""
     names = [n for n in FIELDS if any(n in row for row in told.contact)]
     first = 0
     for pair in meta["pairs"] if names else ():

@@ -38,7 +38,7 @@ _KIND_OF_UNIT = {"K": "K", "degC": "K", "m": "m", "mm": "m", "um": "m", "Pa": "P
 
 
 @dataclass(frozen=True)
-class Firing:
+class FiredRule:
     """row : of the windows table.  t [s]: where its window began.  rule : its name.  text : what it did.
 
     values : monitors that made it.
@@ -117,7 +117,7 @@ class Results:
         words: list[dict[str, Any]] = json.loads(f["words"].asstr()[()])
         self.messages, self.reasons, self.events = (
             {k: str(row[n]) for k, row in enumerate(words) if n in row} for n in ("message", "reason", "event"))
-        self.firings = tuple(Firing(k, float(self.windows.t[k]), str(rule), str(text), dict(values))
+        self.firings = tuple(FiredRule(k, float(self.windows.t[k]), str(rule), str(text), dict(values))
                              for k, row in enumerate(words) for rule, text, values in row.get("fired", ()))
         self.iterates: np.recarray[Any, Any] = (
             f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)

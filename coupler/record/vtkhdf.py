@@ -43,7 +43,7 @@ class FileField:
 
 
 @dataclass(frozen=True)
-class Cells:
+class MeshCells:
     """quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers.  n_points : nodes of the mesh."""
 
     quads: NDArray[np.integer]
@@ -57,7 +57,7 @@ class FieldFile:
     point_fields, cell_fields : what every frame brings.  cell_constants : written once.
     """
 
-    def __init__(self, path: Path, mesh: Cells, point_fields: Sequence[FileField], cell_fields: Sequence[FileField],
+    def __init__(self, path: Path, mesh: MeshCells, point_fields: Sequence[FileField], cell_fields: Sequence[FileField],
                  cell_constants: Mapping[str, NDArray[Any]]) -> None:
         quads, triangles, n_points = mesh.quads, mesh.triangles, mesh.n_points
         self._n_points, self._n_cells = n_points, len(quads) + len(triangles)

@@ -56,19 +56,19 @@ def status(along: Along, mu: float, gap_max: float) -> Codes:
     """
     alone = along.gap >= np.float32(gap_max)
     # fault: report: a rigid body touches what it has left -> pressed = along.t_N < 0.0; alone = alone & ~pressed |
-    #   coupler/test_strips
+    #   coupler/test_contact_lines
     pressed = (along.t_N < 0.0) & ~alone
     code = np.where(alone, ALONE, np.where(pressed, TOUCHES, OPEN)).astype(np.int8)
     if mu > 0.0 and along.slip_share is not None:
         code[pressed & (along.slip_share <= MOST)] = STICKS
         # fault: report: a node slips as soon as any of it does -> code[pressed & (along.slip_share > 0.0)] = SLIPS |
-        #   coupler/test_strips
+        #   coupler/test_contact_lines
         code[pressed & (along.slip_share > MOST)] = SLIPS
     elif mu > 0.0 and along.t_T is not None:
         known = pressed & np.isfinite(along.t_T)
         code[known] = STICKS
         # fault: report: sticking is called slipping -> code[known & (np.abs(along.t_T) >= 0.0 * mu * along.t_N)] =
-        #   SLIPS | coupler/test_strips
+        #   SLIPS | coupler/test_contact_lines
         code[known & (np.abs(along.t_T) >= -AT_THE_BOUND * mu * along.t_N)] = SLIPS
     return code
 

@@ -45,7 +45,7 @@ def resumed(out: str | Path, *, processes: bool = False) -> Run:
     path = Path(out)
     journal = _journal(path)
     origin, checkpoint = read_checkpoint(checkpoint_of(path), versions())
-    check_mark(journal, checkpoint.told.mark)
+    check_mark(journal, checkpoint.record.mark)
     return Run(_scenario(journal, origin), path, processes=processes, since=checkpoint)
 
 
