@@ -72,6 +72,14 @@ class _Scalar:
     description: str = ""
 
 
+@dataclass(frozen=True)
+class _Element:
+    """A scalar of a block.  index : from 1, () of a scalar alone."""
+
+    index: tuple[int, ...]
+    scalar: _Scalar
+
+
 def read_description(extracted: Path) -> Description:
     """The description of an extracted FMU.  Raises HalfError where it is not one of FMI 2.0 co-simulation."""
     path = extracted / "modelDescription.xml"
@@ -140,30 +148,30 @@ def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyT
 
     places : block -> what its rows belong to.
     """
-    groups: dict[str, list[tuple[tuple[int, ...], _Scalar]]] = {}
+    groups: dict[str, list[_Element]] = {}
     for scalar in scalars:
         match = _INDEXED.match(scalar.name)
         name, index = (match[1], tuple(map(int, match[2].split(",")))) if match else (scalar.name, ())
-        groups.setdefault(name, []).append((index, scalar))
+        groups.setdefault(name, []).append(_Element(index, scalar))
     fields: dict[str, Field] = {}
     for name, members in groups.items():
         field = _block(name, members, places.get(name, ""))
         if field is not None:
             fields[name] = field
         else:
-            fields.update({s.name: _field(s.name, (), [s]) for _, s in members})
+            fields.update({m.scalar.name: _field(m.scalar.name, (), [m.scalar]) for m in members})
     return fields
 
 
-def _block(name: str, members: list[tuple[tuple[int, ...], _Scalar]], on: str) -> Field | None:
-    indices = [index for index, _ in members]
-    if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for _, s in members}) > 1:
+def _block(name: str, members: list[_Element], on: str) -> Field | None:
+    indices, scalars = [m.index for m in members], [m.scalar for m in members]
+    if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for s in scalars}) > 1:
         return None
     shape = tuple(max(column) for column in zip(*indices, strict=True))
     whole = len(set(indices)) == len(members) == math.prod(shape)
     if not whole or any(min(index, default=1) < 1 for index in indices):
         return None
-    return _field(name, shape, [scalar for _, scalar in sorted(members, key=lambda m: m[0])], on)
+    return _field(name, shape, [m.scalar for m in sorted(members, key=lambda m: m.index)], on)
 
 
 def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar], on: str = "") -> Field:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, at_nodes, output_field
-from coupler.record.journal import read_journal
+from coupler.record.journal import JournalRecord, read_journal
 from coupler.record.paths import making_of, put_away
 from coupler.record.tables import (
     ERROR_FIELDS,
@@ -40,8 +40,6 @@ KILLED = {"outcome": "killed", "message": "the run was killed; this is all it ha
 # What was spent on windows that were rewound is not forgotten with them.
 SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "mechanical_seconds", "fmi_seconds",
          "recording_seconds", "seconds")
-
-Record = tuple[str, dict[str, Any], dict[str, NDArray[Any]]]
 
 
 @dataclass
@@ -70,10 +68,11 @@ class Gathered:
     end: Mapping[str, Any] = field(default_factory=lambda: KILLED)
 
 
-def gathered(records: Iterable[Record]) -> Gathered:
+def gathered(records: Iterable[JournalRecord]) -> Gathered:
     """What the records after the header tell."""
     told, frames = Gathered(), 0
-    for kind, m, a in records:
+    for record in records:
+        kind, m, a = record.kind, record.meta, record.arrays
         if kind == "start":
             told.max_T = m.get("max_T")
         if kind == "frame":
@@ -129,7 +128,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
-                      frames: Iterable[tuple[str, dict[str, Any], Arrays]]) -> list[Path]:
+                      frames: Iterable[JournalRecord]) -> list[Path]:
     """Write every half's frames to a file in `folder`; returns the files written.
 
     meta : the run's header; "fields" : half -> {"point": [...], "cell": [...]}, "outputs" : what the halves say of
@@ -140,7 +139,7 @@ def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
     body = np.concatenate([mesh["quad_body"], mesh["triangle_body"]]).astype(np.int32)
     cells, frames = MeshCells(mesh["quads"], mesh["triangles"], len(mesh["nodes"])), iter(frames)
     begin = list(islice(frames, 1))
-    arrays = begin[0][2] if begin else {}
+    arrays = begin[0].arrays if begin else {}
 
     def columns(half: str, at: str) -> list[FileField]:
         return [_file_field(half, n, known, arrays) for n in fields[half][at]]
@@ -148,10 +147,11 @@ def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
     with ExitStack() as stack:
         files = {half: stack.enter_context(FieldFile(folder / names[half], cells, columns(half, "point"),
                                                      columns(half, "cell"), {"body": body})) for half in fields}
-        for _, m, a in chain(begin, frames):
+        for frame in chain(begin, frames):
+            a = frame.arrays
             for half, file in files.items():
                 values = {n: _array(half, n, known, a, mesh) for n in (*fields[half]["point"], *fields[half]["cell"])}
-                file.append(float(m["t_now"]), a["x"], values, values)
+                file.append(float(frame.meta["t_now"]), a["x"], values, values)
     return [folder / names[half] for half in fields]
 
 
@@ -193,14 +193,14 @@ class LooseArrays:
     t: list[float] = field(default_factory=list)
     values: dict[tuple[str, str], list[NDArray[Any]]] = field(default_factory=dict)
 
-    def taken_from(self, frames: Iterable[Record]) -> Iterator[Record]:
+    def taken_from(self, frames: Iterable[JournalRecord]) -> Iterator[JournalRecord]:
         """The frames, unchanged, after their arrays were taken."""
-        for kind, m, a in frames:
-            self.t.append(float(m["t_now"]))
+        for frame in frames:
+            self.t.append(float(frame.meta["t_now"]))
             for (half, label), about in self.fields.items():
                 if about.on in (On.BODIES, On.NOTHING):
-                    self.values.setdefault((half, label), []).append(a[f"{half}/{label}"])
-            yield kind, m, a
+                    self.values.setdefault((half, label), []).append(frame.arrays[f"{half}/{label}"])
+            yield frame
 
 
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
@@ -235,15 +235,15 @@ def reason_of(exc: Exception) -> str:
 def _make(journal: Path, path: Path) -> bool:
     """Whether the run is complete."""
     records = read_journal(journal)
-    header = next(((m, a) for kind, m, a in records if kind == "run"), None)
+    header = next((r for r in records if r.kind == "run"), None)
     if header is None:
         raise ResultsError(f"{journal}: the run ended before its first window; nothing to recover")
-    meta, arrays = header
+    meta, arrays = header.meta, header.arrays
     meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
     told = gathered(records)
     loose = LooseArrays(outputs_of(meta))
     frames = loose.taken_from(
-        r for k, r in enumerate(r for r in read_journal(journal) if r[0] == "frame") if k in told.frames)
+        r for k, r in enumerate(r for r in read_journal(journal) if r.kind == "frame") if k in told.frames)
     with _folder(making_of(path)) as scratch:
         part = scratch / path.name
         parts = write_field_files(scratch, meta, arrays, frames)

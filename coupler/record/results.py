@@ -69,6 +69,15 @@ class Along:
     slip_share: NDArray[np.float32] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class _ProbeSeries:
+    """values : (n_t,) in SI.  unit : SI.  quantity : what is measured."""
+
+    values: Array
+    unit: str
+    quantity: str
+
+
 class Results:
     """What a run left in its results file.
 
@@ -129,7 +138,7 @@ class Results:
         self.max_T = max([float(f.attrs.get("max_T", -np.inf)), *self.windows.max_T[self.windows.taken]])
         self.rewound: dict[str, float] = self.totals.get("rewound", {})
         self._monitors: dict[str, Array] = {n: d[()] for n, d in f["monitors"].items()}
-        self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
+        self._probes = {n: _ProbeSeries(d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
         self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
@@ -148,7 +157,7 @@ class Results:
 
         unit : convert to "degC", "mm", "MPa", ...  Raises ResultsError for an unknown probe or unit.
         """
-        value, own, _ = self._probe(name)
+        value, own = self._probe(name).values, self._probe(name).unit
         if unit is None or unit == own:
             return self.t, value
         if _KIND_OF_UNIT.get(unit) != own:
@@ -159,14 +168,14 @@ class Results:
         return self.t, value * factor + shift
 
     def quantity(self, name: str) -> str:
-        """What a probe measures: T, u_x, u_y, gap or p.  Raises ResultsError for an unknown probe."""
-        return self._probe(name)[2]
+        """T, u_x, u_y, gap, p, f_s or HALF.OUTPUT of a probe.  Raises ResultsError for an unknown probe."""
+        return self._probe(name).quantity
 
     def unit(self, name: str) -> str:
         """The SI unit of a probe.  Raises ResultsError for an unknown probe."""
-        return self._probe(name)[1]
+        return self._probe(name).unit
 
-    def _probe(self, name: str) -> tuple[Array, str, str]:
+    def _probe(self, name: str) -> _ProbeSeries:
         if name not in self._probes:
             has = ", ".join(self._probes) or "none"
             raise ResultsError(f"{self.path} has no probe {name!r}; it has {has}")

@@ -19,7 +19,6 @@ from coupler.report.figures import (
     INK,
     PageFigure,
     Picture,
-    Shown,
     axis_names,
     draw_kinks,
     legend_below,
@@ -96,7 +95,7 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
         ax.set_ylabel(f"along {plain(str(pair['slave']))}\n[{length.unit}]", color=INK)
         ax.tick_params(colors=INK, labelsize=9)
         draw_kinks(ax, kinks_of(results) if limits is None else [])
-    _legend(figure, code, (scale, float(np.nanmax(scale(gap), initial=0.0))))
+    _legend(figure, code, scale.unit, float(np.nanmax(scale(gap), initial=0.0)))
     alt = f"Contact of pair {name} over time along {pair['slave']}: {_shares(results.t, code)}."
     return png(figure, alt, _caption(results, pair, along, near, code))
 
@@ -134,12 +133,13 @@ def _paint(ax: Axes, places: tuple[Array, Array], code: Codes, gap: Array) -> No
     ax.pcolorfast(places[0], edges_of(places[1]), colours)
 
 
-def _legend(figure: PageFigure, code: Codes, gap: tuple[Shown, float]) -> None:
+def _legend(figure: PageFigure, code: Codes, unit: str, widest: float) -> None:
+    """What the colours mean.  widest : gap, in this unit."""
     here = [c for c in WORDS if c != OPEN and (code[1:] == c).any()]
     handles = [Patch(facecolor=LOOKS[c], edgecolor="#888888", linewidth=0.6, label=WORDS[c]) for c in here]
     if (code[1:] == OPEN).any():
-        bar = ScalarMappable(Normalize(0.0, gap[1] or 1.0), GREYS)
-        figure.colorbar(bar, cax=figure.add_axes((0.9, 0.2, 0.02, 0.6)), label=f"open: gap [{gap[0].unit}]")
+        bar = ScalarMappable(Normalize(0.0, widest or 1.0), GREYS)
+        figure.colorbar(bar, cax=figure.add_axes((0.9, 0.2, 0.02, 0.6)), label=f"open: gap [{unit}]")
     legend_below(figure, (), more=handles)
 
 
