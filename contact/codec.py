@@ -101,7 +101,7 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
     raw, checksum, body = _split(data)
     read = _layout if len(raw) <= REMEMBERED else _layout.__wrapped__
     name, packed, table, total = read(raw, checksum)
-    # fault: more bytes than a header says go by -> if total > len(body): | contact/test_tally
+    # fault: more bytes than a header says go by -> if total > len(body): | contact/test_call_stats
     if total != len(body):
         raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {total}")
     arrays = {key: _array(key, body, dtype, shape, offset) for key, dtype, shape, offset in table}

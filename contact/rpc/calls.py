@@ -1,7 +1,7 @@
-"""The front desk of a server: which call is new, which is known, which is refused.  No transport in here.
+"""The queue of calls of a server: which call is new, which is known, which is refused.  No transport in here.
 
 A client numbers its calls 1, 2, 3, ... and repeats a call under its number when no answer came.  So that a
-call is never carried out twice, the desk keeps the last answers of every client, lets a repeated call wait
+call is never carried out twice, the queue keeps the last answers of every client, lets a repeated call wait
 for the answer of the first, and refuses numbers it has already forgotten.
 """
 
@@ -72,7 +72,7 @@ class _Client(Generic[Waiter]):
     answers: OrderedDict[int, Answered] = field(default_factory=OrderedDict)
 
 
-class Desk(Generic[Waiter]):
+class CallQueue(Generic[Waiter]):
     """Takes calls from any thread and hands new ones to one worker, in order."""
 
     def __init__(self, instance: str) -> None:
@@ -145,7 +145,7 @@ class Verb:
 
 
 @dataclass(frozen=True)
-class Told:
+class ServerStats:
     """By name of the message that asks, in the order of their first calls.  since : seconds the server has lived."""
 
     since: float
@@ -162,7 +162,7 @@ class _Count:
     recent: array[float] = field(default_factory=lambda: array("d"))
 
 
-class Tally:
+class CallStats:
     """Counts calls; may be read from any thread while they go on."""
 
     def __init__(self) -> None:
@@ -180,20 +180,20 @@ class Tally:
                 c.recent[c.count % RECENT] = seconds
             c.count += 1
             c.total += seconds
-            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_tally
+            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_call_stats
             c.most = max(c.most, seconds)
             c.bytes_in += bytes_in
             c.bytes_out += bytes_out
 
-    def told(self) -> Told:
+    def so_far(self) -> ServerStats:
         """All of it so far."""
         with self._lock:
-            return Told(time.perf_counter() - self._started, {
+            return ServerStats(time.perf_counter() - self._started, {
                 verb: Verb(c.count, c.total, median(c.recent), c.most, c.bytes_in, c.bytes_out)
                 for verb, c in self._counts.items()})
 
 
-def lines(told: Told) -> list[str]:
+def lines(stats: ServerStats) -> list[str]:
     """The same for a log, a line a verb."""
     return [f"{name}: {v.count} calls, {v.total:.4g} s (median {v.typical:.3g} s, most {v.most:.3g} s), "
-            f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in told.verbs.items()]
+            f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in stats.verbs.items()]

@@ -108,7 +108,7 @@ class Session:
         answers: list[Answer] = []
         for reply in self._collect(get, timeout, watch):
             answers.append(answer := _answer(reply))
-            # fault: an answer waits for the end of its question -> if answer is None: | contact/test_tally
+            # fault: an answer waits for the end of its question -> if answer is None: | contact/test_call_stats
             if answer.ok or answer.spoken:  # zenoh says that nothing more comes a tenth of a millisecond later
                 break
         return answers

@@ -13,7 +13,6 @@ from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import Launched
-from coupler.record.observe import measure
 from coupler.rules.engine import wanted
 from coupler.rules.fit import schemes_of, unfit
 from coupler.scenario import Scenario
@@ -119,14 +118,9 @@ def _made_by(half: Half) -> list[str]:
 def plan_of(scenario: Scenario) -> Plan:
     """What a scenario asks for, from its first window to its last."""
     c = scenario.coupling
-    names = tuple(scenario.probes)
-
-    def probed(level: Level) -> dict[str, float]:
-        return dict(zip(names, measure(scenario.probes, scenario.interface, level).tolist(), strict=True))
-
     interface = scenario.interface
     places = places_of(interface) if c.locate else ()
     branches = branches_of(scenario.models["thermal"], interface.pairs, places) if c.locate and c.branches else ()
     locate = Locate(c.locate, c.event_tolerance, places, branches)
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
-                c.on_cycle, c.steady, scenario.rules, probed)
+                c.on_cycle, c.steady, scenario.rules)
