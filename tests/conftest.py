@@ -16,7 +16,7 @@ FAST = {
         link notes service shear_history sparse call_stats traction""",
     "coupler": """
         acceleration accounts adiabatic advise branches checkpoint compare console contact_page control
-        coupling curve description estimate events predict rules rules_fit scenario_docs scenario_errors
+        coupling description estimate events extrapolation predict rules rules_fit scenario_docs scenario_errors
         scenario_iteration scenario_laws scenario_load scenario_mesh scenario_override scenario_reading
         scenario_rules scenario_small schedule schemes stepsize contact_lines study thermal_page verify vtkhdf""",
     "mechanical_fmu": """

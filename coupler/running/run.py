@@ -220,7 +220,7 @@ class Run:
 
     def _record(self, tried: Tried) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
-        facts["scheme"] = tried.solved.scheme.value if tried.solved.scheme else ""
+        facts["scheme"] = tried.solved.scheme.value
         seen: dict[str, float] = {}
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
