@@ -33,12 +33,13 @@ class Heat:
     def outputs(self, model: Model) -> dict[str, float]:
         """By the names of the outputs heat.*: the terms that the scene can have."""
         named = {f"heat.stored.{body.name}": float(J) for body, J in zip(model.bodies, self.stored, strict=True)}
-        named |= {f"heat.temperature.{way}": float(J) for way, J in zip(("in", "out"), self.temperature, strict=True)}
+        for direction, J in zip(("in", "out"), self.temperature, strict=True):
+            named[f"heat.temperature.{direction}"] = float(J)
         possible = terms_of(model)
         return named | {f"heat.{name}": float(J) for name, J in zip(TERMS, self.terms, strict=True) if name in possible}
 
 
-def both_ways(through: Floats) -> Floats:
+def inflow_outflow(through: Floats) -> Floats:
     """(2,) what comes in and what goes out [J], of through : (n,) at nodes."""
     return np.array([through[through > 0.0].sum(), through[through < 0.0].sum()])
 

@@ -15,7 +15,7 @@ from contact.half.linalg import Solve, factorise
 from thermal_fmu.boundary import demand_limits
 from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.phase_change import temperature
-from thermal_fmu.stage import Balance, StageProblem, balance
+from thermal_fmu.stage import StageBalance, StageProblem, balance
 
 # Linear solves that reuse the factors of an earlier matrix: GMRES about an anchor.
 #
@@ -28,13 +28,13 @@ Ints = NDArray[np.int32]
 
 # More iterations than this cost about half of new factors (measured at 1 250 and 7 500 unknowns), which also serve
 # the steps to come.
-MAX_BASIS = 8
+MAX_KRYLOV = 8
 PATIENCE = 2  # iterations before their rate is held against them: the first ones tell little
 SMALLEST = 400  # unknowns; below, new factors cost no more than a few products in Python
 
 
 @dataclass(frozen=True)
-class Anchor:
+class AnchorMatrix:
     """The matrix whose factors are used, as CSR arrays."""
 
     indptr: Ints
@@ -48,22 +48,22 @@ class Anchor:
 
 
 @dataclass(frozen=True)
-class Solution:
+class LinearSolution:
     """x : (n,).  anchor : for the next solve, the one that came in where its factors served."""
 
     x: Floats
-    anchor: Anchor
+    anchor: AnchorMatrix
 
 
 class Factors:
     """The factors of the last anchor asked for.  Equal matrices have equal factors, to the bit."""
 
     def __init__(self) -> None:
-        self._anchor: Anchor | None = None
+        self._anchor: AnchorMatrix | None = None
         self._solve: Solve | None = None
         self.made = 0
 
-    def of(self, anchor: Anchor) -> Solve:
+    def of(self, anchor: AnchorMatrix) -> Solve:
         """Factors of the anchor.  Raises SingularMatrixError."""
         # fault: factors of an old matrix -> if self._solve is None or self._anchor is None : |
         #   thermal_fmu/test_thermal_solver
@@ -74,7 +74,7 @@ class Factors:
         return self._solve
 
 
-def solve(A: csr_matrix, b: Floats, target: float, anchor: Anchor | None, factors: Factors) -> Solution:
+def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, factors: Factors) -> LinearSolution:
     """Solve A x = b : (n,) until the sum of |b - A x| is at most target, or exactly where that takes new factors.
 
     Raises SingularMatrixError.
@@ -82,9 +82,9 @@ def solve(A: csr_matrix, b: Floats, target: float, anchor: Anchor | None, factor
     if anchor is not None and b.size >= SMALLEST and anchor.indptr.size == b.size + 1:
         x = _gmres(A, b, target / np.sqrt(b.size), factors.of(anchor))
         if x is not None and float(np.abs(b - A @ x).sum()) <= target:
-            return Solution(x, anchor)
-    fresh = Anchor(A.indptr, A.indices, A.data)
-    return Solution(factors.of(fresh)(b), fresh)
+            return LinearSolution(x, anchor)
+    fresh = AnchorMatrix(A.indptr, A.indices, A.data)
+    return LinearSolution(factors.of(fresh)(b), fresh)
 
 
 def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floats], Floats]) -> Floats | None:
@@ -92,11 +92,11 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
     size = float(np.linalg.norm(b))
     if size == 0.0:
         return np.zeros(b.size)
-    V, Z = np.zeros((MAX_BASIS + 1, b.size)), np.zeros((MAX_BASIS, b.size))
-    H = np.zeros((MAX_BASIS + 1, MAX_BASIS))
-    start = np.zeros(MAX_BASIS + 1)
+    V, Z = np.zeros((MAX_KRYLOV + 1, b.size)), np.zeros((MAX_KRYLOV, b.size))
+    H = np.zeros((MAX_KRYLOV + 1, MAX_KRYLOV))
+    start = np.zeros(MAX_KRYLOV + 1)
     V[0], start[0] = b / size, size
-    for j in range(MAX_BASIS):
+    for j in range(MAX_KRYLOV):
         Z[j] = precondition(V[j])
         w = A @ Z[j]
         for _ in range(2):  # the second pass keeps V orthogonal to round-off
@@ -104,11 +104,11 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
             w -= h @ V[: j + 1]
             H[: j + 1, j] += h
         H[j + 1, j] = np.linalg.norm(w)
-        y, left = _least(H[: j + 2, : j + 1], start[: j + 2])
-        # fault: linear residual not checked -> if left <= 1e6 * target: | thermal_fmu/test_thermal_solver
-        if left <= target:
+        y, residual = _least(H[: j + 2, : j + 1], start[: j + 2])
+        # fault: linear residual not checked -> if residual <= 1e6 * target: | thermal_fmu/test_thermal_solver
+        if residual <= target:
             return np.asarray(y @ Z[: j + 1])
-        if not np.isfinite(left) or (j >= PATIENCE and (left / size) ** (MAX_BASIS / (j + 1)) * size > target):
+        if not np.isfinite(residual) or (j >= PATIENCE and (residual / size) ** (MAX_KRYLOV / (j + 1)) * size > target):
             return None
         V[j + 1] = w / H[j + 1, j]
     return None
@@ -124,28 +124,28 @@ def _least(H: Floats, start: Floats) -> tuple[Floats, float]:
     return np.linalg.solve(R[:m], turned[:m]), float(abs(turned[m]))
 
 
-def _equal(one: Anchor, other: Anchor) -> bool:
+def _equal(one: AnchorMatrix, other: AnchorMatrix) -> bool:
     return one is other or all(a is b or np.array_equal(a, b) for a, b in (
         (one.indptr, other.indptr), (one.indices, other.indices), (one.data, other.data)))
 
 
 MAX_ITERATIONS = 25  # quadratic convergence needs a handful, a peaked c(T) with halved steps some more
 MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
-DESCENT = 1e-4  # least relative decrease asked for, per share of the full step
+SUFFICIENT_DECREASE = 1e-4  # least relative decrease asked for, per share of the full step
 # Where a node sits at the edge of a phase no step may lower the residual, yet a short one beyond it shows the other
 # side's slopes.  So often may a scene that melts take one.
 MAX_CLIMBS = 8
 # The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
-SHARE = 0.1
-LINEAR_SHARE = 0.3  # of what Newton asks for, so that a linear scene takes one solve
+STAGE_TOLERANCE = 0.1
+LINEAR_TOLERANCE = 0.3  # of what Newton asks for, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
 
 # The detour: blur from 1 down by SHARPER to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt in one step
 # took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md); Newton's method alone
 # walks from cell to cell and stops where a node sits between two phases.
-SHARPER = 0.3
+BLUR_FACTOR = 0.3
 LEAST_BLUR = 1e-4
-ROUGH = 0.1
+BLURRED_TOLERANCE = 0.1
 MAX_RETREATS = 20  # each goes back half way (in the logarithm) to the last blur that was solved
 
 
@@ -154,18 +154,18 @@ class NotConvergedError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Solved:
+class SolvedStage:
     """s : (n,) [K] of the stage, its balance, the number of linear solves, the relative residual, the next anchor."""
 
     s: Floats
-    balance: Balance
+    balance: StageBalance
     iterations: int
     residual: float
-    anchor: Anchor | None
+    anchor: AnchorMatrix | None
 
 
 def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
-                anchor: Anchor | None) -> Solved:
+                anchor: AnchorMatrix | None) -> SolvedStage:
     """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
 
     Converged where the sum of |R| is a tenth of `tolerance` of the sum of all |heats|, or is round-off.
@@ -178,15 +178,16 @@ def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Fac
             raise
         # fault: no detour through blurred laws -> raise |
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
-        solved = _detour(problem, s, tolerance, factors, anchor)
-    demand_limits(problem.held, problem.loads, temperature(problem.scene.melting, solved.s))
+        solved = _phase_continuation(problem, s, tolerance, factors, anchor)
+    demand_limits(problem.substep, problem.loads, temperature(problem.scene.melting, solved.s))
     return solved
 
 
-def _detour(problem: StageProblem, s: Floats, tolerance: float, factors: Factors, anchor: Anchor | None) -> Solved:
-    blur, sharper, done, spent, retreats = 1.0, SHARPER, 1.0, 0, 0
+def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
+                        anchor: AnchorMatrix | None) -> SolvedStage:
+    blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
     while True:
-        goal = tolerance if blur == 0.0 else ROUGH
+        goal = tolerance if blur == 0.0 else BLURRED_TOLERANCE
         try:
             solved = newton(replace(problem, blur=blur), s, goal, factors, anchor)
         except NotConvergedError:
@@ -205,7 +206,8 @@ def _detour(problem: StageProblem, s: Floats, tolerance: float, factors: Factors
         blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
 
 
-def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors, anchor: Anchor | None) -> Solved:
+def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
+           anchor: AnchorMatrix | None) -> SolvedStage:
     """As solve_stage, without the detour."""
     now = balance(problem, s, jacobian=True)
     floor = ROUND_OFF * _size(now.jacobian, s)
@@ -214,62 +216,61 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     #   thermal_fmu/test_thermal_newton::test_heat_that_is_not_finite_names_body_and_node
     _demand_finite(problem, now.R, "the heat")
     for iteration in range(MAX_ITERATIONS):
-        if now.norm <= max(SHARE * tolerance * now.scale, floor):
-            return Solved(s, now, iteration, now.share, anchor)
+        if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor):
+            return SolvedStage(s, now, iteration, now.relative_residual, anchor)
         if now.jacobian is None:
             now = balance(problem, s, jacobian=True)
         assert now.jacobian is not None
-        target = LINEAR_SHARE * max(SHARE * tolerance * now.scale, floor)
+        target = LINEAR_TOLERANCE * max(STAGE_TOLERANCE * tolerance * now.scale, floor)
         solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors)
         step, anchor = solution.x, solution.anchor
         _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
         before = now.norm
-        s, now = descend(partial(balance, problem, jacobian=False), s, step, now, (floor, climbs > 0))
+        s, now = descend(partial(balance, problem, jacobian=False), s, step, now, floor, climbs > 0)
         climbs -= int(now.norm >= before and now.norm > floor)
-    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.share:.2e} of the heat that flows "
-                            f"(tolerance {SHARE * tolerance:.1e})")
+    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.relative_residual:.2e} of the heat "
+                            f"that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
 
 
-class Trial(Protocol):
+class LineSearchBalance(Protocol):
     """A balance as far as a descent looks at it: the sum of |R| [J], and it as a share of the heat that flows."""
 
     @property
     def norm(self) -> float: ...
     @property
-    def share(self) -> float: ...
+    def relative_residual(self) -> float: ...
 
 
-B = TypeVar("B", bound=Trial)
+B = TypeVar("B", bound=LineSearchBalance)
 
 
-def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: B,
-            allowed: tuple[float, bool]) -> tuple[Floats, B]:
+def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: B, floor: float,
+            may_climb: bool) -> tuple[Floats, B]:
     """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no property that is not positive.
 
     allowed : the residual that is round-off, and whether the best of them will do where none lowers it.
     Raises NotConvergedError, BadPropertyError.
     """
-    floor, may_climb = allowed
-    share = 1.0
+    scale = 1.0
     refused: BadPropertyError | None = None
     best: tuple[Floats, B] | None = None
     for _ in range(MAX_HALVINGS):
-        trial = s + share * step
+        trial = s + scale * step
         try:
             after = balance_at(trial)
         except BadPropertyError as exc:
             refused = exc
         else:
-            if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
+            if after.norm <= max((1.0 - SUFFICIENT_DECREASE * scale) * before.norm, floor):
                 return trial, after
             if best is None or after.norm < best[1].norm:
                 best = trial, after
-        share *= 0.5
+        scale *= 0.5
     if may_climb and best is not None:
         return best
     if refused is not None:
         raise refused
-    raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.share:.2e} "
+    raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.relative_residual:.2e} "
                             "of the heat that flows")
 
 

@@ -109,7 +109,7 @@ class Melting:
 
 
 @dataclass(frozen=True)
-class Fields:
+class NodalFields:
     """What nodal s says: T : (n,) [K], and where a body melts f_s, dT/ds, df_s/ds : (n,), else None (then s is T)."""
 
     T: Floats
@@ -160,19 +160,20 @@ def prescribe(melting: Sequence[Melting], s: Floats, T: Floats, fixed: NDArray[n
     return np.where(fixed, unknown(melting, T), s) if melting else T
 
 
-def fields(melting: Sequence[Melting], s: Floats) -> Fields:
+def fields(melting: Sequence[Melting], s: Floats) -> NodalFields:
     """T and f_s with their derivatives at s : (n,) [K]."""
     if not melting:
-        return Fields(s)
+        return NodalFields(s)
     dT, df = np.ones(s.size), np.zeros(s.size)
     for body in melting:
         own = s[body.nodes]
         dT[body.nodes] = body.change.temperature_slope(own)
         df[body.nodes] = body.change.solid_fraction_slope(own)
-    return Fields(temperature(melting, s), solid_fraction(melting, s), dT, df)
+    return NodalFields(temperature(melting, s), solid_fraction(melting, s), dT, df)
 
 
-def blurred(melting: Sequence[Melting], at: Fields, s: Floats, blur: float, fixed: NDArray[np.bool_]) -> Fields:
+def blurred(melting: Sequence[Melting], at: NodalFields, s: Floats, blur: float,
+            fixed: NDArray[np.bool_]) -> NodalFields:
     """The fields with T replaced by (1 - blur) T + blur (T_s + BLUR_SLOPE (s - T_s - W/2)) at free nodes that melt.
 
     At blur = 1 no melting is left in T(s), at 0 all of it is: a path along which Newton's method can walk.
@@ -187,17 +188,17 @@ def blurred(melting: Sequence[Melting], at: Fields, s: Floats, blur: float, fixe
     return replace(at, T=T, dT=dT)
 
 
-def sloped(at: Fields) -> Fields:
+def sloped(at: NodalFields) -> NodalFields:
     """The fields with dT/ds >= LEAST_SLOPE, for a steady matrix: without storage a melting point leaves it singular."""
     return at if at.dT is None else replace(at, dT=np.maximum(at.dT, LEAST_SLOPE))
 
 
-def between(start: Fields, end: Fields, theta: float) -> Fields:
+def between(start: NodalFields, end: NodalFields, theta: float) -> NodalFields:
     """start + theta (end - start), with the derivatives of the end: those of the fields themselves lack a theta."""
     T = (1.0 - theta) * start.T + theta * end.T
     if start.f_s is None or end.f_s is None:
-        return Fields(T)
-    return Fields(T, (1.0 - theta) * start.f_s + theta * end.f_s, end.dT, end.df)
+        return NodalFields(T)
+    return NodalFields(T, (1.0 - theta) * start.f_s + theta * end.f_s, end.dT, end.df)
 
 
 def blend(solid: Property, liquid: Property, T_s: float, T_l: float) -> Property:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import Field, Level, Property, Signal, resolve
-from thermal_fmu.cells import Block, Shape, Volume, spread
+from thermal_fmu.cells import CellBlock, CellGeometry, CellMesh, spread
 from thermal_fmu.kernels import at_points
 from thermal_fmu.problem import Body, Model
 from thermal_fmu.surface_terms import at_nodes
@@ -18,7 +19,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class HeldSource:
+class FieldSource:
     """A source that follows a field: shapes : (n_terms, n) of its terms spread over the nodes [m3]."""
 
     body: int
@@ -26,20 +27,20 @@ class HeldSource:
 
 
 @dataclass(frozen=True)
-class WarmSource:
+class TemperatureSource:
     """A source with a factor of temperature, on one block of cells.
 
     volume : (ne, nq) of the quadrature points [m3].  shapes : (n_terms, ne nq), None where the field is uniform.
     """
 
     body: int
-    block: Block
+    block: CellBlock
     factor: Property
     volume: Floats
     shapes: Floats | None
 
 
-def plain_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body]) -> Floats | None:
+def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body]) -> Floats | None:
     """(n_bodies, n) volume of each body spread over its nodes [m3], 0 where it has no uniform source without factor.
 
     None where no body has one.
@@ -59,30 +60,30 @@ def is_plain(body: Body) -> bool:
     return body.Q_T.is_uniform and body.Q_T_factor is None
 
 
-def hold_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body],
-                 x: Floats) -> tuple[tuple[HeldSource, ...], tuple[WarmSource, ...]]:
+def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body],
+                   x: Floats) -> tuple[tuple[FieldSource, ...], tuple[TemperatureSource, ...]]:
     """The other sources of bodies on coordinates x : (n, 2) [m]."""
-    held, warm = [], []
+    by_field, by_temperature = [], []
     for b, body in enumerate(bodies):
         if is_plain(body) or body.Q_T.is_zero:
             continue
         own = [(block, shape) for block, shape in zip(volume.blocks, shapes, strict=True) if block.body == b]
         if body.Q_T_factor is not None:
-            warm += [WarmSource(b, block, body.Q_T_factor, shape.dV, _at_quadrature(body.Q_T, block, x))
-                     for block, shape in own]
+            by_temperature += [TemperatureSource(b, block, body.Q_T_factor, shape.dV,
+                                                 _at_quadrature(body.Q_T, block, x)) for block, shape in own]
         else:
-            held.append(HeldSource(b, sum((_nodal(volume, body.Q_T, block, shape, x) for block, shape in own),
-                                          np.zeros((len(body.Q_T.terms), volume.n)))))
-    return tuple(held), tuple(warm)
+            by_field.append(FieldSource(b, sum((_nodal(volume, body.Q_T, block, shape, x) for block, shape in own),
+                                               np.zeros((len(body.Q_T.terms), volume.n)))))
+    return tuple(by_field), tuple(by_temperature)
 
 
-def _at_quadrature(field: Field, block: Block, x: Floats) -> Floats | None:
+def _at_quadrature(field: Field, block: CellBlock, x: Floats) -> Floats | None:
     if field.is_uniform:
         return None
     return field.shapes(np.einsum("qi,eij->eqj", block.table.N, x[block.cells]).reshape(-1, 2))
 
 
-def _nodal(volume: Volume, field: Field, block: Block, shape: Shape, x: Floats) -> Floats:
+def _nodal(volume: CellMesh, field: Field, block: CellBlock, shape: CellGeometry, x: Floats) -> Floats:
     at = _at_quadrature(field, block, x)
     assert at is not None, "a uniform source without factor is a plain one"
     # fault: source of a field not weighted in place -> return np.array([_to_nodes(block, term.mean() * shape.dV,
@@ -90,12 +91,12 @@ def _nodal(volume: Volume, field: Field, block: Block, shape: Shape, x: Floats) 
     return np.array([_to_nodes(block, term.reshape(shape.dV.shape) * shape.dV, volume.n) for term in at])
 
 
-def _to_nodes(block: Block, power: Floats, n: int) -> Floats:
+def _to_nodes(block: CellBlock, power: Floats, n: int) -> Floats:
     """(n,) nodal sums of N_i times power : (ne, nq)."""
     return at_nodes(block.cells, power @ block.table.N, n)
 
 
-def warm_flow(source: WarmSource, level: Level, T: Floats) -> tuple[Floats, Floats]:
+def temperature_source_flow(source: TemperatureSource, level: Level, T: Floats) -> tuple[Floats, Floats]:
     """(n,) heat made at nodes [W] at T : (n,) [K], and (ne, nn, nn) the derivative of its opposite [W/K].
 
     level : of Q_T [W/m3].  Q = Q_T(x, t) factor(T) at quadrature points, on the current volume.
@@ -119,8 +120,29 @@ SNAP_STEP, SNAP_TIME = 1e-6, 4e-12
 LoadFactors = Mapping[str, float]
 
 
+class FilmLevels(NamedTuple):
+    """A film at one time.  h [W/m2K^(1 + exponent)] and Te [K]: numbers, or levels of fields."""
+
+    h: Level
+    Te: Level
+
+
+class RadiatorLevels(NamedTuple):
+    """A radiating surface at one time.  factor : of its flow [1].  T_inf [K]: a number, or a level of a field."""
+
+    factor: float
+    T_inf: Level
+
+
+class PairFactors(NamedTuple):
+    """The factors of a pair's conductances at one time [1], of its closed and of its open points."""
+
+    closed: float
+    open: float
+
+
 @dataclass(frozen=True)
-class Loads:
+class ThermalLoads:
     """Levels at one time, each in the order of the model: numbers, but for fields that depend on place.
 
     Q_T [W/m3] of bodies.  fluxes [W/m2].  films : (h [W/m2K], Te [K]).  radiators : (factor, T_inf [K]).
@@ -129,13 +151,13 @@ class Loads:
 
     Q_T: tuple[Level, ...]
     fluxes: tuple[Level, ...]
-    films: tuple[tuple[Level, Level], ...]
-    radiators: tuple[tuple[float, Level], ...]
+    films: tuple[FilmLevels, ...]
+    radiators: tuple[RadiatorLevels, ...]
     prescribed: tuple[Level, ...]
-    pairs: tuple[tuple[float, float], ...]
+    pairs: tuple[PairFactors, ...]
 
 
-def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
+def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> ThermalLoads:
     """Boundary data at t [s], at a jump before it (side = -1) or after it; factors : of the named ones."""
     def now(field: Field, name: str = "") -> Level:
         return field.level(t, side) * factor(name)
@@ -143,16 +165,16 @@ def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
     def factor(name: str) -> float:
         return factors[name] if name else 1.0
 
-    return Loads(
+    return ThermalLoads(
         tuple(now(b.Q_T) for b in model.bodies),
         tuple(now(b.value, b.name) for b in model.fluxes),
-        tuple((now(b.h, b.name), now(b.Te)) for b in model.films),
-        # fault: factor of radiation forgotten -> tuple((1.0, now(b.T_inf)) for b in model.radiators), |
+        tuple(FilmLevels(now(b.h, b.name), now(b.Te)) for b in model.films),
+        # fault: factor of radiation forgotten -> tuple(RadiatorLevels(1.0, now(b.T_inf)) for b in model.radiators), |
         #   thermal_fmu/test_thermal_radiation
-        tuple((factor(b.name), now(b.T_inf)) for b in model.radiators),
+        tuple(RadiatorLevels(factor(b.name), now(b.T_inf)) for b in model.radiators),
         tuple(now(b.value, b.name) for b in model.prescribed),
-        tuple((0.0, 0.0) if p is None else (p.closed_factor.at(t, side), p.open_factor.at(t, side))
-              for p in model.pairs),
+        tuple(PairFactors(0.0, 0.0) if p is None else
+              PairFactors(p.closed_factor.at(t, side), p.open_factor.at(t, side)) for p in model.pairs),
     )
 
 

@@ -10,12 +10,22 @@ import numpy as np
 from contact.half.linalg import SingularMatrixError
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Method
-from thermal_fmu.newton import Anchor, NotConvergedError, Solved, solve_stage
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
+from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, solve_stage
 from thermal_fmu.problem import Adaptive, Stepping
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
 from thermal_fmu.stage import StageProblem, balance
-from thermal_fmu.step import Course, Floats, Stepped, damped_step, flow_at, local_error, take_step, with_prescribed
+from thermal_fmu.step import (
+    Floats,
+    NodalFlow,
+    StepContext,
+    StepResult,
+    damped_step,
+    flow_at,
+    local_error,
+    take_step,
+    with_prescribed,
+)
 
 # How long the next inner step may be: a controller with memory.
 
@@ -29,7 +39,7 @@ SHORTENED = 1.0 - 1e-9  # of a length: what is left beyond it is round-off, not 
 
 
 @dataclass(frozen=True)
-class Pace:
+class StepController:
     """What inner steps hand on.  h : length to try next [s], 0: not known yet.
 
     error : of the last inner step, as a share of the tolerance; 1 where its method or its data were others.
@@ -39,11 +49,11 @@ class Pace:
     error: float = 1.0
 
 
-NO_PACE = Pace()
+NO_STEPS_YET = StepController()
 
 
 @dataclass(frozen=True)
-class Measure:
+class StepMeasure:
     """A step that was solved.  error, change : estimated local error and largest change of T, as shares of what is
     allowed.  order : the error falls like h^(order + 1).
     """
@@ -59,31 +69,32 @@ class Measure:
         return self.error <= 1.0 and self.change <= 1.0
 
 
-def length(h: float, left: float) -> float:
+def step_length(h: float, remaining: float) -> float:
     """The step to try where h [s] is wished (0: no wish) and `left` [s] remain: never a sliver for the last one."""
-    if h == 0.0 or h >= SHORTENED * left:
-        return left
+    if h == 0.0 or h >= SHORTENED * remaining:
+        return remaining
     # fault: a sliver for the last inner step -> return h | thermal_fmu/test_thermal_adaptive
-    return 0.5 * left if 2.0 * h > left else h
+    return 0.5 * remaining if 2.0 * h > remaining else h
 
 
-def shorter(h: float, found: Measure | None) -> float:
+def shorter_step(h: float, measure: StepMeasure | None) -> float:
     """The next try after a step h [s] that did not pass; found : None where it was not solved."""
-    if found is None:
+    if measure is None:
         return FAILED_CUT * h
-    by_error = SAFETY * max(found.error, SMALLEST) ** (-1.0 / (found.order + 1))
-    return h * max(MOST_CUT, min(SAFETY, by_error, SAFETY / max(found.change, SMALLEST)))
+    by_error = SAFETY * max(measure.error, SMALLEST) ** (-1.0 / (measure.order + 1))
+    return h * max(MOST_CUT, min(SAFETY, by_error, SAFETY / max(measure.change, SMALLEST)))
 
 
-def after(pace: Pace, h: float, found: Measure, retried: bool) -> Pace:
+def after_step(controller: StepController, h: float, measure: StepMeasure, retried: bool) -> StepController:
     """The pace after a step h [s] that passed; retried : a longer one did not."""
-    power = found.order + 1
-    error = max(found.error, SMALLEST)
-    growth = SAFETY * error ** (-OF_ERROR / power) * pace.error ** (OF_LAST_ERROR / power)
-    growth = min(growth, SAFETY / max(found.change, SMALLEST), 1.0 if retried else MOST_GROWTH)
-    if not retried and h < SHORTENED * pace.h:
-        return Pace(max(pace.h, growth * h), pace.error)  # cut short by a kink, which says nothing against the pace
-    return Pace(growth * h, error)
+    power = measure.order + 1
+    error = max(measure.error, SMALLEST)
+    growth = SAFETY * error ** (-OF_ERROR / power) * controller.error ** (OF_LAST_ERROR / power)
+    growth = min(growth, SAFETY / max(measure.change, SMALLEST), 1.0 if retried else MOST_GROWTH)
+    if not retried and h < SHORTENED * controller.h:
+        return StepController(max(controller.h, growth * h),
+                              controller.error)  # cut short by a kink, which says nothing against the pace
+    return StepController(growth * h, error)
 
 
 LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given
@@ -98,66 +109,63 @@ class LeastStepError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Progress:
+class SubstepProgress:
     """A substep on its way.  s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.
 
     substeps, rejected : inner steps that passed, and that did not.
     """
 
     s: Floats
-    anchor: Anchor | None
-    pace: Pace
+    anchor: AnchorMatrix | None
+    controller: StepController
     damped: int
-    done: Stepped | None = None
+    done: StepResult | None = None
     substeps: int = 0
     rejected: int = 0
 
 
 @dataclass(frozen=True)
-class Walk:
+class SubstepPlan:
     """What every inner step of a substep needs.  least : [s]."""
 
-    course: Course
-    method: Method
+    context: StepContext
+    method: TimeMethod
     adaptive: Adaptive
     least: float
 
 
 @dataclass(frozen=True)
-class Place:
-    """A point on the way.  t [s], s : (n,) [K] with the prescribed values of t after a jump, f : (n,) flow there [W].
-
-    s and f only where an error is estimated.
-    """
+class StepPoint:
+    """A time t [s] between two inner steps, and the flow after a jump there; None where no error is estimated."""
 
     t: float
-    s: Floats | None = None
-    f: Floats | None = None
+    flow: NodalFlow | None = None
 
 
 @dataclass(frozen=True)
-class Tried:
+class SolvedStep:
     """An inner step that was solved, its measure, and where it led."""
 
-    done: Stepped
-    found: Measure
-    there: Place
+    done: StepResult
+    measure: StepMeasure
+    there: StepPoint
 
 
-def walk(course: Course, method: Method, adaptive: Adaptive, progress: Progress, t: float, h: float) -> Progress:
+def inner_steps(context: StepContext, method: TimeMethod, adaptive: Adaptive, progress: SubstepProgress, t: float,
+                h: float) -> SubstepProgress:
     """The substep [t, t + h].  Inner steps end at every kink of the half's own signals; after a jump one is damped.
 
     Raises LeastStepError.
     """
     least = min(adaptive.least or LEAST_SHARE * h, h)
-    plan = Walk(course, method, adaptive, least)
+    plan = SubstepPlan(context, method, adaptive, least)
     begin = t
-    for end in ends_within(course.calendar, t, h):
-        if course.calendar.jump_within(begin, end - begin):
+    for end in ends_within(context.calendar, t, h):
+        if context.calendar.jump_within(begin, end - begin):
             progress = replace(progress, damped=DAMPED_SUBSTEPS)
-        place = _place(plan, progress.s, begin, end - begin)
-        while place.t < end:
-            progress, place = _inner_step(plan, progress, place, end)
+        point = _point(plan, progress.s, begin, end - begin)
+        while point.t < end:
+            progress, point = _inner_step(plan, progress, point, end)
         begin = end
     return progress
 
@@ -174,62 +182,65 @@ def ends_within(calendar: Calendar, t: float, h: float) -> tuple[float, ...]:
     return (*ends, t + h)
 
 
-def _place(plan: Walk, s: Floats, t: float, h: float) -> Place:
-    return Place(t) if isinf(plan.adaptive.tolerance) else Place(t, *flow_at(plan.course, s, t, h, 1))
+def _point(plan: SubstepPlan, s: Floats, t: float, h: float) -> StepPoint:
+    return StepPoint(t) if isinf(plan.adaptive.tolerance) else StepPoint(t, flow_at(plan.context, s, t, h, 1))
 
 
-def _inner_step(plan: Walk, progress: Progress, place: Place, end: float) -> tuple[Progress, Place]:
+def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, end: float) -> tuple[SubstepProgress,
+                                                                                                     StepPoint]:
     """One step that passes, and where it led."""
-    left = end - place.t
-    size, rejected, anchor = length(progress.pace.h, left), 0, progress.anchor
+    remaining = end - point.t
+    size, rejected, anchor = step_length(progress.controller.h, remaining), 0, progress.anchor
     while True:
-        tried = _attempt(plan, progress, anchor, place, end if size == left else place.t + size)
-        if isinstance(tried, Tried) and tried.found.passes:
-            pace = after(progress.pace, size, tried.found, rejected > 0)
-            return _gone(progress, tried.done, pace, rejected), tried.there
+        attempt = _attempt(plan, progress, anchor, point, end if size == remaining else point.t + size)
+        if isinstance(attempt, SolvedStep) and attempt.measure.passes:
+            controller = after_step(progress.controller, size, attempt.measure, rejected > 0)
+            return _advanced(progress, attempt.done, controller, rejected), attempt.there
         if size <= plan.least:
-            raise LeastStepError(f"an inner step of {size:.3g} s at {place.t:.9g} s {_why(tried)}; "
+            raise LeastStepError(f"an inner step of {size:.3g} s at {point.t:.9g} s {_why(attempt)}; "
                                  f"adaptive.least allows none shorter", plan.least)
-        found, anchor = (tried.found, tried.done.anchor) if isinstance(tried, Tried) else (None, anchor)
-        size, rejected = length(max(plan.least, shorter(size, found)), left), rejected + 1
+        measure, anchor = (attempt.measure, attempt.done.anchor) if isinstance(attempt, SolvedStep) else (None, anchor)
+        size, rejected = step_length(max(plan.least, shorter_step(size, measure)), remaining), rejected + 1
 
 
-def _attempt(plan: Walk, progress: Progress, anchor: Anchor | None, place: Place, stop: float) -> Tried | str:
+def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix | None, point: StepPoint,
+             stop: float) -> SolvedStep | str:
     """The step from `place` to stop [s] with its measure, or why there is none."""
-    method, course, h = plan.method, plan.course, stop - place.t
-    # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
+    method, context, h = plan.method, plan.context, stop - point.t
+    # fault: inner steps not damped after_step a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
     take = damped_step if progress.damped > 0 else take_step
     try:
-        done = take(course, method, progress.s, anchor, place.t, h)
-        error, there = _error(plan, place, done, stop, h)
+        done = take(context, method, progress.s, anchor, point.t, h)
+        error, there = _error(plan, point, done, stop, h)
     except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
         return str(exc)
-    free, melting = ~course.scene.fixed, course.scene.melting
+    free, melting = ~context.scene.fixed, context.scene.melting
     dT = phase_change.temperature(melting, done.s) - phase_change.temperature(melting, progress.s)
     change = float(np.abs(dT[free]).max(initial=0.0)) / plan.adaptive.max_dT
-    used = METHODS[method.damped[0]] if progress.damped > 0 and method.damped is not None else method
-    return Tried(done, Measure(error, change, used.order), there)
+    used = METHODS[method.damped.method] if progress.damped > 0 and method.damped is not None else method
+    return SolvedStep(done, StepMeasure(error, change, used.order), there)
 
 
-def _error(plan: Walk, place: Place, done: Stepped, stop: float, h: float) -> tuple[float, Place]:
-    if place.s is None or place.f is None:
-        return 0.0, Place(stop)
-    error, there = local_error(plan.course, (place.s, place.f), done, place.t, h)
-    return error / plan.adaptive.tolerance, Place(stop, *there)
+def _error(plan: SubstepPlan, point: StepPoint, done: StepResult, stop: float, h: float) -> tuple[float, StepPoint]:
+    if point.flow is None:
+        return 0.0, StepPoint(stop)
+    error, end = local_error(plan.context, point.flow, done, point.t, h)
+    return error / plan.adaptive.tolerance, StepPoint(stop, end)
 
 
-def _gone(progress: Progress, done: Stepped, pace: Pace, rejected: int) -> Progress:
+def _advanced(progress: SubstepProgress, done: StepResult, controller: StepController,
+              rejected: int) -> SubstepProgress:
     # After a damped step another method goes on: what its error was says nothing about the next one's.
-    pace = replace(pace, error=1.0) if progress.damped > 0 else pace
+    controller = replace(controller, error=1.0) if progress.damped > 0 else controller
     total = done if progress.done is None else progress.done.then(done)
-    return Progress(done.s, done.anchor, pace, max(progress.damped - 1, 0), total, progress.substeps + 1,
-                    progress.rejected + rejected)
+    return SubstepProgress(done.s, done.anchor, controller, max(progress.damped - 1, 0), total, progress.substeps + 1,
+                           progress.rejected + rejected)
 
 
-def _why(tried: Tried | str) -> str:
-    if isinstance(tried, str):
-        return f"was not solved: {tried}"
-    return f"has {tried.found.error:.3g} of adaptive.tolerance and {tried.found.change:.3g} of adaptive.max_dT"
+def _why(attempt: SolvedStep | str) -> str:
+    if isinstance(attempt, str):
+        return f"was not solved: {attempt}"
+    return f"has {attempt.measure.error:.3g} of adaptive.tolerance and {attempt.measure.change:.3g} of adaptive.max_dT"
 
 
 # Steady states by load increments: R(T) = (1 - lambda) R(T_start), lambda from 0 to 1.
@@ -238,8 +249,8 @@ STEADY = METHODS["steady"]
 MAX_HALVINGS = 10  # of an increment; a path that needs steps of a thousandth of one is no path
 
 
-def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anchor | None, t: float,
-                   dt: float) -> Stepped:
+def steady_by_increments(context: StepContext, increments: int, s_start: Floats, anchor: AnchorMatrix | None, t: float,
+                         dt: float) -> StepResult:
     """From s_start : (n,) [K] to the steady state under the loads of t + dt, prescribed values moving along.
 
     The path starts where the residual is zero by construction.  An increment that fails is halved, and grows again as
@@ -253,13 +264,13 @@ def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anc
         size = min(size, last - done)
         try:
             if done + size == last:
-                stepped = take_step(course, STEADY, s, anchor, t, dt)
+                stepped = take_step(context, STEADY, s, anchor, t, dt)
                 return replace(stepped, iterations=iterations + stepped.iterations)
-            path = path or _path(course, s_start, t, dt)
+            path = path or _path(context, s_start, t, dt)
             solved = _increment(path, (done + size) / last, s, anchor)
         except (NotConvergedError, BadPropertyError) as exc:
             if size == 1:
-                return _all_at_once(course, s_start, anchor, (t, dt), f"at {done / last:.3g} of the load no "
+                return _all_at_once(context, s_start, anchor, t, dt, f"at {done / last:.3g} of the load no "
                                     f"increment helps: {exc}")
             size //= 2
             continue
@@ -267,11 +278,11 @@ def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anc
         done, size = done + size, min(2 * size, whole)
 
 
-def _all_at_once(course: Course, s_start: Floats, anchor: Anchor | None, when: tuple[float, float],
-                 why: str) -> Stepped:
+def _all_at_once(context: StepContext, s_start: Floats, anchor: AnchorMatrix | None, t: float, dt: float,
+                 why: str) -> StepResult:
     """Where the path turns back before its end, its end may still be in reach of Newton's method from the start."""
     try:
-        return take_step(course, STEADY, s_start, anchor, *when)
+        return take_step(context, STEADY, s_start, anchor, t, dt)
     except (NotConvergedError, BadPropertyError) as exc:
         raise NotConvergedError(why) from exc
 
@@ -280,74 +291,75 @@ def _all_at_once(course: Course, s_start: Floats, anchor: Anchor | None, when: t
 class _Path:
     """problem : of lambda = 1.  f : (n,) [W] at the start.  s_start, s_end : (n,) [K], right at fixed nodes."""
 
-    course: Course
+    context: StepContext
     problem: StageProblem
     f: Floats
     s_start: Floats
     s_end: Floats
 
 
-def _path(course: Course, s_start: Floats, t: float, dt: float) -> _Path:
-    model = course.scene.model
-    loads = loads_at(model, course.load, course.calendar.snap(t + dt, dt), -1)
-    problem = StageProblem(course.scene, course.held, loads, STEADY.stages[0], dt, s_start, course.power_M,
+def _path(context: StepContext, s_start: Floats, t: float, dt: float) -> _Path:
+    model = context.scene.model
+    loads = loads_at(model, context.load_factors, context.calendar.snap(t + dt, dt), -1)
+    problem = StageProblem(context.scene, context.substep, loads, STEADY.stages[0], dt, s_start, context.power_M,
                            np.zeros(s_start.size), False)
     f = -balance(problem, s_start, jacobian=False).R / dt
-    return _Path(course, problem, np.where(course.scene.fixed, 0.0, f), s_start,
-                 with_prescribed(course, loads, s_start))
+    return _Path(context, problem, np.where(context.scene.fixed, 0.0, f), s_start,
+                 with_prescribed(context, loads, s_start))
 
 
-def _increment(path: _Path, share: float, s: Floats, anchor: Anchor | None) -> Solved:
+def _increment(path: _Path, fraction: float, s: Floats, anchor: AnchorMatrix | None) -> SolvedStage:
     """share : lambda."""
-    course, problem = path.course, path.problem
-    fixed = course.scene.fixed
+    context, problem = path.context, path.problem
+    fixed = context.scene.fixed
     # fault: prescribed values do not move along -> guess = np.where(fixed, path.s_end, s) |
     #   thermal_fmu/test_thermal_steady
-    guess = np.where(fixed, (1.0 - share) * path.s_start + share * path.s_end, s)
+    guess = np.where(fixed, (1.0 - fraction) * path.s_start + fraction * path.s_end, s)
     # fault: increments without a path -> partial = replace(problem, earlier=0.0 * path.f) |
     #   thermal_fmu/test_thermal_steady
-    partial = replace(problem, earlier=-(1.0 - share) * problem.dt * path.f)
-    return solve_stage(partial, guess, course.scene.model.stepping.tolerance, course.factors, anchor)
+    partial = replace(problem, earlier=-(1.0 - fraction) * problem.dt * path.f)
+    return solve_stage(partial, guess, context.scene.model.stepping.tolerance, context.factors, anchor)
 
 
 # The way of one communication substep: by increments, by inner steps, damped, or in one.
 
 @dataclass(frozen=True)
-class Begin:
+class SubstepStart:
     """Where a substep begins: s : (n,) [K], anchor of its first solve, (inner) steps still to be damped, pace."""
 
     s: Floats
-    anchor: Anchor | None
+    anchor: AnchorMatrix | None
     damped: int
-    pace: Pace
+    controller: StepController
 
 
 @dataclass(frozen=True)
-class Advanced:
+class SubstepResult:
     """The substep as one step, what is left to be damped, the pace; inner steps that passed, and that did not."""
 
-    done: Stepped
+    done: StepResult
     damped: int
-    pace: Pace
+    controller: StepController
     substeps: int = 1
     rejected: int = 0
 
 
-def advance(course: Course, stepping: Stepping, method: Method, begin: Begin, t: float, h: float) -> Advanced:
+def advance(context: StepContext, stepping: Stepping, method: TimeMethod, begin: SubstepStart, t: float,
+            h: float) -> SubstepResult:
     """From t to t + h [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError; LeastStepError with adaptive inner steps.
     """
-    left = max(begin.damped - 1, 0)
+    still_damped = max(begin.damped - 1, 0)
     if not method.stores:
-        done = walk_to_steady(course, stepping.increments, begin.s, begin.anchor, t, h)
-        return Advanced(done, left, begin.pace)
+        done = steady_by_increments(context, stepping.increments, begin.s, begin.anchor, t, h)
+        return SubstepResult(done, still_damped, begin.controller)
     if stepping.adaptive is not None:
-        start = Progress(begin.s, begin.anchor, begin.pace, begin.damped)
-        end = walk(course, method, stepping.adaptive, start, t, h)
+        start = SubstepProgress(begin.s, begin.anchor, begin.controller, begin.damped)
+        end = inner_steps(context, method, stepping.adaptive, start, t, h)
         assert end.done is not None
-        return Advanced(end.done, end.damped, end.pace, end.substeps, end.rejected)
+        return SubstepResult(end.done, end.damped, end.controller, end.substeps, end.rejected)
     # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time
-    damped = DAMPED_SUBSTEPS if course.calendar.jump_within(t, h) else begin.damped
-    done = (damped_step if damped > 0 else take_step)(course, method, begin.s, begin.anchor, t, h)
-    return Advanced(done, max(damped - 1, 0), begin.pace)
+    damped = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else begin.damped
+    done = (damped_step if damped > 0 else take_step)(context, method, begin.s, begin.anchor, t, h)
+    return SubstepResult(done, max(damped - 1, 0), begin.controller)

@@ -15,16 +15,22 @@ from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError, InvertedCellError
-from thermal_fmu.facing import Points, points_of
+from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.half import face_variables, whole
 from thermal_fmu.heat import Heat, no_heat
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_station_model
 from thermal_fmu.sources import calendar_of, factors_of
-from thermal_fmu.stations.balance import Ground, StationCourse, StationStepped, advance_stations, entropy_stations
-from thermal_fmu.stations.scene import StationScene, hold_stations, rub_stations
-from thermal_fmu.stations.stations import Stations, StationShape, lumped_stations, rod_stations
+from thermal_fmu.stations.balance import (
+    StationContext,
+    StationStepResult,
+    StationSubstep,
+    advance_stations,
+    entropy_stations,
+)
+from thermal_fmu.stations.scene import StationScene, freeze_stations, stations_with_friction
+from thermal_fmu.stations.stations import StationGeometry, Stations, lumped_stations, rod_stations
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +64,7 @@ class StationHalf:
         """Raises ValueError for a model.json or a mesh that is not right."""
         self._scene = StationScene(interface, parse_station_model(interface, spec, half), stations(interface))
         self._calendar = calendar_of(self._scene.model)
-        self._first: tuple[Floats, StationShape] | None = None
+        self._first: tuple[Floats, StationGeometry] | None = None
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
@@ -84,49 +90,49 @@ class StationHalf:
         if name in ("", "steady"):
             return Discard(f"control.method {number} is none of 0, 1, 2, 3, 4")
         try:
-            return self._advance(state, inputs, (t, h), link, stepping.method_of(name))
+            return self._advance(state, inputs, t, h, link, stepping.method_of(name))
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
         except (InvertedCellError, ContactRefusedError) as exc:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
 
-    def _advance(self, state: StationState, inputs: Values, when: tuple[float, float], link: Link,
-                 method: Method) -> Done:
-        scene, (t, h) = self._scene, when
+    def _advance(self, state: StationState, inputs: Values, t: float, h: float, link: Link,
+                 method: TimeMethod) -> Done:
+        scene = self._scene
         x, s = np.array(inputs["x"], dtype=np.float64), np.array(state.s)
         points = self._facing(x, inputs, link)
-        shape = scene.ruler.shape(x)
-        held = hold_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
+        shape = scene.mesh.shape(x)
+        data = freeze_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
         if points is not None:
             E = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
-            held = rub_stations(held, scene, points, E, phase_change.fields(scene.melting, s), h)
-        # fault: mass of a rod from where it is -> ground = Ground(scene, shape, shape, held) |
+            data = stations_with_friction(data, scene, points, E, phase_change.fields(scene.melting, s), h)
+        # fault: mass of a rod from where it is -> substep = StationSubstep(scene, shape, shape, data) |
         #   thermal_fmu/test_thermal_rod
-        ground = Ground(scene, shape, self._shape_of(state.X), held)
-        course = StationCourse(ground, factors_of(scene.model, inputs), self._calendar, held.E_M / h)
+        substep = StationSubstep(scene, shape, self._shape_of(state.X), data)
+        context = StationContext(substep, factors_of(scene.model, inputs), self._calendar, data.E_M / h)
         event = whole(inputs, "control.event")
         damped = DAMPED_SUBSTEPS if event != state.event else state.damped
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
-        jump = entropy_stations(course, scene.ruler.spread(E_S, shape), s, t) if E_S.any() else None
-        done, left = advance_stations(course, method, s if jump is None else jump.s, damped, t, h)
+        jump = entropy_stations(context, scene.mesh.spread(E_S, shape), s, t) if E_S.any() else None
+        done, damped = advance_stations(context, method, s if jump is None else jump.s, damped, t, h)
         done = done if jump is None else jump.then(done)
-        new = StationState(done.s, state.X, event, left, state.stored + float(done.heat.stored.sum()))
-        return Done(new, self._outputs(new, done.heat, held.touching, done, phase_change.temperature(scene.melting, s)))
+        new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()))
+        return Done(new, self._outputs(new, done.heat, data.touching, done, phase_change.temperature(scene.melting, s)))
 
-    def _shape_of(self, X: Floats) -> StationShape:
+    def _shape_of(self, X: Floats) -> StationGeometry:
         if self._first is None or not np.array_equal(self._first[0], X):
-            self._first = (np.array(X), self._scene.ruler.shape(X))
+            self._first = (np.array(X), self._scene.mesh.shape(X))
         return self._first[1]
 
-    def _facing(self, x: Floats, inputs: Values, link: Link) -> Points | None:
+    def _facing(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
         scene = self._scene
         if not scene.interface.pairs:
             return None
         facing = scene.surfaces.facing(link, x)
-        return points_of(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
+        return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
-    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStepped | None,
+    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStepResult | None,
                  T_n: Floats) -> dict[str, Value]:
         scene = self._scene
         T, of_node = phase_change.temperature(scene.melting, state.s), scene.stations.of_node

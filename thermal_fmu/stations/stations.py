@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from contact.half.interface import Columns, Interface, columns_of
 from contact.half.linalg import SingularMatrixError
-from thermal_fmu.cells import InvertedCellError, Volume, shapes_of, volume_of
-from thermal_fmu.facing import EDGE_WEIGHT, EDGE_XI, shape_functions
+from thermal_fmu.cells import CellMesh, InvertedCellError, cell_mesh, shapes_of
+from thermal_fmu.contact_quadrature import EDGE_WEIGHT, EDGE_XI, shape_functions
 from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
@@ -70,8 +70,8 @@ def lumped_stations(interface: Interface) -> Stations:
         raise ValueError(f"node {int(np.argmin(interface.node_body)) + 1} of the mesh belongs to no cell")
     n = len(interface.bodies)
     node_body = interface.node_body.astype(np.intp)
-    found = Stations(node_body, np.arange(n), tuple(np.array([b]) for b in range(n)), 0)
-    return _ordered(found, interface, np.arange(n), None)
+    stations = Stations(node_body, np.arange(n), tuple(np.array([b]) for b in range(n)), 0)
+    return _ordered(stations, interface, np.arange(n), None)
 
 
 def rod_stations(interface: Interface) -> Stations:
@@ -82,21 +82,22 @@ def rod_stations(interface: Interface) -> Stations:
     return _ordered(Stations(columns.of_node, body, own, 0), interface, np.arange(columns.count), columns)
 
 
-def _ordered(found: Stations, interface: Interface, number: Ints, columns: Columns | None) -> Stations:
+def _ordered(stations: Stations, interface: Interface, number: Ints, columns: Columns | None) -> Stations:
     """Renumbered so that stations that exchange heat come close to each other: rods in a row are tridiagonal."""
-    pairs = [np.stack([c[:-1], c[1:]], axis=1) for c in found.own]
+    pairs = [np.stack([c[:-1], c[1:]], axis=1) for c in stations.own]
     for pair in interface.pairs:
-        slave, master = (np.unique(found.of_node[interface.surfaces[s]]) for s in (pair.slave, pair.master))
+        slave, master = (np.unique(stations.of_node[interface.surfaces[s]]) for s in (pair.slave, pair.master))
         pairs.append(np.stack([a.ravel() for a in np.meshgrid(slave, master)], axis=1))
     joined = np.concatenate(pairs)
-    n = found.n
+    n = stations.n
     both = np.concatenate([joined, joined[:, ::-1]])
     graph = coo_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(n, n)).tocsr()
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.intp)
     new = np.empty(n, dtype=np.intp)
     new[order] = number
     width = int(np.abs(new[joined[:, 0]] - new[joined[:, 1]]).max(initial=0))
-    return Stations(new[found.of_node], found.body[order], tuple(new[c] for c in found.own), width, columns, order)
+    return Stations(new[stations.of_node], stations.body[order], tuple(new[c] for c in stations.own), width, columns,
+                    order)
 
 
 # Stations on given coordinates: volumes, and what conducts between the columns of rods.
@@ -105,7 +106,7 @@ N = shape_functions(EDGE_XI)  # (points, ends) of a piece between two columns
 
 
 @dataclass(frozen=True)
-class Piece:
+class RodPieces:
     """The pieces between the columns of one body.  dV : (m, 2) volume of Gauss points [m3].
 
     conducts : (m, 2) what k of each point is to be multiplied with for the conductance between the two columns [m].
@@ -116,28 +117,28 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class StationShape:
+class StationGeometry:
     """volume : (n,) of each station [m3].  pieces : of every body; empty where bodies are lumped."""
 
     volume: Floats
-    pieces: tuple[Piece, ...]
+    pieces: tuple[RodPieces, ...]
 
 
 @dataclass(frozen=True)
-class Ruler:
+class StationMesh:
     """Measures stations.  Values in, values out; what it knows of the mesh never changes."""
 
     interface: Interface
     stations: Stations
 
     @cached_property
-    def _cells(self) -> Volume:
-        return volume_of(self.interface)
+    def _cells(self) -> CellMesh:
+        return cell_mesh(self.interface)
 
-    def shape(self, x: Floats) -> StationShape:
+    def shape(self, x: Floats) -> StationGeometry:
         """The stations on coordinates x : (n_nodes, 2) [m].  Raises InvertedCellError."""
         if self.stations.columns is None:
-            return StationShape(self._of_bodies(x), ())
+            return StationGeometry(self._of_bodies(x), ())
         return self._of_columns(self.stations.columns, x)
 
     def _of_bodies(self, x: Floats) -> Floats:
@@ -146,7 +147,7 @@ class Ruler:
             volume[self.stations.own[block.body]] += shape.dV.sum()
         return volume
 
-    def _of_columns(self, columns: Columns, x: Floats) -> StationShape:
+    def _of_columns(self, columns: Columns, x: Floats) -> StationGeometry:
         place, height = columns.mean(x[:, 0]), columns.heights(x)
         volume, pieces = np.zeros(self.stations.n), []
         for body, own in enumerate(self.stations.own):
@@ -160,15 +161,15 @@ class Ruler:
                 raise InvertedCellError(f"rod {self.interface.bodies[body]} is turned inside out by the coordinates "
                                         "that came in")
             dV = EDGE_WEIGHT * area * length[:, None]
-            # fault: rods conduct on half their area -> pieces.append(Piece(dV, 0.5 * EDGE_WEIGHT * area / length[:,
+            # fault: rods conduct on half their area -> pieces.append(RodPieces(dV, 0.5 * EDGE_WEIGHT * area / length[:,
             #   None])) | thermal_fmu/test_thermal_rod
-            pieces.append(Piece(dV, EDGE_WEIGHT * area / length[:, None]))
+            pieces.append(RodPieces(dV, EDGE_WEIGHT * area / length[:, None]))
             ends = dV @ N
             volume[own[:-1]] += ends[:, 0]
             volume[own[1:]] += ends[:, 1]
-        return StationShape(volume, tuple(pieces))
+        return StationGeometry(volume, tuple(pieces))
 
-    def spread(self, E: Floats, shape: StationShape) -> Floats:
+    def spread(self, E: Floats, shape: StationGeometry) -> Floats:
         """(n,) shares of energies E : (n_cells,) [J] of cells, even in the volume between two columns."""
         out = np.zeros(self.stations.n)
         columns = self.stations.columns
@@ -259,13 +260,12 @@ def add_rod_storage(own: Ints, N: Floats, dE_q: Floats, C_q: Floats, S: Floats, 
 
 
 @njit(cache=True)
-def add_melting_fields(s: Floats, own: Ints, mush: tuple[float, float, float], T: Floats, f_s: Floats, dT: Floats,
+def add_melting_fields(s: Floats, own: Ints, T_s: float, T_l: float, W: float, T: Floats, f_s: Floats, dT: Floats,
                        df: Floats) -> None:
     """Fill T [K], f_s and their derivatives by s : (n,) [K] at the stations of a body (thermal_fmu/phase_change.py).
 
     mush : T_s, T_l and the width W [K].
     """
-    T_s, T_l, W = mush
     for i in own:
         if s[i] <= T_s:
             T[i], f_s[i], dT[i], df[i] = s[i], 1.0, 1.0, 0.0
@@ -277,18 +277,17 @@ def add_melting_fields(s: Floats, own: Ints, mush: tuple[float, float, float], T
 
 
 @njit(cache=True)
-def melting_heat(s0: Floats, s1: Floats, mush: tuple[float, float, float], c: tuple[float, float],
+def melting_heat(s0: Floats, s1: Floats, T_m: float, W: float, L: float, c_solid: float, c_liquid: float,
                  C: Floats) -> Floats:
     """(m,) increase of enthalpy from s0 to s1 : (m,) [J/kg] at one melting point, and C : (m,) its derivative [J/kgK].
 
     mush : the melting point [K], the width W [K], L [J/kg].  c : of the solid and of the liquid [J/kgK].
     """
-    T_m, W, L = mush
     dh = np.empty(s0.size)
     for i in range(s0.size):
-        solid = c[0] * (min(s1[i], T_m) - min(s0[i], T_m))
-        liquid = c[1] * (max(s1[i], T_m + W) - max(s0[i], T_m + W))
+        solid = c_solid * (min(s1[i], T_m) - min(s0[i], T_m))
+        liquid = c_liquid * (max(s1[i], T_m + W) - max(s0[i], T_m + W))
         phi0, phi1 = min(max((s0[i] - T_m) / W, 0.0), 1.0), min(max((s1[i] - T_m) / W, 0.0), 1.0)
         dh[i] = solid + liquid + L * (phi1 - phi0)
-        C[i] = c[0] if s1[i] <= T_m else (L / W if s1[i] < T_m + W else c[1])
+        C[i] = c_solid if s1[i] <= T_m else (L / W if s1[i] < T_m + W else c_liquid)
     return dh

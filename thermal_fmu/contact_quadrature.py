@@ -65,11 +65,11 @@ def edge_slots(pattern: Pattern, edges: Ints) -> NDArray[np.int64]:
 
 # A corner node of several pairs tells one pressure: it is that of the pairs whose gap there is the least, but for this
 # share of the pair's gap_max.
-BESIDE = 1e-4
+GAP_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
-class Points:
+class ContactPoints:
     """Facing points with the pressure between them.
 
     nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions.
@@ -93,7 +93,7 @@ class Points:
     from_master: NDArray[np.bool_] | None = None
 
     @property
-    def found_from(self) -> tuple[Ints, Floats]:
+    def searched_from(self) -> tuple[Ints, Floats]:
         """Nodes and shape functions, both (n_p, 2), of the side each point was found from."""
         if self.from_master is None:
             return self.nodes[:, :2], self.N_s
@@ -101,26 +101,27 @@ class Points:
         return np.where(other, self.nodes[:, 2:], self.nodes[:, :2]), np.where(other, self.N_m, self.N_s)
 
 
-def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
+def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> ContactPoints:
     """Facing points with pressures from nodal tractions t_N : (n_s,) [Pa], <= 0, linear along the edge searched from.
 
     A positive gap under pressure is read as no gap (physics: touching means p_N > 0).
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
-    pressure = _own(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
+    pressure = _is_own_pressure(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
     p = (N_s * pressure).sum(axis=1)
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
-                    facing.master_edge)
+    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair,
+                           facing.slave_edge,
+                           facing.master_edge)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
-    return points if exchanged is None else _as_the_pairs_say(points, exchanged)
+    return points if exchanged is None else _by_pair_sides(points, exchanged)
 
 
-def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.bool_] | bool:
+def _is_own_pressure(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.bool_] | bool:
     """(n_p, 2) whether the pressure a slave node tells is (also) that of the point's own pair.
 
     A casting that stands on its corner touches below and not beside it; the corner's pressure must not close both.
@@ -135,7 +136,7 @@ def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.b
     gap = np.full(len(pairs) * n, np.inf)
     np.minimum.at(gap, of_pair, np.maximum(facing.gap, 0.0)[:, None])
     least = gap.reshape(len(pairs), n).min(axis=0)
-    beside = BESIDE * np.array([pair.gap_max for pair in pairs])
+    beside = GAP_TOLERANCE * np.array([pair.gap_max for pair in pairs])
     return np.asarray(gap[of_pair] <= least[slave] + beside[facing.pair][:, None])
 
 
@@ -148,7 +149,7 @@ def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_]
     return np.asarray(message.edge_surface[facing.slave_edge] != slave[facing.pair])
 
 
-def _as_the_pairs_say(points: Points, exchanged: NDArray[np.bool_]) -> Points:
+def _by_pair_sides(points: ContactPoints, exchanged: NDArray[np.bool_]) -> ContactPoints:
     """Emissivities, shares of friction heat and names in the ledger belong to the sides of a pair, not of a pass."""
     def sides(s: NDArray[Any], m: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         other = exchanged.reshape(-1, *[1] * (s.ndim - 1))
