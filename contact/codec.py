@@ -22,7 +22,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache, lru_cache
 from types import NoneType, UnionType
-from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, Protocol, Union, get_args, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
@@ -41,7 +41,25 @@ _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
 
 Arrays = dict[str, NDArray[Any]]
-Row = tuple[str, np.dtype[Any], tuple[int, ...], int]
+
+
+class ArrayType(NamedTuple):
+    """An array of a record, as its header says it."""
+
+    key: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+
+
+class ArrayRow(NamedTuple):
+    """An array of a record and where its bytes begin, counted from the first array."""
+
+    key: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    offset: int
+
+
 _NATIVE = {dtype: dtype.newbyteorder("=") for dtype in _DTYPES.values()}
 
 
@@ -61,7 +79,7 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
         packed = msgpack.packb(dict(meta))
     except (TypeError, ValueError, OverflowError) as exc:
         raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
-    shapes = tuple([(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
+    shapes = tuple([ArrayType(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
     make = _head if len(packed) <= REMEMBERED else _head.__wrapped__
     parts: list[Any] = [make(name, packed, shapes)]  # bytes and arrays: joined from their own memory, copied once
     for array in data:
@@ -74,7 +92,7 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
 
 
 @lru_cache(64)
-def _head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]) -> bytes:
+def _head(name: str, meta: bytes, shapes: tuple[ArrayType, ...]) -> bytes:
     """All that stands before the first array.  meta : packed."""
     table, offset = [], 0
     for key, dtype, shape in shapes:
@@ -101,7 +119,7 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
     raw, checksum, body = _split(data)
     read = _layout if len(raw) <= REMEMBERED else _layout.__wrapped__
     name, packed, table, total = read(raw, checksum)
-    # fault: more bytes than a header says go by -> if total > len(body): | contact/test_tally
+    # fault: more bytes than a header says go by -> if total > len(body): | contact/test_call_stats
     if total != len(body):
         raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {total}")
     arrays = {key: _array(key, body, dtype, shape, offset) for key, dtype, shape, offset in table}
@@ -109,7 +127,7 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
 
 
 @lru_cache(64)
-def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[Row, ...], int]:
+def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[ArrayRow, ...], int]:
     """Name, packed meta, key, type, shape and offset of each array, and their bytes in all.  Raises WireError."""
     header = _header(raw, checksum)
     version = header.get("version")
@@ -118,13 +136,13 @@ def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[Row, ...], int
     name, meta, table = header.get("name"), header.get("meta"), header.get("arrays")
     if not isinstance(name, str) or not isinstance(meta, dict) or not isinstance(table, list):
         raise WireError("record header lacks its name, meta or arrays")
-    rows: dict[str, Row] = {}
+    rows: dict[str, ArrayRow] = {}
     offset = 0
     for row in table:
         key, dtype, shape, size = _row(row, offset)
         if key in rows:
             raise WireError(f"array {key!r} occurs twice")
-        rows[key] = key, dtype, shape, offset
+        rows[key] = ArrayRow(key, dtype, shape, offset)
         offset += size + -size % ALIGNMENT
     return name, msgpack.packb(meta), tuple(rows.values()), offset
 

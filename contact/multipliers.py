@@ -28,17 +28,17 @@ from contact.piece import (
     frame_change,
 )
 from contact.search import cut_surfaces, frame_of
-from contact.surfaces import Surfaces
-from contact.traction import given, parallel, piece_cuts, piece_nodes, points_at
+from contact.surfaces import RegisteredSurfaces
+from contact.traction import checked_request, parallel, piece_cuts, piece_nodes, points_at
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
 
 
-def coupling(surfaces: Surfaces, request: Coupling) -> Couplings:
+def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     """Residual and derivatives at request.x.  Raises ValueError."""
     r = surfaces.register
-    x, multipliers, before, shear = given(surfaces, request)
+    x, multipliers, before, shear = checked_request(surfaces, request)
     cut = cut_surfaces(surfaces, x)
     points = points_at(surfaces, cut, x, before, multipliers, shear)
     residual, weight = balances(r.edges, cut.met, cut.values, points.p_N, multipliers)
@@ -108,12 +108,12 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
     frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
     for q in range(first, first + 2):
-        share = 0.0 if by_node else 2.0 * (q - first) - 1.0
+        offset = 0.0 if by_node else 2.0 * (q - first) - 1.0
         half = 0.0 if by_node else 0.5
         per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
         for j in range(2 * NODES):
             spread = d_cut[1, j] - d_cut[0, j]
-            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + share * GAUSS * spread
+            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + offset * GAUSS * spread
             d_area[j] = per_cut * spread
         add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
         by_place(x, n, points, c, doing, p_N[q], q, multipliers, nodes, d_phi, d_xi, d_area, out)

@@ -28,10 +28,10 @@ OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 
 
 @kernel
-def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:
+def add_turn(x: Floats, a: int, b: int, weight: float, d_phi: Floats) -> None:
     """Add share times the derivative of the direction of the edge from node a to node b."""
     tx, ty = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1]
-    scale = share / (tx * tx + ty * ty)
+    scale = weight / (tx * tx + ty * ty)
     d_phi[2 * b] -= scale * ty
     d_phi[2 * b + 1] += scale * tx
     d_phi[2 * a] += scale * ty
@@ -73,9 +73,9 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
     for j in range(2 * NODES):
         d_cut[j] = scale * g * (by_0 * d_phi[0, j] + by_1 * d_phi[1, j])
     for k in range(3):
-        i, share = (node, 1.0) if k == 2 else (k, -xi if k == 1 else xi - 1.0)
-        d_cut[2 * i] += scale * share * ny
-        d_cut[2 * i + 1] -= scale * share * nx
+        i, weight = (node, 1.0) if k == 2 else (k, -xi if k == 1 else xi - 1.0)
+        d_cut[2 * i] += scale * weight * ny
+        d_cut[2 * i + 1] -= scale * weight * nx
 
 
 @kernel
@@ -108,12 +108,12 @@ def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node
     for q in range(first, first + 2):
         if int(doing[q]) == OPEN:
             continue
-        share = 0.0 if by_node else 2.0 * (q - first) - 1.0
+        weight = 0.0 if by_node else 2.0 * (q - first) - 1.0
         half = 0.0 if by_node else 0.5
         per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
         for j in range(2 * NODES):
             spread = d_cut[1, j] - d_cut[0, j]
-            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + share * GAUSS * spread
+            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + weight * GAUSS * spread
             d_area[j] = per_cut * spread
         add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
         add_point(x, n, before, points, c, doing, q, d_phi, d_xi, d_area, force, block)

@@ -18,7 +18,7 @@ LIMIT = 1e100  # [m, Pa]: no number beyond this is meant; products of smaller on
 
 
 @dataclass(frozen=True)
-class Surfaces:
+class RegisteredSurfaces:
     """Registered surfaces.
 
     register : the message, in canonical dtypes.  passes : its passes.  key : content hash.
@@ -39,7 +39,7 @@ class Surfaces:
     on_slave: NDArray[np.bool_]
 
 
-def surfaces_of(message: Register) -> Surfaces:
+def surfaces_of(message: Register) -> RegisteredSurfaces:
     """Check a Register message and build its Surfaces.  Raises ValueError saying what is wrong with it."""
     r = _canonical(message)
     _check_edges(r)
@@ -51,7 +51,7 @@ def surfaces_of(message: Register) -> Surfaces:
     in_pair = np.isin(r.edge_surface, np.concatenate([p.slave, p.master]))
     on_slave = np.zeros(r.n_nodes, dtype=bool)
     on_slave[r.edges[np.isin(r.edge_surface, p.slave)]] = True
-    return Surfaces(r, p, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
+    return RegisteredSurfaces(r, p, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
 
 
 def _canonical(m: Register) -> Register:

@@ -34,8 +34,8 @@ from contact.piece import (
     STICKS,
     piece_stiffness,
 )
-from contact.search import Cut, cut_surfaces, feet, frame_of
-from contact.surfaces import Surfaces, checked_reals
+from contact.search import Cut, Frame, cut_surfaces, feet, frame_of
+from contact.surfaces import RegisteredSurfaces, checked_reals
 
 # Blocks of pieces added up into rows of nodes: a third of the bytes, and ready to be put into a matrix.
 
@@ -100,11 +100,11 @@ def _insert(row: Ints, filled: NDArray[np.int64], s: int, column: int) -> None:
     filled[s] += 1
 
 
-SAME_CUT = 1e-9  # a cut this near to a node's foot was made by that node
+CUT_MATCH = 1e-9  # a cut this near to a node's foot was made by that node
 
 
 @dataclass(frozen=True)
-class Points:
+class PointStates:
     """What the facing points do.
 
     c : (n_p, N_CONSTANTS) of contact.piece.  doing : (n_p,) open, sticks or slips.  p_N, tau : (n_p,) [Pa].
@@ -118,10 +118,10 @@ class Points:
     heat: Floats
 
 
-def traction(surfaces: Surfaces, request: Traction) -> Tractions:
+def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     """Contact forces at request.x.  Raises ValueError."""
     r = surfaces.register
-    x, multipliers, before, shear = given(surfaces, request)
+    x, multipliers, before, shear = checked_request(surfaces, request)
     cut = cut_surfaces(surfaces, x)
     points = points_at(surfaces, cut, x, before, multipliers, shear)
     nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
@@ -131,13 +131,14 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
     t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.c, points.p_N, points.tau, points.heat,
                                        shear)
-    slipping = shares_slipping(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
+    slipping = slipping_fractions(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
                      np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, slipping,
                      int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
 
 
-def given(surfaces: Surfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats, Floats]:
+def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats,
+                                                                                         Floats]:
     """x, multipliers, x_before and shear of a request.  Raises ValueError."""
     n = surfaces.register.n_nodes
     multipliers = checked_reals("multipliers", request.multipliers, (n,))
@@ -148,7 +149,8 @@ def given(surfaces: Surfaces, request: Traction | Coupling) -> tuple[Floats, Flo
     return checked_reals("x", request.x, (n, 2)), multipliers, before, shear
 
 
-def points_at(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats, shear: Floats) -> Points:
+def points_at(surfaces: RegisteredSurfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats,
+              shear: Floats) -> PointStates:
     """What the facing points of a cut do, given what was before."""
     p, edges = surfaces.passes, surfaces.register.edges
     ends = edges[cut.met[:, 0]]
@@ -157,14 +159,16 @@ def points_at(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multiplie
     c[:, SHEAR_1:SHEAR_2 + 1] = shear[ends]
     c[:, EPS_N], c[:, EPS_T], c[:, MU] = p.eps_N[cut.number], p.eps_T[cut.number], p.mu[cut.number]
     n = len(cut.met)
-    points = Points(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    judge(x, before, edges, cut.met, cut.values, cut.normal, c, points.doing, points.p_N, points.tau, points.heat)
+    points = PointStates(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    evaluate_points(x, before, edges, cut.met, cut.values, cut.normal, c, points.doing, points.p_N, points.tau,
+                    points.heat)
     return points
 
 
 @kernel
-def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats, doing: Floats,
-          p_N: Floats, tau: Floats, heat: Floats) -> None:
+def evaluate_points(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats,
+                    doing: Floats,
+                    p_N: Floats, tau: Floats, heat: Floats) -> None:
     """Fill what every point does: doing, p_N [Pa], tau [Pa], and the heat of its slip [J].
 
     slip is how far the slave's point has moved along t past the point it faces, since `before`: the two material
@@ -235,7 +239,7 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
 
 
 @kernel
-def shares_slipping(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
+def slipping_fractions(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
     """(n_nodes,) sum(A N of what slips)/sum(A N of what touches), of slave nodes; 0 where nothing touches."""
     slips, touches = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):
@@ -302,8 +306,7 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
 
 
 @kernel
-def piece_cuts(frame: tuple[float, float, float, float, float, float, float, float], here: Floats, xi_1: float,
-               xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
+def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
     """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows."""
     half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
     ends[0], ends[1] = (0.0, 1.0) if uncut else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)
@@ -311,10 +314,10 @@ def piece_cuts(frame: tuple[float, float, float, float, float, float, float, flo
     if uncut:
         return
     for k in range(2):
-        if abs(ends[k] - k) <= SAME_CUT:
+        if abs(ends[k] - k) <= CUT_MATCH:
             continue
         for node in range(4, NODES):
             first, second = feet(frame, here[node, 0], here[node, 1])
-            if abs(first - ends[k]) <= SAME_CUT or abs(second - ends[k]) <= SAME_CUT:
+            if abs(first - ends[k]) <= CUT_MATCH or abs(second - ends[k]) <= CUT_MATCH:
                 # fault: cuts do not move with the other side's nodes -> moves[k] = FIXED | contact/test_traction
                 moves[k] = node

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
-from contact.half.quadrature import Table, table_of
+from contact.half.quadrature import CellQuadrature, table_of
 from thermal_fmu.kernels import (
     add_conduction,
     add_conduction_tensor,
@@ -84,7 +84,7 @@ class CellBlock:
     """
 
     body: int
-    table: Table
+    table: CellQuadrature
     cells: Ints
     numbers: NDArray[np.intp]
     slots: Slots

@@ -53,7 +53,7 @@ class ContactSurfaces:
 
     def __init__(self, interface: Interface) -> None:
         self.interface = interface
-        self._known_as = ""
+        self._registered_as = ""
 
     @cached_property
     def message(self) -> Register:
@@ -105,17 +105,17 @@ class ContactSurfaces:
 
     def _ask(self, link: Link, request: Callable[[str], Request]) -> Reply:
         """The reply; a service that does not know the surfaces (yet, or any more) is told them first."""
-        if self._known_as:
-            reply = link.ask(request(self._known_as))
+        if self._registered_as:
+            reply = link.ask(request(self._registered_as))
             # fault: surfaces forgotten -> if not (isinstance(reply, Refused) and reply.code == "never"): |
             #   thermal_fmu/test_thermal_half
             if not (isinstance(reply, Refused) and reply.code == "unknown_surfaces"):
                 return reply
-        told = link.ask(self.message)
-        if not isinstance(told, Registered):
-            raise ContactRefusedError(f"contact does not take the surfaces: {_reason(told)}")
-        self._known_as = told.surfaces
-        return link.ask(request(told.surfaces))
+        registered = link.ask(self.message)
+        if not isinstance(registered, Registered):
+            raise ContactRefusedError(f"contact does not take the surfaces: {_reason(registered)}")
+        self._registered_as = registered.surfaces
+        return link.ask(request(registered.surfaces))
 
 
 def _reason(reply: Reply) -> str:

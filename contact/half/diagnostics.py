@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,13 @@ from scipy.spatial import cKDTree
 
 from contact.half.interface import Interface, Pair, register_message
 from contact.messages import Facing, Floats
-from contact.search import ITSELF_BACK, project
+from contact.search import SELF_CONTACT_DEPTH, project
 from contact.surfaces import surfaces_of
 
 # What a user should know of a scene's contact before it starts, though it is no error: one sentence each.
 
 # A penalty beyond this times E/h loses four digits of every solve, and Newton's method the rest.
-STIFF = 1e4
+MAX_PENALTY_RATIO = 1e4
 
 
 def facing_at(interface: Interface, x: Floats) -> Facing:
@@ -70,7 +71,8 @@ def folding(interface: Interface, pair: Pair) -> list[str]:
         return []
     h = edge_lengths(interface, pair.slave)
     return [f"pair {pair.name}: {pair.slave} faces itself; edges that share a node never do, and a fold that overlaps "
-            f"by more than {ITSELF_BACK:g} of an edge ({ITSELF_BACK * h.min():.3g} m at the shortest) is not seen"]
+            f"by more than {SELF_CONTACT_DEPTH:g} of an edge ({SELF_CONTACT_DEPTH * h.min():.3g} m at the shortest) is "
+            "not seen"]
 
 
 def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
@@ -82,7 +84,7 @@ def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, floa
     # fault: penalty held against the harder body -> E, body = max(soft) | contact/test_notes
     E, body = min(soft)
     h = float(edge_lengths(interface, pair.slave).mean())
-    if not pair.eps_N * h > STIFF * E:
+    if not pair.eps_N * h > MAX_PENALTY_RATIO * E:
         return []
     return [f"pair {pair.name}: the penalty of {pair.eps_N:.3g} Pa/m is {pair.eps_N * h / E:.2g} times E/h (E of "
             f"{body}, h = {h:.3g} m): equations lose so many digits, and Newton's method may fail; 10 to 100 times E/h "
@@ -110,11 +112,11 @@ Flags = NDArray[np.bool_]
 
 # Rays reach an edge's length behind a surface, but along tilted normals; a node at the very end, sunk in by what the
 # penalty takes, is far from this.
-OUT_OF_REACH = 0.5
+MAX_DEPTH = 0.5
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactSample:
     """x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], covered : (n_s,) share that faces something, of surface nodes."""
 
     x: Floats
@@ -131,7 +133,7 @@ class Slid:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ContactLog:
     """What was seen so far.
 
     faced : pairs of which something faced something.  slid : pair -> slave nodes that slid off.  lost : pairs of
@@ -143,7 +145,15 @@ class Seen:
     lost: frozenset[str] = frozenset()
 
 
-class Watch:
+class _Suspects(NamedTuple):
+    """Nodes (indices s) of a surface that pressed and now face nothing, and the surface they faced."""
+
+    surface: str
+    nodes: NDArray[np.intp]
+    other: str
+
+
+class ContactMonitor:
     """Watches the pairs of a scene."""
 
     def __init__(self, interface: Interface) -> None:
@@ -157,58 +167,59 @@ class Watch:
         return {p.name: (np.searchsorted(s, np.unique(surfaces[p.slave])),
                          np.searchsorted(s, np.unique(surfaces[p.master]))) for p in self.interface.pairs}
 
-    def after(self, seen: Seen, t: float, before: Contact, now: Contact) -> tuple[Seen, tuple[str, ...]]:
+    def after_window(self, log: ContactLog, t: float, before: ContactSample,
+                     now: ContactSample) -> tuple[ContactLog, tuple[str, ...]]:
         """What has been seen when a window ended at t [s], and what to say of it at once."""
         notes: list[str] = []
         # A rigid half tells the pressure of the whole surface, of nodes that have left long ago too.
         gone = (before.t_N < 0.0) & (before.covered > 0.0) & (now.covered == 0.0)
         for pair in self.interface.pairs:
             slave, master = self.sides[pair.name]
-            if pair.name not in seen.faced and now.covered[slave].any() and now.covered[master].any():
-                seen = replace(seen, faced=seen.faced | {pair.name})
+            if pair.name not in log.faced and now.covered[slave].any() and now.covered[master].any():
+                log = replace(log, faced=log.faced | {pair.name})
             if gone.any():
                 for own, nodes, other in ((pair.slave, slave, pair.master), (pair.master, master, pair.slave)):
                     suspects = nodes[gone[nodes]]
                     if suspects.size:
-                        seen, said = self._judge(seen, pair.name, t, (own, suspects, other), now)
+                        log, said = self._classify(log, pair.name, t, _Suspects(own, suspects, other), now)
                         notes += said
-        return seen, tuple(notes)
+        return log, tuple(notes)
 
-    def at_end(self, seen: Seen, x: Floats) -> list[str]:
+    def at_end(self, log: ContactLog, x: Floats) -> list[str]:
         """What to say when a run has ended with the nodes at x : (n_nodes, 2) [m]."""
         notes = []
         for pair in self.interface.pairs:
-            if pair.name not in seen.faced and pair.slave != pair.master:
+            if pair.name not in log.faced and pair.slave != pair.master:
                 notes.append(f"pair {pair.name}: {pair.slave} and {pair.master} never faced each other; in the end "
                              f"their nearest nodes are {nearest(self.interface, pair, x):.3g} m apart (gap_max "
                              f"{pair.gap_max:.3g} m)")
-            if pair.name in seen.slid:
-                slid = seen.slid[pair.name]
+            if pair.name in log.slid:
+                slid = log.slid[pair.name]
                 notes.append(f"pair {pair.name}: {_nodes(slid.nodes)} of {pair.slave} slid off the end of "
                              f"{pair.master}, the first by t = {slid.first:.6g} s")
         return notes
 
-    def _judge(self, seen: Seen, name: str, t: float, who: tuple[str, NDArray[np.intp], str],
-               now: Contact) -> tuple[Seen, list[str]]:
-        """Nodes of one side that pressed and now face nothing: who : (surface, indices s, the other surface)."""
-        own, suspects, other = who
+    def _classify(self, log: ContactLog, name: str, t: float, who: _Suspects,
+                  now: ContactSample) -> tuple[ContactLog, list[str]]:
+        """Nodes of one side that pressed and now face nothing."""
+        own, suspects, other = who.surface, who.nodes, who.other
         x = now.x[self.interface.contact_nodes[suspects]]
         depth, beside = behind(now.x[self.interface.surfaces[other]], x)
         reach = float(max(edge_lengths(self.interface, own).max(), edge_lengths(self.interface, other).max()))
-        # fault: nodes pushed through go by in silence -> through = beside & (depth > OUT_OF_REACH * reach) |
+        # fault: nodes pushed through go by in silence -> through = beside & (depth > MAX_DEPTH * reach) |
         #   contact/test_notes
-        through = ~beside & (depth > OUT_OF_REACH * reach)
+        through = ~beside & (depth > MAX_DEPTH * reach)
         notes = []
-        if through.any() and name not in seen.lost:
-            seen = replace(seen, lost=seen.lost | {name})
+        if through.any() and name not in log.lost:
+            log = replace(log, lost=log.lost | {name})
             notes.append(f"pair {name}: by t = {t:.6g} s {_nodes(int(through.sum()))} of {own} went through {other}, "
                          f"up to {depth[through].max():.3g} m deep, where contact (it looks {reach:.3g} m deep) no "
                          "longer pushes back: take smaller windows or a larger penalty")
         slave = next(p.slave for p in self.interface.pairs if p.name == name)
         if own == slave and beside.any():
-            known = seen.slid.get(name, Slid(0, t))
-            seen = replace(seen, slid={**seen.slid, name: Slid(known.nodes + int(beside.sum()), known.first)})
-        return seen, notes
+            earlier = log.slid.get(name, Slid(0, t))
+            log = replace(log, slid={**log.slid, name: Slid(earlier.nodes + int(beside.sum()), earlier.first)})
+        return log, notes
 
 
 def _nodes(n: int) -> str:

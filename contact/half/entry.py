@@ -58,13 +58,13 @@ def use_packages(packages: Mapping[str, str]) -> None:
 
 
 def _installed_is(name: str, expected: str) -> bool:
-    found = importlib.util.find_spec(name)
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
         return False
-    return sources_hash(Path(found.origin).parent) == expected
+    return sources_hash(Path(spec.origin).parent) == expected
 
 
-def hold(namespace: dict[str, Any]) -> None:
+def keep_alive(namespace: dict[str, Any]) -> None:
     """Add a reference to an entry script's namespace; to be called each time the script runs.
 
     pythonfmu's wrapper runs the script once more an instance and then gives up a reference it never had: without

@@ -107,11 +107,11 @@ def _superlu(A: csr_matrix) -> Solve:
 
 POSITIVE, INDEFINITE, GENERAL = 2, -2, 11  # PARDISO's numbers of matrix types
 ANALYSE, FACTOR, SOLVE, RELEASE_FACTORS, RELEASE_ALL = 11, 22, 33, 0, -1  # and of phases
-MOST_PATTERNS = 4  # known at a time: two halves in one process, each with and without contact
+MAX_PATTERNS = 4  # known at a time: two halves in one process, each with and without contact
 ROUND_OFF = 1e-14  # of the largest entry: values that differ by less from their mirror image are symmetric
 # Small pivots are replaced in silence, so every solve is held against the matrix.  Newton's directions need few digits
 # and good factors leave many: a residual above this share of the right-hand side is no round-off.
-WRONG = 1e-4
+MAX_RELATIVE_RESIDUAL = 1e-4
 SINGULAR, NO_MEMORY = (-4, -7), (-2, -9)  # error numbers
 
 
@@ -231,17 +231,17 @@ class _Pattern:
         return _Handle(kind, *((self.indptr, self.indices) if kind == GENERAL else self.upper[:2]))
 
 
-_known: list[_Pattern] = []  # the last used is the last
+_patterns: list[_Pattern] = []  # the last used is the last
 
 
 def _pattern_of(A: csr_matrix) -> _Pattern:
-    pattern = next((p for p in reversed(_known) if p.is_of(A)), None)
+    pattern = next((p for p in reversed(_patterns) if p.is_of(A)), None)
     if pattern is None:
         if not np.diff(A.indptr).all():
             raise SingularMatrixError("a row of the matrix is empty")
         pattern = _Pattern(A.indptr, A.indices)
     # The list is small: rebuilding it keeps the order of use.
-    _known[:] = [*(p for p in _known if p is not pattern), pattern][-MOST_PATTERNS:]
+    _patterns[:] = [*(p for p in _patterns if p is not pattern), pattern][-MAX_PATTERNS:]
     return pattern
 
 
@@ -286,19 +286,19 @@ class Factored:
 
     def __call__(self, b: Floats) -> Floats:
         """Raises SingularMatrixError where the factors do not solve the matrix they were made of."""
-        given = np.asfortranarray(b, dtype=np.float64)
-        x = np.zeros_like(given)
-        self._handle.run(SOLVE, self._data, given, x)
+        rhs = np.asfortranarray(b, dtype=np.float64)
+        x = np.zeros_like(rhs)
+        self._handle.run(SOLVE, self._data, rhs, x)
         x = np.ascontiguousarray(x)
-        share = _residual_share(self._A, x, b)
-        # fault: factors believed without a look at the residual -> if share < 0.0: | contact/test_sparse
-        if not share <= WRONG:
-            raise SingularMatrixError(f"the factors leave a residual of {share:.1e} of the right-hand side "
+        residual = _relative_residual(self._A, x, b)
+        # fault: factors believed without a look at the residual -> if residual < 0.0: | contact/test_sparse
+        if not residual <= MAX_RELATIVE_RESIDUAL:
+            raise SingularMatrixError(f"the factors leave a residual of {residual:.1e} of the right-hand side "
                                       f"({self._handle.perturbed} pivots were zero to working precision)")
         return x
 
 
-def _residual_share(A: csr_matrix, x: Floats, b: Floats) -> float:
+def _relative_residual(A: csr_matrix, x: Floats, b: Floats) -> float:
     """The largest |b - A x| / |b| of the columns of b : (n,) or (n, m)."""
     size = np.linalg.norm(b, axis=0)
     return float(np.max(np.linalg.norm(b - A @ x, axis=0) / np.where(size > 0.0, size, 1.0), initial=0.0))

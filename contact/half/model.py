@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface, read_interface
-from contact.messages import Reply, Request
+from contact.rpc.link import Link as Link
 
 Floats = NDArray[np.float64]
 Value = Floats | float | int | str  # an array for a block, a number or a text for a scalar
@@ -24,12 +24,6 @@ Values = Mapping[str, Value]
 
 CAUSALITIES = ("input", "output", "parameter")
 KINDS = ("Real", "Integer", "String")
-
-
-class Link(Protocol):
-    """The way to the contact service (contact.link)."""
-
-    def ask(self, request: Request) -> Reply: ...
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 _KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "triangle": (ElementTriP1, 2)}
 
 @dataclass(frozen=True)
-class Table:
+class CellQuadrature:
     """Shape functions of one kind of cell at its quadrature points.
 
     N : (nq, nn).  dN : (nq, nn, 2), derivatives by reference coordinates.  w : (nq,), weights.
@@ -30,7 +30,7 @@ class Table:
 
 
 @cache
-def table_of(kind: str) -> Table:
+def table_of(kind: str) -> CellQuadrature:
     """The table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
     element_type, order = _KINDS[kind]
     element = element_type()
@@ -38,4 +38,4 @@ def table_of(kind: str) -> Table:
     basis = [element.lbasis(X, i) for i in range(element.refdom.nnodes)]
     N = np.array([np.broadcast_to(phi, w.shape) for phi, _ in basis]).T
     dN = np.array([np.broadcast_to(dphi, X.shape) for _, dphi in basis]).transpose(2, 0, 1)
-    return Table(np.ascontiguousarray(N, dtype=float), np.ascontiguousarray(dN, dtype=float), np.array(w))
+    return CellQuadrature(np.ascontiguousarray(N, dtype=float), np.ascontiguousarray(dN, dtype=float), np.array(w))

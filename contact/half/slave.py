@@ -24,7 +24,7 @@ from pythonfmu.enums import Fmi2Status
 from contact.half.interface import Interface
 from contact.half.layout import Layout, checked_output, layout_of, standard_variables
 from contact.half.model import Discard, Done, Floats, HalfModel, Value, Values, load_directory
-from contact.half.state import StateError, from_bytes, kept, to_bytes
+from contact.half.state import StateError, from_bytes, frozen_copy, to_bytes
 from contact.messages import Reply, Request
 from contact.rpc.link import Link
 from contact.rpc.open import open_link
@@ -34,7 +34,7 @@ from contact.rpc.open import open_link
 WELL, DISCARDED, FAILED, INTERRUPTED = range(4)  # status.code
 
 
-class Store:
+class VariableStore:
     """reals : (layout.n_real,).  integers, texts : in the order of the layout."""
 
     def __init__(self, layout: Layout) -> None:
@@ -256,7 +256,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
             interface, model = load_directory(Path(resources))
             self._model: HalfModel | None = type(self).load(interface, model)
             hashes = " ".join(f"{k}:{v}" for k, v in self.packages.items())
-            self._store = Store(layout_of(self._model.variables, standard_variables(interface, hashes)))
+            self._store = VariableStore(layout_of(self._model.variables, standard_variables(interface, hashes)))
         except (ValueError, OSError) as exc:
             raise RuntimeError(plain(f"the half cannot be made: {exc}")) from None
         except Exception as exc:  # noqa: BLE001 a bug: the text below is all the host will ever show
@@ -370,7 +370,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
     def _get_fmu_state(self) -> Saved:
         # self._state is a private copy already and cannot be written to: sharing it is safe.
         store = self._store
-        return Saved(self.identity, self._time, kept(store.reals), tuple(store.integers), tuple(store.texts),
+        return Saved(self.identity, self._time, frozen_copy(store.reals), tuple(store.integers), tuple(store.texts),
                      self._state, self._started)
 
     @guarded(_nothing)
@@ -401,7 +401,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
 
     def _accept(self, state: Any, outputs: Values, time: float) -> str:
         """Take a state and outputs over, all or nothing; why they are refused, or ""."""
-        state = kept(state)
+        state = frozen_copy(state)
         refusal = self._store.take_outputs(outputs)
         if not refusal:
             self._state, self._time = state, time

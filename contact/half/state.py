@@ -27,7 +27,7 @@ class StateError(ValueError):
     """A state holds what cannot be kept, or bytes are not a state of this version and half."""
 
 
-def kept(value: Any, where: str = "state") -> Any:
+def frozen_copy(value: Any, where: str = "state") -> Any:
     """A copy nobody else holds: arrays read-only, C or Fortran order as they were, never strided views.
 
     The order of an array is part of it: sums over other strides may round otherwise.
@@ -43,11 +43,11 @@ def kept(value: Any, where: str = "state") -> Any:
     if value is None or isinstance(value, (bool, int, float, str, bytes, np.generic)):
         return value
     if isinstance(value, tuple):
-        return tuple(kept(v, f"{where}[{i}]") for i, v in enumerate(value))
+        return tuple(frozen_copy(v, f"{where}[{i}]") for i, v in enumerate(value))
     if isinstance(value, dict):
-        return {_text(k, where): kept(v, f"{where}[{k!r}]") for k, v in value.items()}
+        return {_text(k, where): frozen_copy(v, f"{where}[{k!r}]") for k, v in value.items()}
     if is_dataclass(value) and not isinstance(value, type):
-        return _rebuilt(type(value), {f.name: kept(getattr(value, f.name), f"{where}.{f.name}")
+        return _rebuilt(type(value), {f.name: frozen_copy(getattr(value, f.name), f"{where}.{f.name}")
                                       for f in fields(value)})
     raise StateError(f"{where}: a {type(value).__name__} cannot be kept in a state")
 
@@ -157,12 +157,12 @@ def _class(of: str, packages: Collection[str]) -> type:
     module, _, path = of.partition(":")
     if module.partition(".")[0] not in packages:
         raise StateError(f"a state may not hold {of}: only classes of {', '.join(sorted(packages))}")
-    found: Any = importlib.import_module(module)
+    target: Any = importlib.import_module(module)
     for part in path.split("."):
-        found = getattr(found, part, None)
-    if not (isinstance(found, type) and is_dataclass(found)):
+        target = getattr(target, part, None)
+    if not (isinstance(target, type) and is_dataclass(target)):
         raise StateError(f"{of} is not a dataclass")
-    return found
+    return target
 
 
 def _rebuilt(kind: type, values: dict[str, Any]) -> Any:

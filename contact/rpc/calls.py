@@ -72,12 +72,12 @@ class _Client(Generic[Waiter]):
     answers: OrderedDict[int, Answered] = field(default_factory=OrderedDict)
 
 
-class Desk(Generic[Waiter]):
+class CallQueue(Generic[Waiter]):
     """Takes calls from any thread and hands new ones to one worker, in order."""
 
     def __init__(self, instance: str) -> None:
         self.instance = instance
-        self.queue: SimpleQueue[Call | None] = SimpleQueue()
+        self.pending: SimpleQueue[Call | None] = SimpleQueue()
         self._clients: OrderedDict[str, _Client[Waiter]] = OrderedDict()
         self._lock = Lock()
 
@@ -97,11 +97,11 @@ class Desk(Generic[Waiter]):
                 return None
             if envelope.number <= client.newest:
                 return failure("stale", f"call {envelope.number} after {client.newest}")
-            if self.queue.qsize() >= CAPACITY:
+            if self.pending.qsize() >= CAPACITY:
                 return failure("busy", f"{CAPACITY} calls are waiting")
             client.newest = envelope.number
             client.waiting[envelope.number] = [waiter]
-        self.queue.put(Call(envelope, payload))
+        self.pending.put(Call(envelope, payload))
         return None
 
     def finish(self, call: Call, answered: Answered) -> list[Waiter]:
@@ -145,7 +145,7 @@ class Verb:
 
 
 @dataclass(frozen=True)
-class Told:
+class CallStats:
     """By name of the message that asks, in the order of their first calls.  since : seconds the server has lived."""
 
     since: float
@@ -162,7 +162,7 @@ class _Count:
     recent: array[float] = field(default_factory=lambda: array("d"))
 
 
-class Tally:
+class CallCounter:
     """Counts calls; may be read from any thread while they go on."""
 
     def __init__(self) -> None:
@@ -180,20 +180,20 @@ class Tally:
                 c.recent[c.count % RECENT] = seconds
             c.count += 1
             c.total += seconds
-            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_tally
+            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_call_stats
             c.most = max(c.most, seconds)
             c.bytes_in += bytes_in
             c.bytes_out += bytes_out
 
-    def told(self) -> Told:
+    def snapshot(self) -> CallStats:
         """All of it so far."""
         with self._lock:
-            return Told(time.perf_counter() - self._started, {
+            return CallStats(time.perf_counter() - self._started, {
                 verb: Verb(c.count, c.total, median(c.recent), c.most, c.bytes_in, c.bytes_out)
                 for verb, c in self._counts.items()})
 
 
-def lines(told: Told) -> list[str]:
+def report_lines(stats: CallStats) -> list[str]:
     """The same for a log, a line a verb."""
     return [f"{name}: {v.count} calls, {v.total:.4g} s (median {v.typical:.3g} s, most {v.most:.3g} s), "
-            f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in told.verbs.items()]
+            f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in stats.verbs.items()]

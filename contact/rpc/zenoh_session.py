@@ -31,7 +31,7 @@ _LOOPBACK = re.compile(r"tcp/(?:127\.0\.0\.1|\[::1\]|localhost):([0-9]{1,5})")
 
 
 @dataclass(frozen=True)
-class Answer:
+class QueryAnswer:
     """What came back of a query.
 
     ok : a reply.  Else an error: in the answerer's own words if `spoken`, else in zenoh's (its timeout).
@@ -94,7 +94,7 @@ class Session:
         return {str(r.ok.key_expr) for r in self._collect(get, 1.0, watch) if r.ok is not None}
 
     def ask(self, key: str, payload: bytes, label: str, timeout: float,
-            watch: Callable[[], None]) -> list[Answer]:
+            watch: Callable[[], None]) -> list[QueryAnswer]:
         """The answers to a question, up to the first that somebody spoke; zenoh's own words may come before it.
 
         None at all: nobody has the key, or its owner died, or the line is cut.
@@ -105,10 +105,10 @@ class Session:
                             timeout=timeout, target=zenoh.QueryTarget.BEST_MATCHING,
                             consolidation=zenoh.ConsolidationMode.NONE)
 
-        answers: list[Answer] = []
+        answers: list[QueryAnswer] = []
         for reply in self._collect(get, timeout, watch):
             answers.append(answer := _answer(reply))
-            # fault: an answer waits for the end of its question -> if answer is None: | contact/test_tally
+            # fault: an answer waits for the end of its question -> if answer is None: | contact/test_call_stats
             if answer.ok or answer.spoken:  # zenoh says that nothing more comes a tenth of a millisecond later
                 break
         return answers
@@ -134,12 +134,12 @@ class Session:
             yield reply
 
 
-def _answer(reply: Any) -> Answer:
+def _answer(reply: Any) -> QueryAnswer:
     if reply.ok is not None:
         attachment = reply.ok.attachment
         label = attachment.to_string() if attachment is not None else ""
-        return Answer(True, True, label, reply.ok.payload.to_bytes())
-    return Answer(False, str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
+        return QueryAnswer(True, True, label, reply.ok.payload.to_bytes())
+    return QueryAnswer(False, str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
 
 
 _sessions: list[Session] = []
@@ -158,8 +158,8 @@ def open_session(*, listen: Iterable[str] = (), connect: Iterable[str] = ()) -> 
         check_loopback(endpoint)
     with _sessions_lock:
         for session in _sessions:
-            known = {*session.listen, *session.connect}
-            if session.pid == os.getpid() and not wanted_listen and known.issuperset(wanted_connect):
+            endpoints = {*session.listen, *session.connect}
+            if session.pid == os.getpid() and not wanted_listen and endpoints.issuperset(wanted_connect):
                 session.users += 1
                 return session
         session = _open(wanted_listen, wanted_connect)
