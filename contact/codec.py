@@ -68,10 +68,10 @@ class WireError(ValueError):
 
 
 def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """The bytes of a record.
+    """Encode a record; return its bytes.
 
     meta : msgpack's values (None, bool, int, float, str, bytes, list, dict with str keys).
-    arrays : any shape up to 8 dimensions, of float, int, unsigned or bool type.
+    arrays : (...) any shape up to 8 dimensions, of float, int, unsigned or bool type, any unit.
     Raises WireError for anything else.
     """
     data = [_plain(key, array) for key, array in arrays.items()]
@@ -93,7 +93,7 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
 
 @lru_cache(64)
 def _head(name: str, meta: bytes, shapes: tuple[ArrayType, ...]) -> bytes:
-    """All that stands before the first array.  meta : packed."""
+    """Encode all that comes before the first array.  meta : packed."""
     table, offset = [], 0
     for key, dtype, shape in shapes:
         size = math.prod(shape) * dtype.itemsize
@@ -110,7 +110,7 @@ def _head(name: str, meta: bytes, shapes: tuple[ArrayType, ...]) -> bytes:
 
 
 def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
-    """Name, meta and arrays of a record; the arrays are fresh, aligned and writable.
+    """Decode a record; return its name, meta and arrays, which are fresh, aligned and writable.
 
     They are copied out of `data` although a view would do: a compiled kernel is specialised anew for
     read-only arrays, and the copy costs less than a tenth of the transport.
@@ -128,7 +128,10 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
 
 @lru_cache(64)
 def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[ArrayRow, ...], int]:
-    """Name, packed meta, key, type, shape and offset of each array, and their bytes in all.  Raises WireError."""
+    """Decode a header: name, packed meta, key, type, shape and offset of each array, and their bytes in all.
+
+    Raises WireError.
+    """
     header = _header(raw, checksum)
     version = header.get("version")
     if version != WIRE_VERSION:
@@ -158,7 +161,7 @@ def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _split(data: bytes) -> tuple[bytes, int, memoryview]:
-    """The header, its checksum, and the bytes after it."""
+    """Return the header, its checksum, and the bytes after it."""
     if len(data) < _PREFIX.size:
         raise WireError(f"{len(data)} bytes are too few for a record")
     magic, length, checksum = _PREFIX.unpack_from(data)
@@ -212,7 +215,7 @@ def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, .
     return there.astype(_NATIVE[dtype])
 
 
-# Messages as records: any frozen dataclass of plain fields, by its type hints.
+# Messages as records: any frozen dataclass of plain fields, by its type hints
 #
 # Field types: NDArray[...], str, bool, int, float, bytes, Enum, tuple[X, ...], tuple[X, Y], frozenset[str] or [int],
 # dict or Mapping[str, X] or [int, X], X | None, dataclasses of those, and D | E, one of several dataclasses.  Arrays
@@ -242,7 +245,7 @@ class Form:
 
 
 def kinds_of(types: Iterable[type[Any]]) -> dict[str, type[Any]]:
-    """The registry decode needs: messages by class name."""
+    """Return the registry decode needs: messages by class name."""
     return {t.__name__: t for t in types}
 
 
@@ -251,7 +254,7 @@ REPLIES = kinds_of(get_args(messages.Reply))
 
 
 def encode(message: Any) -> bytes:
-    """The bytes of a message.  Raises WireError where a field is not what its hint says."""
+    """Encode a message; return its bytes.  Raises WireError where a field is not what its hint says."""
     arrays: Arrays = {}
     kind: Any = type(message)
     meta = _form_of(kind).pack(message, kind.__name__, arrays)
@@ -259,7 +262,7 @@ def encode(message: Any) -> bytes:
 
 
 def decode(data: bytes, kinds: Kinds) -> Any:
-    """The message in `data`, one of `kinds`.  Raises WireError for anything else."""
+    """Decode the message in `data`, one of `kinds`.  Raises WireError for anything else."""
     name, meta, arrays = decode_record(data)
     kind: Any = kinds.get(name)
     if kind is None:
@@ -272,7 +275,7 @@ def decode(data: bytes, kinds: Kinds) -> Any:
 
 @cache
 def _form_of(hint: Any) -> Form:
-    """The form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
+    """Return the form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
     origin, args = get_origin(hint), get_args(hint)
     if origin is np.ndarray:
         return _array_form(get_args(args[1])[0])

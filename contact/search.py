@@ -1,6 +1,12 @@
-"""Compiled kernels of the search: boxes, rays, and the cutting of slave edges at the master's nodes.
+"""The search of contact: rays along normals, cuts of slave edges at the master's nodes, and quadrature points on the
+
+pieces.
 
 A slave point faces the nearest master point on the ray along its normal (contact.surfaces).
+
+Arrays of all kernels: x (n_s, 2) coordinates [m]; edges (n_edges, 2) indices s; normal (n_edges, 3, 2) unit normals of
+an edge, and at its first and second node; length (n_edges,) [m]; met (n_p, 2) slave and master edge of each point;
+values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece.
 """
 
 from __future__ import annotations
@@ -16,21 +22,21 @@ from contact.messages import Facing, Floats, Ints
 from contact.surfaces import RegisteredSurfaces, checked_reals, edge_frames
 
 FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
-END_TOLERANCE = 1e-9  # a foot within this share of an edge beyond its end is on the end
-# A node's own gap is for records and events only; a node that a slightly tilted normal leads past the end of the other
+END_TOLERANCE = 1e-9  # of an edge: a foot this little beyond its end is on the end
+# A node's own gap is for records and events only; a node whose slightly tilted normal passes the end of the other
 # surface, as at an axis or a plane of symmetry, still has one.
-NODE_TOLERANCE = 1e-3
-CUT_TOLERANCE = 1e-13  # cuts closer than this share of an edge are one cut: round-off, not geometry
-MIN_MAPPED_LENGTH = 1e-6  # master pieces shorter than this share of their edge are weighted as if the map were linear
+NODE_TOLERANCE = 1e-3  # of an edge
+CUT_TOLERANCE = 1e-13  # of an edge: cuts closer than this are one cut
+MIN_MAPPED_LENGTH = 1e-6  # of an edge: shorter master pieces are weighted as if the map were linear
 NORMAL_SHORTENING = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
-SELF_CONTACT_DEPTH = 0.25  # a surface that folds onto itself is followed this share of an edge into the body
+SELF_CONTACT_DEPTH = 0.25  # of an edge: how deep into the body a surface that faces itself is searched
 # fault: Gauss points of a piece nearer to its ends -> GAUSS = 0.35 | scenarios/test_contact_robust
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
 
 class Frame(NamedTuple):
-    """A slave edge as its rays see it: (x1, y1), (x2, y2) its ends [m]; (u1, v1), (u2, v2) the unit normals there."""
+    """A slave edge and its rays: (x1, y1), (x2, y2) its ends [m]; (u1, v1), (u2, v2) the unit normals there."""
 
     x1: float
     y1: float
@@ -44,10 +50,11 @@ class Frame(NamedTuple):
 
 @kernel
 def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
-    """Boxes [x_min, x_max, y_min, y_max] over a chain of edges, as an implicit binary tree.
+    """Build boxes [x_min, x_max, y_min, y_max] [m] over a chain of edges, as an implicit binary tree.
 
-    chain : (m,) edge numbers, neighbours side by side, so the boxes are tight however the surface bends.
-    Returns (2 P, 4): node i has children 2i and 2i + 1, leaf P + k is edge chain[k]; P = 2^i >= m.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  chain : (m,) edge numbers, neighbours side by side, so the boxes are tight
+    however the surface bends.  Returns (2 P, 4) [m]: node i has children 2i and 2i + 1, leaf P + k is edge chain[k];
+    P = 2^i >= m.
     """
     P = 1
     while chain.size > P:
@@ -71,7 +78,10 @@ def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
 
 @kernel
 def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
-    """Ends of slave edge e and the normals there."""
+    """Return the ends of slave edge e and the normals there.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].
+    """
     a, b = edges[e, 0], edges[e, 1]
     return Frame(x[a, 0], x[a, 1], x[b, 0], x[b, 1],
                  normal[e, 1, 0], normal[e, 1, 1], normal[e, 2, 0], normal[e, 2, 1])
@@ -80,10 +90,13 @@ def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
 @kernel
 def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back: float, ahead: float,
                hits: Ints) -> int:
-    """Edges of a box tree over the chain masters that the rays of a slave edge may reach, and that face it.
+    """Put into hits the edges of a box tree that the rays of a slave edge may reach, and that face it; return how many.
 
-    The rays of the edge, from -back to ahead [m], fill a quadrilateral; a box is passed by if it misses the
-    quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put into found.
+    boxes : (2 P, 4) [m] over the chain masters : (m,).  normal : (n_edges, 3, 2) [1].  back, ahead : reach of the rays
+    [m].
+    hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding box or
+    its
+    projection on the edge's direction.
     """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     tx, ty = x2 - x1, y2 - y1
@@ -127,7 +140,7 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
 
 @kernel
 def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
-    """The slave coordinates xi whose rays pass through (X, Y), roots of (X - x(xi)) x n(xi) = 0; NaN: none.
+    """Find the slave coordinates xi whose rays pass through (X, Y) [m], roots of (X - x(xi)) x n(xi) = 0; NaN: none.
 
     The first root is the one that stays finite as the normals become parallel.
     """
@@ -146,7 +159,10 @@ def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
 
 @kernel
 def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float, float, float]:
-    """Where the ray of slave coordinate xi meets the line of edge m: coordinate on it, gap [m], n . n_m."""
+    """Intersect the ray of slave coordinate xi with the line of edge m; return the coordinate on it, gap [m], n . n_m.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).
+    """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     ax, ay = x[edges[m, 0], 0], x[edges[m, 0], 1]
     px, py = x1 + xi * (x2 - x1), y1 + xi * (y2 - y1)
@@ -163,7 +179,7 @@ def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float,
 
 @kernel
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
-    """Is gap g of master edge m to be preferred to the best so far?  Nearest first, then the lower number."""
+    """Return whether gap g [m] of master edge m is preferred to the best so far: the nearest, then the lower number."""
     # fault: the farther of two master edges met -> return abs(g) > abs(best) + slack or (m < best_m and abs(g) <=
     #   abs(best) + slack) | contact/test_facing
     # fault: of two branches the farther one is faced -> return abs(g) > abs(best) - slack or (m < best_m and abs(g) <=
@@ -173,7 +189,7 @@ def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
 
 @kernel
 def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> None:
-    """Keep the nearest gap of a node."""
+    """Keep the nearest gap g [m] of a node in near : (n_s,) [m]."""
     if -back <= g < ahead and abs(g) < abs(near[node]):
         near[node] = g
 
@@ -181,10 +197,13 @@ def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> N
 @kernel
 def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Floats,
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
-    """Cuts of a slave edge at the feet of its candidates' nodes; the gaps of those nodes on the way.
+    """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
-    found : (>= count,) master edges.  Fills cuts, ascending from 0 to 1, and spans : (count, 2), the range of xi
-    in which each candidate can be met; near : (n_s,) is updated.  Returns the number of cuts.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,),
+    ascending
+    from 0 to 1, and spans : (>= count, 2), the range of xi in which each candidate can be met; near : (n_s,) [m], the
+    gaps of
+    those nodes, is updated.
     """
     cuts[0], n = 0.0, 1
     for k in range(count):
@@ -222,7 +241,11 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts:
 @kernel
 def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Floats, n_cuts: int,
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
-    """Into met the nearest master edge that the middle ray of each piece of a slave edge meets; -1: none."""
+    """Find the nearest master edge that the middle ray of each piece of a slave edge meets.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,).  spans : (>= count, 2).
+    Fills met : (>= n_cuts - 1,), -1: none, and met_gap : (>= n_cuts - 1,) [m].
+    """
     slack = END_TOLERANCE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
     for i in range(n_cuts - 1):
         met[i], met_gap[i] = -1, np.inf
@@ -249,7 +272,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Flo
 @kernel
 def master_weights(xi_1: float, xi_2: float, low: float, high: float, size: float, r_low: float,
                    r_high: float) -> tuple[float, float]:
-    """Weights at two master coordinates xi that integrate linear functions over the piece low..high exactly.
+    """Return weights at master coordinates xi_1, xi_2 that integrate linear functions over the piece low..high exactly.
 
     So the pieces of an edge add up to the whole edge for each of its shape functions, though the map from the
     slave is not linear.  size : length of the piece [m].  r_low, r_high : 2 pi r at its ends [m], or 1.
@@ -267,7 +290,7 @@ def master_weights(xi_1: float, xi_2: float, low: float, high: float, size: floa
 
 @kernel
 def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
-    """2 pi r at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 metre of depth."""
+    """Return 2 pi r [m] at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 for unit depth."""
     # fault: 2 pi r dropped from the areas -> return max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0 |
     #   contact/test_facing
     return 2.0 * np.pi * max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0
@@ -276,7 +299,10 @@ def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
 @kernel
 def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float, m: int, low: float, high: float,
           axisymmetric: bool, values: Floats, i: int) -> None:
-    """The two facing points of piece low..high of a slave edge on master edge m, into rows i, i + 1 of values."""
+    """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5).  length_s, length_m : of the edges [m].
+    """
     r_1, r_2 = x[edges[m, 0], 0], x[edges[m, 1], 0]
     for k in range(4):  # the two points, then the two ends, whose columns are put in order below
         xi = 0.5 * (low + high) + (2 * k - 1) * GAUSS * (high - low) if k < 2 else (low if k == 2 else high)
@@ -299,7 +325,10 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
 
 @kernel
 def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
-    """Take the edge e itself and the edges that share a node with it out of found; returns how many are left."""
+    """Remove the edge e itself and the edges that share a node with it from hits; return how many remain.
+
+    edges : (n_edges, 2).  hits : (>= count,).
+    """
     n_left = 0
     for k in range(count):
         m = hits[k]
@@ -316,10 +345,12 @@ def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
 @kernel
 def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints, count: int, end: int,
                back: float, ahead: float, axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
-    """The point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
+    """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
 
-    So a piece has two rows in this form too.  reach : how far behind and ahead of the node [m].  False: it faces
-    nothing.
+    So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).
+    back, ahead : reach of the ray [m].  met_edges : (capacity, 2) and values : (capacity, 5) are filled.  Returns False
+    where
+    the node faces nothing.
     """
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
@@ -341,12 +372,14 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints
 def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int, last: int, masters: Ints,
               gap_max: float, axisymmetric: bool, itself: bool, by_node: bool, met_edges: Ints, values: Floats,
               near: Floats) -> int:
-    """Facing points of one pass.
+    """Search one pass; return how many points there are, which may be more than the capacity.
 
-    slaves : first and last + 1 of the slave's edges.  masters : the master's edges as a chain.  form : axisymmetric,
-    onto itself, by node.  Fills met_edges : (capacity, 2), slave and master edge, and values : (capacity, 5), xi_s,
-    xi_m, gap, area, area_m, two rows a piece, and near : (n_s,), the nearest gap of each node.  Returns how many points
-    there are, which may be more than the capacity.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
+    first and
+    last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.  by_node :
+    one
+    point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5), xi_s, xi_m [1],
+    gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
     """
     boxes, longest = box_tree(x, edges, masters), 0.0
     for m in masters:
@@ -391,18 +424,19 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int
     return n_points
 
 
-# Which points of the surfaces face each other: the reply to a Project request.
+# The reply to a Project request
 
-AXIS_TOLERANCE = 1e-9  # an axisymmetric node may lie this share of the scene's radius beyond the axis: round-off
+AXIS_TOLERANCE = 1e-9  # of the scene's radius: how far beyond the axis a node may lie
 
 
 @dataclass(frozen=True)
 class Cut:
-    """All facing points of a scene, in one table, and what was worked out on the way.
+    """All contact quadrature points of a scene, in one table, and what was computed on the way.
 
     number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m, gap [m], area, area_m [m2].
-    normal : (n_edges, 3, 2) as from contact.surfaces.  node_gap, node_covered : (n_s,) as in Facing.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
+    normal : (n_edges, 3, 2) [1] as from contact.surfaces.  node_gap : (n_s,) [m] and node_covered : (n_s,) [1] as in
+    Facing.
     The two points of a piece are neighbours.
     """
 
@@ -415,7 +449,10 @@ class Cut:
 
 
 def project(surfaces: RegisteredSurfaces, x: Floats) -> Facing:
-    """Facing points at coordinates x : (n_s, 2) [m].  Raises ValueError where x is no possible geometry."""
+    """Find the contact quadrature points at coordinates x : (n_s, 2) [m].
+
+    Raises ValueError where x is no possible geometry.
+    """
     c = cut_surfaces(surfaces, x)
     slave_edge, master_edge = np.ascontiguousarray(c.met.T)
     xi_s, xi_m, gap, area, area_m = np.ascontiguousarray(c.values.T)
@@ -445,7 +482,8 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats) -> Cut:
 
 def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, i: int,
           node_gap: Floats) -> tuple[Ints, Floats]:
-    """Facing points of pass i, (n, 2) edges and (n, 5) values; lowers node_gap where the pass's is less."""
+    """Search pass i; return (n, 2) edges and (n, 5) values, and lower node_gap : (n_s,) [m] where the pass's is less.
+    """
     r, p, start = surfaces.register, surfaces.passes, surfaces.start
     slave, master = p.slave[i], p.master[i]
     first, last = int(start[slave]), int(start[slave + 1])
@@ -477,7 +515,11 @@ def _check_geometry(surfaces: RegisteredSurfaces, x: Floats, length: Floats) -> 
 @kernel
 def covered_fractions(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.bool_], axisymmetric: bool,
                       met: Ints, values: Floats) -> Floats:
-    """(n_s,) share in [0, 1] of each node's surface, by its shape functions, that faces something."""
+    """Return (n_s,) the part in [0, 1] of each node's surface, by its shape functions, that faces something.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  in_pair : (n_edges,).  met : (n_p, 2).
+    values : (n_p, 5), xi_s, xi_m [1], gap [m], area, area_m [m2].
+    """
     whole, faced = np.zeros(x.shape[0]), np.zeros(x.shape[0])
     for e in range(edges.shape[0]):
         if in_pair[e]:

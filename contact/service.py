@@ -19,7 +19,7 @@ MAX_SCENES = 64  # scenes kept registered; the one unused longest goes first, an
 
 
 class ContactService:
-    """Answers Register, Project, Traction and Coupling; wrong requests get a Refused, never an exception."""
+    """Answer Register, Project, Traction and Coupling; wrong requests get a Refused, never an exception."""
 
     def __init__(self) -> None:
         self._scenes: OrderedDict[str, RegisteredSurfaces] = OrderedDict()

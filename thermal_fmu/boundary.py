@@ -1,4 +1,7 @@
-"""All that flows into the nodes except by conduction inside: flux, film, radiation, sources, contact, friction."""
+"""Boundary terms of a stage: all heat into the nodes except by conduction inside, and the limits of boundary data.
+
+Flux, film, radiation, sources, contact and friction.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +31,10 @@ TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact
 
 @dataclass(frozen=True)
 class BoundaryHeat:
-    """f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies.
+    """Heat into the nodes except by conduction inside.
 
-    terms : by mechanism [W], in the order of TERMS.  magnitude : sum of the sizes of all nodal contributions [W].
+    f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies [W].
+    terms : (n_terms,) by mechanism [W], as TERMS.  magnitude : sum of the sizes of all nodal contributions [W].
     The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
     across, as (nodes (n, 4), values (n, 4, 4)).
     """
@@ -45,7 +49,7 @@ class BoundaryHeat:
 
 @dataclass
 class _HeatSum:
-    """What has been added up so far."""
+    """A BoundaryHeat while its terms are added up."""
 
     f: Floats
     magnitude: float
@@ -54,21 +58,21 @@ class _HeatSum:
     across: list[tuple[Ints, Floats]] = field(default_factory=list)
 
     def gain(self, term: str, power: Floats) -> None:
-        """power : (n,) [W] enters the nodes."""
+        """Add power : (n,) [W] that enters the nodes."""
         self.f += power
         self.terms[term] += power.sum()
         self.magnitude += float(np.abs(power).sum())
 
     def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
-        """flow : (n, 2) [W] leaves nodes : (n, 2)."""
+        """Add flow : (n, 2) [W] that leaves nodes : (n, 2)."""
         self.f -= at_nodes(nodes, flow, self.f.size)
         self.terms[term] -= flow.sum()
         self.magnitude += float(np.abs(flow).sum())
 
     def cross(self, term: str, nodes: Ints, flow: Floats, slope: Floats) -> None:
-        """flow : (n, 4) [W] leaves nodes : (n, 4), slope : (n, 4, 4) [W/K].
+        """Add flow : (n, 4) [W] that leaves nodes : (n, 4), with slope : (n, 4, 4) [W/K].
 
-        Either side from its own shape functions: that they agree is what the ledger shows.
+        Either side from its own shape functions: that they agree is what the heat balance shows.
         """
         self.f -= at_nodes(nodes, flow, self.f.size)
         self.terms[f"{term}.slave"] -= flow[:, :2].sum()
@@ -78,7 +82,10 @@ class _HeatSum:
 
 
 def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T: Floats) -> BoundaryHeat:
-    """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the substep."""
+    """Evaluate the boundary terms at T : (n,) [K].
+
+    power_M : (n,) mechanical heat [W], E_M spread evenly over the substep.
+    """
     total = _HeatSum(np.zeros(T.size), 0.0, dict.fromkeys(TERMS, 0.0))
     if substep.flux_areas:
         total.gain("flux", _flux(substep, loads, T.size))
@@ -107,7 +114,7 @@ def _flux(substep: SubstepData, loads: ThermalLoads, n: int) -> Floats:
 
 
 def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> Floats:
-    """(n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
+    """Return (n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
     source = np.zeros(T.size)
     if substep.uniform_volumes is not None:
         source += np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ substep.uniform_volumes
@@ -143,12 +150,12 @@ def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Fl
         total.cross("near_radiation", near.nodes, flow, slope)
 
 
-# What boundary data must keep to at the temperatures a stage ends with; Newton's method may stray on its way.
+# Limits of boundary data.  They hold at the temperatures a stage ends with; iterates may exceed them.
 
 def demand_limits(substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
-    """Kelvin where surfaces radiate, emissivities in (0, 1], film coefficients not negative, at T : (n,) [K].
+    """Check boundary data at T : (n,) [K]: kelvin where surfaces radiate, emissivities in (0, 1], h not negative.
 
-    Raises BadPropertyError saying what was met.
+    Raises BadPropertyError naming the value that was met.
     """
     for radiator, levels in zip(substep.radiators, loads.radiators, strict=True):
         T_a = (radiator.points.N * T[radiator.points.nodes]).sum(axis=1)

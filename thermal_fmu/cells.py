@@ -1,4 +1,4 @@
-"""The cells of a scene: their blocks, geometry on given coordinates, conduction and storage."""
+"""Cells of a thermal scene: geometry on given coordinates, conduction, storage, and caches of what did not change."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Body, Conductivity
 from thermal_fmu.surface_terms import at_nodes
 
-# Conductivity tensors at quadrature points, with their derivatives by temperature and by solid fraction.
-
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Tensors:
-    """K, dK, dK_f : (ne, nq, 3), components xx, xy, yy of k [W/mK], dk/dT, dk/df_s.  principal : values of k_1, k_2."""
+    """Conductivity tensors at quadrature points, with their derivatives by temperature and by solid fraction.
+
+    K, dK, dK_f : (ne, nq, 3), components xx, xy, yy of k [W/mK], dk/dT [W/mK2], dk/df_s [W/mK].
+    principal : (ne, nq) values of k_1, and of k_2 where there is one [W/mK].
+    """
 
     K: Floats
     dK: Floats
@@ -41,9 +43,10 @@ class Tensors:
 
 
 def tensors(k: Conductivity, T: Floats, f_s: Floats | None, turn: Floats | None) -> Tensors:
-    """At T, f_s and the turn of the material : (ne, nq) [K, 1, rad]; None: solid, and not turned.
+    """Evaluate the conductivity tensor K = k_1 a a' + k_2 b b', a at angle + turn to x and b across it.
 
-    K = k_1 a a' + k_2 b b' with a at angle + turn to x and b across it.
+    T : (ne, nq) [K].  f_s : (ne, nq) solid fraction [1]; None: solid.  turn : (ne, nq) of the material [rad]; None: not
+    turned.
     """
     first = k.k_1(T, f_s)
     by_T, by_f = k.k_1.slope(T, f_s), k.k_1.phase_slope(T)
@@ -67,20 +70,21 @@ Ints = NDArray[np.int32]
 Slots = NDArray[np.int64]
 
 
-class InvertedCellError(ArithmeticError):
-    """The incoming coordinates turn a cell inside out."""
+class InvertedMeshError(ArithmeticError):
+    """Coordinates from outside turn a cell inside out."""
 
 
 class BadPropertyError(ArithmeticError):
-    """A conductivity or heat capacity is not positive at a temperature that was met."""
+    """A property takes a value it must not have at a temperature that was met, as a conductivity that is not positive.
+    """
 
 
 @dataclass(frozen=True)
 class CellBlock:
     """The cells of one kind in one body.
 
-    cells : (ne, nn) nodes.  numbers : (ne,) number e of each cell, 0-based, quads before triangles as in
-    interface.h5.  slots : (ne, nn, nn) places in the matrix data.  alone : whether the body has no other block.
+    cells : (ne, nn) nodes.  numbers : (ne,) number of each cell, 0-based, quads before triangles as in interface.h5.
+    slots : (ne, nn, nn) places in the matrix data.  alone : whether the body has no other block.
     """
 
     body: int
@@ -92,23 +96,23 @@ class CellBlock:
 
     @cached_property
     def places(self) -> Slots:
-        """The places in the matrix data it reaches, ascending, each once."""
+        """(n_places,) the places in the matrix data it reaches, ascending, each once."""
         return np.unique(self.slots)
 
     @cached_property
     def own_slots(self) -> Slots:
-        """slots, as positions in places."""
+        """(ne, nn, nn) slots, as positions in places."""
         return np.searchsorted(self.places, self.slots)
 
     @cached_property
     def nodes(self) -> NDArray[np.int32]:
-        """Its nodes, ascending, each once."""
+        """(m,) its nodes, ascending, each once."""
         return np.unique(self.cells)
 
 
 @dataclass(frozen=True)
 class CellMesh:
-    """All blocks of a scene and the matrix pattern of their nodes."""
+    """All blocks of a scene and the matrix pattern of their n nodes."""
 
     n: int
     n_cells: int
@@ -120,8 +124,9 @@ class CellMesh:
 
 @dataclass(frozen=True)
 class CellGeometry:
-    """A block on given coordinates.  G : (ne, nq, nn, 2) [1/m].  dV : (ne, nq) [m3], per metre when plane.
+    """A block on given coordinates.
 
+    G : (ne, nq, nn, 2) gradients of shape functions [1/m].  dV : (ne, nq) [m3], per metre of depth when plane.
     turn : (ne, nq) rotation of the material since the reference [rad], where its axes follow it.
     """
 
@@ -132,7 +137,10 @@ class CellGeometry:
 
 @dataclass(frozen=True)
 class ReferenceCells:
-    """A block as it was at first.  mass : (ne, nq) rho0 dV0 [kg].  G : (ne, nq, nn, 2) [1/m], where axes turn."""
+    """A block in the reference configuration.
+
+    mass : (ne, nq) rho0 dV0 [kg].  G : (ne, nq, nn, 2) [1/m], where axes turn with the material.
+    """
 
     mass: Floats
     G: Floats | None = None
@@ -140,9 +148,11 @@ class ReferenceCells:
 
 @dataclass(frozen=True)
 class MatrixEntries:
-    """The data of the matrix M + slope K on their way, an empty array where none is asked for.
+    """The entries of the matrix M + slope K while it is assembled.
 
-    filled : blocks, by their place in the volume, whose entries are in it already.
+    data : (nnz,) [J/K], empty where no matrix is asked for.  slope : factor of K [s].  filled : blocks, by their place
+    in
+    the mesh, whose entries are in data already.
     """
 
     data: Floats
@@ -150,12 +160,12 @@ class MatrixEntries:
     filled: frozenset[int] = frozenset()
 
     def of(self, b: int) -> Floats:
-        """Where block b adds its own."""
+        """Return where block b adds its own entries: data, or an empty array where they are in it already."""
         return self.data[:0] if b in self.filled else self.data
 
 
 def cell_mesh(interface: Interface) -> CellMesh:
-    """The blocks of an interface's mesh, body by body, quads before triangles."""
+    """Build the blocks of an interface's mesh, body by body, quads before triangles."""
     parts = []
     first = 0
     for kind, cells, body in (("quad", interface.quads, interface.quad_body),
@@ -179,25 +189,31 @@ def cell_mesh(interface: Interface) -> CellMesh:
 
 
 def shapes_of(volume: CellMesh, x: Floats) -> tuple[CellGeometry, ...]:
-    """Every block on coordinates x : (n, 2) [m].  Raises InvertedCellError naming cell (1-based) and body."""
+    """Compute the geometry of every block on coordinates x : (n, 2) [m].
+
+    Raises InvertedMeshError naming cell (1-based) and body.
+    """
     return tuple(shape_of(volume, block, x) for block in volume.blocks)
 
 
 def shape_of(volume: CellMesh, block: CellBlock, x: Floats) -> CellGeometry:
-    """One block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
+    """Compute the geometry of one block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
     t = block.table
     nq, nn = t.N.shape
     shape = CellGeometry(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
     bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
     if bad >= 0:
         where = " or reaches across the axis" if volume.axisymmetric else ""
-        raise InvertedCellError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
+        raise InvertedMeshError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
                                 f"turned inside out{where} by the coordinates that came in")
     return shape
 
 
 def spread(volume: CellMesh, shapes: Sequence[CellGeometry], per_volume: Sequence[Floats]) -> Floats:
-    """(n,) nodal values sum_q N_i s dV of densities s : one (ne,) array or scalar array a block."""
+    """Integrate densities s to the nodes: (n,) sum_q N_i s dV.
+
+    per_volume : a block each, (ne,) one density a cell or (1,) one for all; the result has its unit times m3.
+    """
     out = np.zeros(volume.n)
     for block, shape, s in zip(volume.blocks, shapes, per_volume, strict=True):
         nodal = (shape.dV @ block.table.N) * np.reshape(s, (-1, 1))
@@ -206,7 +222,7 @@ def spread(volume: CellMesh, shapes: Sequence[CellGeometry], per_volume: Sequenc
 
 
 def spread_energies(volume: CellMesh, shapes: Sequence[CellGeometry], E: Floats) -> Floats:
-    """(n,) nodal shares of energies E : (n_cells,) [J], each even in the volume of its cell."""
+    """Spread energies E : (n_cells,) [J] of cells, each even in its volume, to the nodes: (n,) [J]."""
     per_volume = [E[block.numbers] / shape.dV.sum(axis=1)
                   for block, shape in zip(volume.blocks, shapes, strict=True)]
     # fault: sign of E_M -> return -spread(volume, shapes, per_volume) | thermal_fmu/test_thermal_nonlinear
@@ -214,7 +230,7 @@ def spread_energies(volume: CellMesh, shapes: Sequence[CellGeometry], E: Floats)
 
 
 def reference_cells(volume: CellMesh, bodies: Sequence[Body], X: Floats) -> tuple[ReferenceCells, ...]:
-    """Every block on reference coordinates X : (n, 2) [m].  Raises InvertedCellError."""
+    """Compute masses, and gradients where axes turn, of every block on X : (n, 2) [m].  Raises InvertedMeshError."""
     out = []
     for block, shape in zip(volume.blocks, shapes_of(volume, X), strict=True):
         material = bodies[block.body].material
@@ -223,15 +239,15 @@ def reference_cells(volume: CellMesh, bodies: Sequence[Body], X: Floats) -> tupl
 
 
 def with_turn(block: CellBlock, first: ReferenceCells, shape: CellGeometry, x: Floats) -> CellGeometry:
-    """A shape on x : (n, 2) [m], with the turn of the material where its axes follow it."""
+    """Return a geometry on x : (n, 2) [m] with the rotation of the material, where its axes follow it."""
     return shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
 
 
 def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body], at: NodalFields, f: Floats,
             into: MatrixEntries) -> None:
-    """f -= the heat that leaves each node by conduction;  entries += slope * its derivative by s.
+    """Add conduction, Eq. (1): f -= the heat that leaves each node;  entries += slope * its derivative by s.
 
-    Eq. (1).  Raises BadPropertyError.
+    f : (n,) [W].  Raises BadPropertyError.
     """
     for b, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
         material = bodies[block.body].material
@@ -272,11 +288,11 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: Body, at: Nodal
 
 def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[Body], s0: Floats, s: Floats,
           S: Floats, into: MatrixEntries) -> Floats:
-    """S += nodal increase of enthalpy along path, from s0 to s : (n,) [K];  entries += its derivative [J/K].
+    """Add storage: S += the increase of enthalpy from s0 to s;  entries += its derivative by s [J/K].
 
-    Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a cell would else make heat run
-    backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the points where it is stored.
-    Raises BadPropertyError.
+    s0, s : (n,) [K].  S : (n,) [J].  Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a
+    cell would else make heat run backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the
+    points where it is stored.  Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
     for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
@@ -322,12 +338,13 @@ def _check_positive(what: str, values: Floats, block: CellBlock, body: str) -> N
                                f"in cell {block.numbers[e] + 1}")
 
 
-# What need not be worked out again: shapes of cells that did not move, matrices of bodies whose data are constant.
+# Caches: geometry of cells that did not move, matrices of bodies whose data are constant
 #
-# Kept values are those that would be worked out, to the bit, so nothing here is part of the state.
+# Cached values are those that would be computed, to the bit, so nothing here is part of the state.
+
 
 class GeometryCache:
-    """The shapes of the coordinates last asked for, block by block."""
+    """The geometry on the coordinates last asked for, block by block."""
 
     def __init__(self) -> None:
         self._x: Floats | None = None
@@ -335,7 +352,10 @@ class GeometryCache:
         self._shapes: tuple[CellGeometry, ...] = ()
 
     def of(self, volume: CellMesh, references: tuple[ReferenceCells, ...], x: Floats) -> tuple[CellGeometry, ...]:
-        """Every block on x : (n, 2) [m], with the turn of its axes.  Raises InvertedCellError."""
+        """Return the geometry of every block on x : (n, 2) [m], with the rotation of its axes.
+
+        Raises InvertedMeshError.
+        """
         before, same_reference = self._x, self._references is references
         shapes = []
         for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
@@ -366,17 +386,17 @@ class _CachedMatrix:
 
 
 class MatrixCache:
-    """M + slope K of blocks whose c and k are constant, for the shapes and the slope last asked for."""
+    """M + slope K of blocks whose c and k are constant, for the geometry and the slope last asked for."""
 
     def __init__(self) -> None:
         self._of: dict[int, _CachedMatrix] = {}
 
     def fill(self, volume: CellMesh, bodies: Sequence[Body], references: Sequence[ReferenceCells],
              shapes: Sequence[CellGeometry], into: MatrixEntries, stores: bool) -> MatrixEntries:
-        """Put in the entries of blocks that were asked for before, and say which.
+        """Put in the entries of blocks that were asked for before, and note which.
 
-        A block that moves in every step is left to the caller: to keep its entries would cost and never pay.
-        on : reference and shape of every block.  stores : whether M is in it.
+        A block that moves in every step is not cached: its entries would never be used again.
+        references, shapes : of every block.  stores : whether M is in the matrix.
         """
         filled = []
         for b, (block, first, shape) in enumerate(zip(volume.blocks, references, shapes, strict=True)):
@@ -395,7 +415,7 @@ class MatrixCache:
 
 
 def _entries(volume: CellMesh, block: CellBlock, bodies: Sequence[Body], cached: _CachedMatrix) -> Floats:
-    """(n_places,) entries of one block.  T = 0 serves: the entries know no temperature."""
+    """Assemble the (n_places,) entries of one block.  T = 0 serves: the entries do not depend on temperature."""
     own = replace(volume, blocks=(replace(block, slots=block.own_slots),))
     nothing, into = np.zeros(volume.n), MatrixEntries(np.zeros(block.places.size), cached.slope)
     if cached.stores:

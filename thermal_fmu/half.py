@@ -1,4 +1,4 @@
-"""The thermal half as a HalfModel: first state, and the pure step of docs/design.md."""
+"""The thermal half as a HalfModel: its variables, first state, and pure step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from thermal_fmu.cells import (
     BadPropertyError,
     CellBlock,
     CellGeometry,
-    InvertedCellError,
+    InvertedMeshError,
     ReferenceCells,
     shapes_of,
     tensors,
@@ -35,10 +35,10 @@ from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.step import StepContext, StepResult, entropy_jump
 from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
 
-# What every thermal half of this package says of itself: its inputs and outputs, in one order.
+# Variables of every thermal half of this package, in one order
 
 def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
-    """The variables of a thermal half, but for those that only one kind of half has."""
+    """List the variables of a thermal half, but for those that only one kind of half has."""
     n, n_s = len(interface.nodes), len(interface.contact_nodes)
     n_cells = len(interface.quads) + len(interface.triangles)
     surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
@@ -57,24 +57,24 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
         Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
-        Variable("contact.touching", description="facing points under pressure"),
+        Variable("contact.touching", description="contact quadrature points under pressure"),
     )
 
 
 def whole(inputs: Values, name: str) -> int:
-    """An Integer input; 0 where the caller has none."""
+    """Return an Integer input; 0 where the caller has none."""
     value = inputs.get(name, 0)
     assert isinstance(value, int | np.integer), f"{name} is an Integer"
     return int(value)
 
 
-# Outputs that are fields: solid fraction, heat flux in cells, what the surfaces give off.
+# Outputs that are fields
 
 Floats = NDArray[np.float64]
 
 
 def field_variables(scene: ThermalScene) -> tuple[Variable, ...]:
-    """The blocks that field_outputs fills."""
+    """List the blocks that field_outputs fills."""
     n_s = len(scene.interface.contact_nodes)
     melts = (Variable("f_s", (scene.volume.n,), description="solid fraction at the end of the substep"),)
     surface = (Variable("surface.T", (n_s,), unit="K", description="temperature of surface nodes at the end"),
@@ -86,9 +86,11 @@ def field_variables(scene: ThermalScene) -> tuple[Variable, ...]:
 
 def field_outputs(scene: ThermalScene, shapes: Sequence[CellGeometry], s: Floats,
                   released: Floats | None) -> dict[str, Value]:
-    """At s : (n,) [K] on shapes.  given : (n,) [J] that left each node through the surface; None: nothing yet.
+    """Evaluate the outputs that are fields at s : (n,) [K]: heat flux, solid fraction, heat that surfaces gave off.
 
-    given comes from the residual of the terms inside the body (consistent recovery), so it holds whatever made it flow.
+    released : (n,) [J] that left each node through the surface; None: nothing yet.  It comes from the residual of the
+    terms
+    inside the body (consistent recovery), so it holds whatever made it flow.
     """
     at = phase_change.fields(scene.melting, s)
     nodes = scene.interface.contact_nodes
@@ -101,7 +103,7 @@ def field_outputs(scene: ThermalScene, shapes: Sequence[CellGeometry], s: Floats
 
 
 def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFields) -> Floats:
-    """(n_cells, 2) cell means of -k grad T [W/m2]."""
+    """Return (n_cells, 2) cell means of -k grad T [W/m2]."""
     q = np.empty((scene.volume.n_cells, 2))
     for block, shape in zip(scene.volume.blocks, shapes, strict=True):
         K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
@@ -110,7 +112,7 @@ def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFiel
 
 
 def _conductivity(k: Conductivity, block: CellBlock, shape: CellGeometry, at: NodalFields) -> Floats:
-    """(ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
+    """Return k at quadrature points [W/mK]: (ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
     N = block.table.N
     T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, N)
     if k.is_plain:
@@ -119,17 +121,19 @@ def _conductivity(k: Conductivity, block: CellBlock, shape: CellGeometry, at: No
     return tensors(k, T_q, f_q, shape.turn).K
 
 
-RETRY_SHARE = 0.5  # of a step that did not converge
+# The half
+
+RETRY_SHARE = 0.5  # of a step that did not converge: the step a discard suggests
 
 
 @dataclass(frozen=True)
 class ThermalState:
     """All that evolves.
 
-    s : (n,) [K], T itself in bodies that do not melt (phase.py).  X : (n, 2) reference coordinates [m], the first
-    x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
+    s : (n,) [K], T itself in bodies that do not melt (phase_change).  X : (n, 2) reference coordinates [m], the first
+    x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
-    from, anchor_S : likewise of the entropy part.  pace : of adaptive inner steps.
+    from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
     """
 
     s: Floats
@@ -145,7 +149,7 @@ class ThermalState:
 class ThermalHalf:
     """Heat conduction in the bodies of an interface file, with the boundary data of a model.json.
 
-    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix asked for.
+    The object caches what follows from constant inputs, and factors of exactly the matrix asked for.
     """
 
     def __init__(self, interface: Interface, spec: Mapping[str, Any]) -> None:
@@ -157,9 +161,9 @@ class ThermalHalf:
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
-        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+        """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
 
-        Raises InvertedCellError, ContactRefusedError.
+        Raises InvertedMeshError, ContactRefusedError.
         """
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
@@ -169,13 +173,13 @@ class ThermalHalf:
             T[scene.interface.node_body == b] = body.T0
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
-        points = self._facing(X, inputs, link)
+        points = self._contact_points(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
         return state, outputs | field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
+        """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
         number = whole(inputs, "control.method")
         if number != 0 and number not in METHOD_NUMBERS:
             return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
@@ -188,7 +192,7 @@ class ThermalHalf:
         except LeastStepError as exc:
             # Inner steps can only get shorter where the substep itself is shorter than the least of them.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * exc.least)
-        except (InvertedCellError, ContactRefusedError) as exc:
+        except (InvertedMeshError, ContactRefusedError) as exc:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
 
@@ -197,7 +201,7 @@ class ThermalHalf:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
-        points = self._facing(x, inputs, link)
+        points = self._contact_points(x, inputs, link)
         # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
         substep = freeze(scene, self._masses_of(state.X), x, E_M, points)
@@ -244,7 +248,7 @@ class ThermalHalf:
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
         return self._masses[1]
 
-    def _facing(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
+    def _contact_points(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
         scene = self._scene
         if not scene.interface.pairs:
             return None
@@ -272,5 +276,5 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
-    """The thermal half of an interface file and the content of its model.json.  Raises ValueError."""
+    """Make the thermal half of an interface file and the content of its model.json.  Raises ValueError."""
     return ThermalHalf(interface, spec)

@@ -1,4 +1,4 @@
-"""The time stepping methods, as data.
+"""Time integration methods as tables of stages.
 
 A stage solves (E(T_s) - E_n)/(a dt) - sum_j (a_j/a) F_j = f(T_n + theta (T_s - T_n), t_n + c dt) for T_s, where E is
 the nodal enthalpy [J], f the heat flow into the nodes [W] and F_j the flows of earlier stages.  Storage enters as a
@@ -13,8 +13,9 @@ from math import sqrt
 
 @dataclass(frozen=True)
 class Stage:
-    """c : its time, as a share of dt.  a : its own weight.  theta : where between T_n and T_s f is taken.
+    """One stage of a method.
 
+    c : its time, as a part of dt.  a : its own weight.  theta : where between T_n and T_s f is taken.
     earlier : weights of the flows of earlier stages.
     """
 
@@ -34,10 +35,10 @@ class DampedStart:
 
 @dataclass(frozen=True)
 class TimeMethod:
-    """stages in order; weights : share of dt of each stage's flow in the substep's heat.
+    """A time integration method: stages in order; weights : part of dt of each stage's flow in the substep's heat.
 
-    stores : False for the steady method, which knows no storage.
-    damped : the damped start after a jump; None: none needed.
+    stores : False for the steady method, which has no storage.  damped : the damped start after a jump; None: none
+    needed.
     order : the local error falls like dt^(order + 1).
     """
 
@@ -56,9 +57,11 @@ _GAMMA = 1.0 - 1.0 / sqrt(2.0)
 
 
 def theta_method(theta: float) -> TimeMethod:
-    """All but storage at T_n + theta (T_{n+1} - T_n), t_n + theta dt; theta : 1/2 (midpoint) to 1 (backward Euler).
+    """Return the theta rule: all but storage at T_n + theta (T_{n+1} - T_n), t_n + theta dt.
 
-    Only at theta = 1 the stiff part of a jump is gone after a step; it is left times (1 - theta)/theta else.
+    theta : 1/2 (midpoint) to 1 (backward Euler).  Only at theta = 1 the stiff part of a jump is gone after a step; else
+    it
+    is multiplied by (1 - theta)/theta.
     """
     # fault: theta not damped -> return TimeMethod((Stage(theta, 1.0, theta),), (1.0,), damped=None if theta >= 0.5 else
     #   QUARTER_STEPS, | thermal_fmu/test_thermal_order

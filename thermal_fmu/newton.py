@@ -1,4 +1,9 @@
-"""Newton's method for one stage, and a detour for stages in which much freezes or melts at once."""
+"""Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.
+
+From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a solve
+with existing factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the state:
+the factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
+"""
 
 from __future__ import annotations
 
@@ -17,32 +22,31 @@ from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.phase_change import temperature
 from thermal_fmu.stage import StageBalance, StageProblem, balance
 
-# Linear solves that reuse the factors of an earlier matrix: GMRES about an anchor.
-#
-# From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a solve
-# with known factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the state: the
-# factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+# Linear solves: GMRES about an anchor
 
 # More iterations than this cost about half of new factors (measured at 1 250 and 7 500 unknowns), which also serve
 # the steps to come.
 MAX_KRYLOV = 8
-PATIENCE = 2  # iterations before their rate is held against them: the first ones tell little
-SMALLEST = 400  # unknowns; below, new factors cost no more than a few products in Python
+PATIENCE = 2  # iterations before their rate is judged: the first ones say little about it
+SMALLEST = 400  # unknowns: below, new factors cost no more than a few products in Python
 
 
 @dataclass(frozen=True)
 class AnchorMatrix:
-    """The matrix whose factors are used, as CSR arrays."""
+    """The matrix whose factors are used, as CSR arrays.
+
+    indptr : (n + 1,).  indices : (nnz,).  data : (nnz,) [J/K].
+    """
 
     indptr: Ints
     indices: Ints
     data: Floats
 
     def matrix(self) -> csr_matrix:
-        """The matrix itself."""
+        """Return the matrix itself."""
         n = self.indptr.size - 1
         return csr_matrix((self.data, self.indices, self.indptr), shape=(n, n))
 
@@ -64,7 +68,7 @@ class Factors:
         self.made = 0
 
     def of(self, anchor: AnchorMatrix) -> Solve:
-        """Factors of the anchor.  Raises SingularMatrixError."""
+        """Return the factors of an anchor.  Raises SingularMatrixError."""
         # fault: factors of an old matrix -> if self._solve is None or self._anchor is None : |
         #   thermal_fmu/test_thermal_solver
         if self._solve is None or self._anchor is None or not _equal(self._anchor, anchor):
@@ -88,7 +92,10 @@ def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, 
 
 
 def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floats], Floats]) -> Floats | None:
-    """x with |b - A x|_2 <= target by right preconditioned GMRES from 0; None as soon as it will take too long."""
+    """Find x : (n,) with |b - A x|_2 <= target by right preconditioned GMRES from 0; None as soon as it will take too
+
+    long.
+    """
     size = float(np.linalg.norm(b))
     if size == 0.0:
         return np.zeros(b.size)
@@ -115,7 +122,7 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
 
 
 def _least(H: Floats, start: Floats) -> tuple[Floats, float]:
-    """y that makes |start - H y| least, and that norm, for a tiny upper Hessenberg H."""
+    """Return y that minimises |start - H y|, and that norm, for a tiny upper Hessenberg H."""
     Q, R = np.linalg.qr(H, mode="complete")
     turned = Q.T @ start
     m = H.shape[1]
@@ -129,24 +136,25 @@ def _equal(one: AnchorMatrix, other: AnchorMatrix) -> bool:
         (one.indptr, other.indptr), (one.indices, other.indices), (one.data, other.data)))
 
 
+# Newton's method
+
 MAX_ITERATIONS = 25  # quadratic convergence needs a handful, a peaked c(T) with halved steps some more
 MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
-SUFFICIENT_DECREASE = 1e-4  # least relative decrease asked for, per share of the full step
-# Where a node sits at the edge of a phase no step may lower the residual, yet a short one beyond it shows the other
-# side's slopes.  So often may a scene that melts take one.
+SUFFICIENT_DECREASE = 1e-4  # Armijo's constant: least relative decrease, times the part of the full step
+# Where a node is at the edge of a phase no step may lower the residual, yet a short one beyond it has the other side's
+# slopes.  A scene that melts may take so many that raise it.
 MAX_CLIMBS = 8
-# The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
-STAGE_TOLERANCE = 0.1
-LINEAR_TOLERANCE = 0.3  # of what Newton asks for, so that a linear scene takes one solve
+STAGE_TOLERANCE = 0.1  # of the model's tolerance: the heat balance of a long run must close to it
+LINEAR_TOLERANCE = 0.3  # of the stage's tolerance, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
 
-# The detour: blur from 1 down by SHARPER to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt in one step
-# took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md); Newton's method alone
-# walks from cell to cell and stops where a node sits between two phases.
+# Phase continuation: blur from 1 down by BLUR_FACTOR to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt
+# in one step took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md).  Newton's
+# method alone goes from cell to cell and stops where a node is between two phases.
 BLUR_FACTOR = 0.3
 LEAST_BLUR = 1e-4
-BLURRED_TOLERANCE = 0.1
-MAX_RETREATS = 20  # each goes back half way (in the logarithm) to the last blur that was solved
+BLURRED_TOLERANCE = 0.1  # relative residual to which a blurred problem is solved
+MAX_RETREATS = 20  # each goes back half of the step (in the logarithm) to the last blur that was solved
 
 
 class NotConvergedError(ArithmeticError):
@@ -155,7 +163,10 @@ class NotConvergedError(ArithmeticError):
 
 @dataclass(frozen=True)
 class SolvedStage:
-    """s : (n,) [K] of the stage, its balance, the number of linear solves, the relative residual, the next anchor."""
+    """A stage that was solved.
+
+    s : (n,) [K].  iterations : linear solves.  residual : norm over scale [1].  anchor : of the next solve.
+    """
 
     s: Floats
     balance: StageBalance
@@ -166,9 +177,9 @@ class SolvedStage:
 
 def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
                 anchor: AnchorMatrix | None) -> SolvedStage:
-    """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
+    """Solve a stage from the guess s : (n,) [K] (prescribed values already in it).
 
-    Converged where the sum of |R| is a tenth of `tolerance` of the sum of all |heats|, or is round-off.
+    Converged where the sum of |R| is a tenth of `tolerance` times the sum of all |heats|, or is round-off.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
     try:
@@ -185,6 +196,7 @@ def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Fac
 
 def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
                         anchor: AnchorMatrix | None) -> SolvedStage:
+    """Solve a stage along problems whose melting is blurred less and less, each from the solution of the one before."""
     blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
     while True:
         goal = tolerance if blur == 0.0 else BLURRED_TOLERANCE
@@ -208,7 +220,7 @@ def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, fact
 
 def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
            anchor: AnchorMatrix | None) -> SolvedStage:
-    """As solve_stage, without the detour."""
+    """Solve as solve_stage does from s : (n,) [K], without phase continuation."""
     now = balance(problem, s, jacobian=True)
     floor = ROUND_OFF * _size(now.jacobian, s)
     climbs = MAX_CLIMBS if problem.scene.melting else 0
@@ -233,7 +245,7 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
 
 
 class LineSearchBalance(Protocol):
-    """A balance as far as a descent looks at it: the sum of |R| [J], and it as a share of the heat that flows."""
+    """A balance as a line search sees it: the sum of |R| [J], and it as a part of the heat that flows [1]."""
 
     @property
     def norm(self) -> float: ...
@@ -246,10 +258,11 @@ B = TypeVar("B", bound=LineSearchBalance)
 
 def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: B, floor: float,
             may_climb: bool) -> tuple[Floats, B]:
-    """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no property that is not positive.
+    """Find the longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no bad property.
 
-    allowed : the residual that is round-off, and whether the best of them will do where none lowers it.
-    Raises NotConvergedError, BadPropertyError.
+    balance_at : evaluates the balance at an s : (n,) [K].  s : (n,) [K].  step : (n,) Newton's step [K].  floor : the
+    residual that is round-off [J].  may_climb : whether the best of the steps will do where none lowers the residual.
+    Returns the new s and its balance.  Raises NotConvergedError, BadPropertyError.
     """
     scale = 1.0
     refused: BadPropertyError | None = None
@@ -275,7 +288,7 @@ def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: 
 
 
 def _demand_finite(problem: StageProblem, values: Floats, what: str) -> None:
-    """Name the first node at which values : (n,) are not finite."""
+    """Raise NotConvergedError naming the first node at which values : (n,) are not finite."""
     if np.isfinite(values).all():
         return
     interface = problem.scene.interface

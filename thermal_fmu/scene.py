@@ -1,4 +1,4 @@
-"""What never changes of a scene, and what follows from it alone."""
+"""A thermal scene, which never changes, and the data that a substep freezes: geometry, contact, friction heat."""
 
 from __future__ import annotations
 
@@ -47,10 +47,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ThermalScene:
-    """Model, cells, surfaces, fixed nodes.
-
-    fixed : (n,) True where T is prescribed (or no cell uses the node).
-    """
+    """Model, mesh and surfaces of a thermal half, with what follows from them alone."""
 
     interface: Interface
     model: Model
@@ -65,16 +62,17 @@ class ThermalScene:
 
     @cached_property
     def film_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """Places in the matrix data of the edges of every film."""
+        """(n_edges, 2, 2) places in the matrix data of the edges of every film."""
         return tuple(edge_slots(self.volume.pattern, film.where.edges) for film in self.model.films)
 
     @cached_property
     def radiator_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """Places in the matrix data of the edges of every radiating surface."""
+        """(n_edges, 2, 2) places in the matrix data of the edges of every radiating surface."""
         return tuple(edge_slots(self.volume.pattern, r.where.edges) for r in self.model.radiators)
 
     @cached_property
     def fixed(self) -> NDArray[np.bool_]:
+        """(n,) True where T is prescribed (or no cell uses the node)."""
         fixed = self.interface.node_body < 0
         for boundary in self.model.prescribed:
             fixed[boundary.nodes] = True
@@ -90,7 +88,8 @@ class ThermalScene:
 
     @cached_property
     def fixed_entries(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-        """Of the matrix data: which entries lie in a row or column of a fixed node, and their diagonal places."""
+        """Of the matrix data: (nnz,) which entries lie in a row or column of a fixed node, and their diagonal places.
+        """
         pattern = self.volume.pattern
         row = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
         touched = self.fixed[row] | self.fixed[pattern.indices]
@@ -98,12 +97,12 @@ class ThermalScene:
 
     @cached_property
     def geometry_cache(self) -> GeometryCache:
-        """Shapes of the last coordinates."""
+        """The geometry of the last coordinates."""
         return GeometryCache()
 
     @cached_property
     def matrix_cache(self) -> MatrixCache:
-        """Matrices of blocks with constant data."""
+        """The matrices of blocks with constant data."""
         return MatrixCache()
 
     @cached_property
@@ -112,18 +111,21 @@ class ThermalScene:
         return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
 
     def masses(self, X: Floats) -> tuple[ReferenceCells, ...]:
-        """Every block on reference coordinates X : (n, 2) [m]: its mass at quadrature points."""
+        """Compute the mass of every block at quadrature points on reference coordinates X : (n, 2) [m]."""
         return reference_cells(self.volume, self.model.bodies, X)
 
 
-# What is held through a substep: geometry, facing points, and everything that follows from them.
+# Data frozen through a substep
 
 Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """Nodes whose temperature is prescribed.  shapes : (n_terms, n) of its field at them, None where uniform."""
+    """Nodes whose temperature is prescribed.
+
+    nodes : (m,).  shapes : (n_terms, m) of its field at them [1], None where uniform.
+    """
 
     nodes: Ints
     shapes: Floats | None
@@ -131,13 +133,14 @@ class Fixed:
 
 @dataclass(frozen=True)
 class SubstepData:
-    """Held through a substep.
+    """What is constant through a substep.
 
-    sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of facing points under pressure.
-    plain : (n_bodies, n) volume of each body spread over its nodes [m3], None without uniform sources.  sources,
-    warm : where heat is made by a field, or by the temperature.  flux_areas : one (n,) or, by terms, (n_terms, n)
-    [m2] a prescribed flux.
-    films, radiators : surfaces open to the surroundings.  groups, near : where bodies exchange heat.
+    sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of contact quadrature points under pressure.
+    uniform_volumes : (n_bodies, n) volume of each body spread over its nodes [m3], None without uniform sources.
+    field_sources, temperature_sources : where heat is made by a field, or by the temperature.
+    flux_areas : one (n,) or, by terms, (n_terms, n) [m2] a prescribed flux.
+    films, radiators : surfaces open to the surroundings.  conduction_groups, radiation_groups : where bodies exchange
+    heat.
     friction : [W] at nodes, None where none is made.
     """
 
@@ -160,9 +163,9 @@ class SubstepData:
 
 def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E_M: Floats,
            points: ContactPoints | None) -> SubstepData:
-    """Everything that follows from coordinates x : (n, 2) [m], energies E_M : (n_cells,) [J] and facing points.
+    """Compute everything that follows from coordinates x : (n, 2) [m], energies E_M and contact points.
 
-    Raises InvertedCellError.
+    E_M : (n_cells,) mechanical heat of the cells [J].  Raises InvertedMeshError.
     """
     volume, model = scene.volume, scene.model
     # fault: conduction on the reference -> shapes = scene.geometry_cache.of(volume, masses, scene.interface.nodes) |
@@ -188,7 +191,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
 
 def with_friction(substep: SubstepData, scene: ThermalScene, points: ContactPoints, E: Floats, at: NodalFields,
                   h: float) -> SubstepData:
-    """With the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
+    """Add the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
 
     at : temperatures at its start, from which the effusivities of both sides are taken.
     """
@@ -221,7 +224,10 @@ def _areas(flux: Flux, x: Floats, volume: CellMesh) -> Floats:
 
 
 def prescribed_values(substep: SubstepData, levels: Sequence[Level], T: Floats) -> Floats:
-    """T : (n,) [K] with the prescribed temperatures put in; where two meet at a node the later one holds."""
+    """Put the prescribed temperatures into T : (n,) [K]; where two meet at a node the later one holds.
+
+    levels : of each prescribed temperature [K].  Returns a copy (n,) [K].
+    """
     out = T.copy()
     for fixed, level in zip(substep.fixed, levels, strict=True):
         out[fixed.nodes] = resolve(level, fixed.shapes)

@@ -24,7 +24,7 @@ class StageProblem:
 
     s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
     earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).  blur : 0 is the problem itself,
-    up to 1 a friend of it in which T(s) rests less and less at melting (phase.blurred).
+    up to 1 a smoothed one in which melting shows less and less in T(s) (phase_change.blurred).
     """
 
     scene: ThermalScene
@@ -41,13 +41,14 @@ class StageProblem:
 
 @dataclass(frozen=True)
 class StageBalance:
-    """A stage at one T.
+    """The heat balance of a stage at one T.
 
-    R : (n,) what is missing at each node [J]; at fixed nodes it is the heat that came through them.
-    flow : (n,) [W] into the nodes, all but storage, held nodes' reactions included.  inside : (n,) [W] the part of
+    R : (n,) residual at each node [J]; at fixed nodes it is the heat that came through them.
+    flow : (n,) [W] into the nodes, all but storage, fixed nodes' reactions included.  inside : (n,) [W] the part of
     it that does not come through the surface: flow - inside does, by consistent recovery.
-    terms : boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum of the
-    sizes of all heats at all nodes [J].
+    terms : (n_terms,) boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum
+    of
+    the sizes of all heats at all nodes [J].
     """
 
     R: Floats
@@ -61,14 +62,14 @@ class StageBalance:
 
     @property
     def relative_residual(self) -> float:
-        """norm as a share of scale."""
+        """norm as a part of scale [1]."""
         return self.norm / self.scale if self.scale > 0 else 0.0
 
 
 def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
-    """Residual (and its derivative by s, rows and columns of fixed nodes replaced by the identity) at s : (n,) [K].
+    """Evaluate the residual at s : (n,) [K], and its derivative by s where asked for.
 
-    Raises BadPropertyError.
+    Rows and columns of fixed nodes are replaced by the identity.  Raises BadPropertyError.
     """
     scene, substep, stage = problem.scene, problem.substep, problem.stage
     volume, model = scene.volume, scene.model

@@ -1,4 +1,4 @@
-"""One step of a method: its stages solved in order, and the heat they moved; damped steps after jumps."""
+"""One step of a method: its stages in order, the heat they moved, its local error; damped starts and entropy jumps."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StepResult:
-    """s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual, anchor of the next solve.
+    """A step that was solved.
 
-    moved : (n,) [J] that flowed into the nodes, held nodes' reactions included: their increase of enthalpy.
-    inside : (n,) [J] the part of it that did not come through the surface.
+    s : (n,) [K] at the end.  heat : of the step.  iterations : linear solves.  residual : worst relative residual [1].
+    anchor : of the next solve.  moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
+    increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.
     """
 
     s: Floats
@@ -37,7 +38,7 @@ class StepResult:
     inside: Floats
 
     def then(self, more: StepResult) -> StepResult:
-        """This step and the one after it as one."""
+        """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual), moved=self.moved + more.moved,
                        inside=self.inside + more.inside)
@@ -45,7 +46,10 @@ class StepResult:
 
 @dataclass(frozen=True)
 class StepContext:
-    """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep."""
+    """What every step of a substep needs beside time and state.
+
+    power_M : (n,) [W], E_M spread evenly over the substep.
+    """
 
     scene: ThermalScene
     substep: SubstepData
@@ -57,7 +61,7 @@ class StepContext:
 
 def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
               dt: float) -> StepResult:
-    """From s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
+    """Take one step from s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
@@ -89,7 +93,10 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
 
 def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,
                 h: float) -> StepResult:
-    """A step after a jump: cut into parts of the damping method, where the method needs it.  Raises as take_step."""
+    """Take a step from s : (n,) [K] after a jump, cut into steps of the damping method where the method needs it.
+
+    Raises as take_step.
+    """
     if method.damped is None:
         return take_step(context, method, s, anchor, t, h)
     damping, parts = METHODS[method.damped.method], method.damped.parts
@@ -102,7 +109,7 @@ def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: Anc
 
 
 def with_prescribed(context: StepContext, loads: ThermalLoads, s: Floats) -> Floats:
-    """s : (n,) [K] with the prescribed temperatures of `loads` put in."""
+    """Put the prescribed temperatures of `loads` into s : (n,) [K]."""
     melting = context.scene.melting
     T = prescribed_values(context.substep, loads.prescribed, phase_change.temperature(melting, s))
     return phase_change.prescribe(melting, s, T, context.scene.fixed)
@@ -117,9 +124,10 @@ class NodalFlow:
 
 
 def flow_at(context: StepContext, s: Floats, t: float, dt: float, side: int) -> NodalFlow:
-    """s : (n,) [K] with the prescribed values of t [s] put in, and (n,) [W] the heat that flows into each node.
+    """Evaluate the heat flow into the nodes at s : (n,) [K] and t [s].
 
-    dt : of the step [s], by which a kink is told.  side : the flow before a jump at t (-1) or after it (1).
+    dt : of the step [s], within which a time is taken for a breakpoint.  side : before a jump at t (-1) or after it
+    (1).
     Raises BadPropertyError.
     """
     loads = loads_at(context.scene.model, context.load_factors, context.calendar.snap(t, dt), side)
@@ -131,7 +139,7 @@ def flow_at(context: StepContext, s: Floats, t: float, dt: float, side: int) -> 
 
 
 def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt: float) -> Heat:
-    """Energies with the weights of the stages; the reaction of a stage is its residual at fixed nodes."""
+    """Sum the energies of a step with the weights of its stages; a stage's reaction is its residual at fixed nodes."""
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     through = np.zeros(np.count_nonzero(scene.fixed))
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
@@ -141,18 +149,20 @@ def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt
     return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))
 
 
-# The local error of a step, from the heat that flows along it.
+# Local error
 
 def local_error(context: StepContext, start: NodalFlow, done: StepResult, t: float,
                 h: float) -> tuple[float, NodalFlow]:
-    """Largest error at a free node [K] of the step `done` from t to t + h [s].
+    """Estimate the largest error at a free node [K] of the step `done` from t to t + h [s].
 
-    start : s_0 (n,) [K] and the flow f_0 (n,) [W] where it began; the same of its end is returned too.  What it moved
-    is compared with Simpson's rule along the cubic through both ends,
+    start : the flow where the step began; that of its end is returned too.  What it moved is compared with Simpson's
+    rule
+    along the cubic through both ends,
 
         d = h/6 (f_0 + 4 f(s_m) + f_1) - (E_1 - E_0),   s_m = (s_0 + s_1)/2 + h/8 (ds_0/dt - ds_1/dt),
 
-    which is right to h^4 for any one-step method of order two or less; differences of temperatures alone see only one
+    which is right to h^4 for any one-step method of order two or less; differences of temperatures alone contain only
+    one
     of the several products of derivatives an error is made of.  Rates and error come from dR/ds of the step, whose
     factors are at hand: A^-1 f and A^-1 d, so that the stiff modes the step did not resolve do not drown the rest.
     Raises BadPropertyError, SingularMatrixError.
@@ -176,13 +186,14 @@ def local_error(context: StepContext, start: NodalFlow, done: StepResult, t: flo
     return float(np.abs(error[free]).max(initial=0.0)), end
 
 
-# The entropy part of the adiabatic split: a temperature jump at the start of a substep.
+# Entropy part of the adiabatic split
 
 def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorMatrix | None, factors: Factors,
                  t: float) -> StepResult:
-    """Find s with E(s) - E(s_n) = E_S spread over the nodes; prescribed nodes stay, and what they hold back counts.
+    """Find s with E(s) - E(s_n) = E_S spread over the nodes: the entropy part of the adiabatic split.
 
-    E_S : (n_cells,) [J].  factors, anchor : the jump's own, for its matrix is that of storage alone.
+    E_S : (n_cells,) [J].  s_n : (n,) [K].  factors, anchor : the jump's own, for its matrix is that of storage alone.
+    Prescribed nodes stay, and the heat they hold back counts.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
     scene = context.scene

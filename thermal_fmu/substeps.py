@@ -1,4 +1,4 @@
-"""Inner steps of one substep, as long as the local error and the change of T allow."""
+"""One communication substep: in one step, by adaptive inner steps, or by load increments to the steady state."""
 
 from __future__ import annotations
 
@@ -27,22 +27,23 @@ from thermal_fmu.step import (
     with_prescribed,
 )
 
-# How long the next inner step may be: a controller with memory.
+# Length of the next inner step: a PI controller
 
-SAFETY = 0.9
-# The proportional and the integral share: a pure integral one swings where the bound changes from step to step.
+SAFETY = 0.9  # of the length that would just meet the bound
+# Exponents (times 1/(order + 1)) of the error of this step and of the last one.  A purely integral controller
+# oscillates where the bound changes from step to step.
 OF_ERROR, OF_LAST_ERROR = 0.7, 0.4
-MOST_GROWTH, MOST_CUT = 4.0, 0.1
+MOST_GROWTH, MOST_CUT = 4.0, 0.1  # of a length from one step to the next
 FAILED_CUT = 0.5  # of a step that was not solved
-SMALLEST = 1e-6  # share of a bound: one that is not felt at all must not be divided by
-SHORTENED = 1.0 - 1e-9  # of a length: what is left beyond it is round-off, not a step
+SMALLEST = 1e-6  # of a bound: a smaller measure is raised to it before it divides
+SHORTENED = 1.0 - 1e-9  # of a length: a remainder beyond it is round-off, not a step
 
 
 @dataclass(frozen=True)
 class StepController:
-    """What inner steps hand on.  h : length to try next [s], 0: not known yet.
+    """What adaptive inner steps remember.  h : length to try next [s], 0: none yet.
 
-    error : of the last inner step, as a share of the tolerance; 1 where its method or its data were others.
+    error : of the last inner step, as a part of the tolerance; 1 where its method or its data were others.
     """
 
     h: float = 0.0
@@ -54,8 +55,10 @@ NO_STEPS_YET = StepController()
 
 @dataclass(frozen=True)
 class StepMeasure:
-    """A step that was solved.  error, change : estimated local error and largest change of T, as shares of what is
-    allowed.  order : the error falls like h^(order + 1).
+    """How far a solved step is from its bounds.
+
+    error, change : estimated local error and largest change of T, as parts of what is allowed [1].
+    order : the error falls like h^(order + 1).
     """
 
     error: float
@@ -64,13 +67,14 @@ class StepMeasure:
 
     @property
     def passes(self) -> bool:
-        """Whether it keeps to both bounds; a measure that is no number does not."""
+        """Whether it is within both bounds; NaN is not."""
         # fault: max_dT not kept to -> return self.error <= 1.0 | thermal_fmu/test_thermal_adaptive
         return self.error <= 1.0 and self.change <= 1.0
 
 
 def step_length(h: float, remaining: float) -> float:
-    """The step to try where h [s] is wished (0: no wish) and `left` [s] remain: never a sliver for the last one."""
+    """Return the step to try [s] where h is wished (0: no wish) and `remaining` remain [s], without a tiny last step.
+    """
     if h == 0.0 or h >= SHORTENED * remaining:
         return remaining
     # fault: a sliver for the last inner step -> return h | thermal_fmu/test_thermal_adaptive
@@ -78,7 +82,7 @@ def step_length(h: float, remaining: float) -> float:
 
 
 def shorter_step(h: float, measure: StepMeasure | None) -> float:
-    """The next try after a step h [s] that did not pass; found : None where it was not solved."""
+    """Return the next try [s] after a step h [s] that did not pass; measure : None where it was not solved."""
     if measure is None:
         return FAILED_CUT * h
     by_error = SAFETY * max(measure.error, SMALLEST) ** (-1.0 / (measure.order + 1))
@@ -86,16 +90,17 @@ def shorter_step(h: float, measure: StepMeasure | None) -> float:
 
 
 def after_step(controller: StepController, h: float, measure: StepMeasure, retried: bool) -> StepController:
-    """The pace after a step h [s] that passed; retried : a longer one did not."""
+    """Return the controller after a step h [s] that passed; retried : a longer one did not."""
     power = measure.order + 1
     error = max(measure.error, SMALLEST)
     growth = SAFETY * error ** (-OF_ERROR / power) * controller.error ** (OF_LAST_ERROR / power)
     growth = min(growth, SAFETY / max(measure.change, SMALLEST), 1.0 if retried else MOST_GROWTH)
     if not retried and h < SHORTENED * controller.h:
-        return StepController(max(controller.h, growth * h),
-                              controller.error)  # cut short by a kink, which says nothing against the pace
+        return StepController(max(controller.h, growth * h), controller.error)  # cut short by a breakpoint
     return StepController(growth * h, error)
 
+
+# Inner steps of a substep
 
 LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given
 
@@ -110,8 +115,9 @@ class LeastStepError(ArithmeticError):
 
 @dataclass(frozen=True)
 class SubstepProgress:
-    """A substep on its way.  s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.
+    """A substep part of the way.
 
+    s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.
     substeps, rejected : inner steps that passed, and that did not.
     """
 
@@ -126,7 +132,7 @@ class SubstepProgress:
 
 @dataclass(frozen=True)
 class SubstepPlan:
-    """What every inner step of a substep needs.  least : [s]."""
+    """What every inner step of a substep needs.  least : the shortest allowed [s]."""
 
     context: StepContext
     method: TimeMethod
@@ -144,7 +150,7 @@ class StepPoint:
 
 @dataclass(frozen=True)
 class SolvedStep:
-    """An inner step that was solved, its measure, and where it led."""
+    """An inner step that was solved, its measure, and the point it led to."""
 
     done: StepResult
     measure: StepMeasure
@@ -153,9 +159,9 @@ class SolvedStep:
 
 def inner_steps(context: StepContext, method: TimeMethod, adaptive: Adaptive, progress: SubstepProgress, t: float,
                 h: float) -> SubstepProgress:
-    """The substep [t, t + h].  Inner steps end at every kink of the half's own signals; after a jump one is damped.
+    """Take adaptive inner steps through [t, t + h] [s].
 
-    Raises LeastStepError.
+    They end at every breakpoint of the half's own signals; after a jump one is damped.  Raises LeastStepError.
     """
     least = min(adaptive.least or LEAST_SHARE * h, h)
     plan = SubstepPlan(context, method, adaptive, least)
@@ -171,14 +177,14 @@ def inner_steps(context: StepContext, method: TimeMethod, adaptive: Adaptive, pr
 
 
 def ends_within(calendar: Calendar, t: float, h: float) -> tuple[float, ...]:
-    """The kinks inside [t, t + h] and its end; kinks closer together than a clock can tell are one."""
+    """Return the breakpoints inside [t, t + h] [s] and its end; those closer together than a clock resolves are one."""
     near = SNAP_STEP * h + SNAP_TIME * abs(t)
     ends: list[float] = []
-    for kink in calendar.kinks:
-        # fault: inner steps across kinks -> if (ends[-1] if ends else t) + near < kink < t - h: |
+    for time in calendar.breakpoints:
+        # fault: inner steps across kinks -> if (ends[-1] if ends else t) + near < time < t - h: |
         #   thermal_fmu/test_thermal_adaptive
-        if (ends[-1] if ends else t) + near < kink < t + h - near:
-            ends.append(float(kink))
+        if (ends[-1] if ends else t) + near < time < t + h - near:
+            ends.append(float(time))
     return (*ends, t + h)
 
 
@@ -188,7 +194,7 @@ def _point(plan: SubstepPlan, s: Floats, t: float, h: float) -> StepPoint:
 
 def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, end: float) -> tuple[SubstepProgress,
                                                                                                      StepPoint]:
-    """One step that passes, and where it led."""
+    """Take one step that passes; return the progress and the point it led to."""
     remaining = end - point.t
     size, rejected, anchor = step_length(progress.controller.h, remaining), 0, progress.anchor
     while True:
@@ -205,7 +211,7 @@ def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, 
 
 def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix | None, point: StepPoint,
              stop: float) -> SolvedStep | str:
-    """The step from `place` to stop [s] with its measure, or why there is none."""
+    """Solve the step from `point` to stop [s] and measure it; return why it failed where it did."""
     method, context, h = plan.method, plan.context, stop - point.t
     # fault: inner steps not damped after_step a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
     take = damped_step if progress.damped > 0 else take_step
@@ -230,7 +236,7 @@ def _error(plan: SubstepPlan, point: StepPoint, done: StepResult, stop: float, h
 
 def _advanced(progress: SubstepProgress, done: StepResult, controller: StepController,
               rejected: int) -> SubstepProgress:
-    # After a damped step another method goes on: what its error was says nothing about the next one's.
+    # After a damped step another method goes on, whose error has nothing to do with this one's.
     controller = replace(controller, error=1.0) if progress.damped > 0 else controller
     total = done if progress.done is None else progress.done.then(done)
     return SubstepProgress(done.s, done.anchor, controller, max(progress.damped - 1, 0), total, progress.substeps + 1,
@@ -243,18 +249,19 @@ def _why(attempt: SolvedStep | str) -> str:
     return f"has {attempt.measure.error:.3g} of adaptive.tolerance and {attempt.measure.change:.3g} of adaptive.max_dT"
 
 
-# Steady states by load increments: R(T) = (1 - lambda) R(T_start), lambda from 0 to 1.
+# Steady states by load increments
 
 STEADY = METHODS["steady"]
-MAX_HALVINGS = 10  # of an increment; a path that needs steps of a thousandth of one is no path
+MAX_HALVINGS = 10  # of an increment: 1/1024 of one
 
 
 def steady_by_increments(context: StepContext, increments: int, s_start: Floats, anchor: AnchorMatrix | None, t: float,
                          dt: float) -> StepResult:
-    """From s_start : (n,) [K] to the steady state under the loads of t + dt, prescribed values moving along.
+    """Go from s_start : (n,) [K] to the steady state under the loads of t + dt [s], prescribed values moving along.
 
-    The path starts where the residual is zero by construction.  An increment that fails is halved, and grows again as
-    the next ones succeed.  Raises NotConvergedError, SingularMatrixError.
+    The path R(T) = (1 - lambda) R(T_start), lambda from 0 to 1, starts where the residual is zero by construction.  An
+    increment that fails is halved, and grows again as the next ones succeed.  Raises NotConvergedError,
+    SingularMatrixError.
     """
     whole = 2**MAX_HALVINGS
     done, size, last = 0, whole, increments * whole  # lambda = done/last, exactly
@@ -280,7 +287,7 @@ def steady_by_increments(context: StepContext, increments: int, s_start: Floats,
 
 def _all_at_once(context: StepContext, s_start: Floats, anchor: AnchorMatrix | None, t: float, dt: float,
                  why: str) -> StepResult:
-    """Where the path turns back before its end, its end may still be in reach of Newton's method from the start."""
+    """Solve the end of the path from its start: where the path turns back, Newton's method may still reach it."""
     try:
         return take_step(context, STEADY, s_start, anchor, t, dt)
     except (NotConvergedError, BadPropertyError) as exc:
@@ -289,7 +296,10 @@ def _all_at_once(context: StepContext, s_start: Floats, anchor: AnchorMatrix | N
 
 @dataclass(frozen=True)
 class _Path:
-    """problem : of lambda = 1.  f : (n,) [W] at the start.  s_start, s_end : (n,) [K], right at fixed nodes."""
+    """The path to a steady state.
+
+    problem : of lambda = 1.  f : (n,) [W] at the start.  s_start, s_end : (n,) [K], right at fixed nodes.
+    """
 
     context: StepContext
     problem: StageProblem
@@ -309,7 +319,7 @@ def _path(context: StepContext, s_start: Floats, t: float, dt: float) -> _Path:
 
 
 def _increment(path: _Path, fraction: float, s: Floats, anchor: AnchorMatrix | None) -> SolvedStage:
-    """share : lambda."""
+    """Solve the point of the path at lambda = fraction, from s : (n,) [K]."""
     context, problem = path.context, path.problem
     fixed = context.scene.fixed
     # fault: prescribed values do not move along -> guess = np.where(fixed, path.s_end, s) |
@@ -321,11 +331,11 @@ def _increment(path: _Path, fraction: float, s: Floats, anchor: AnchorMatrix | N
     return solve_stage(partial, guess, context.scene.model.stepping.tolerance, context.factors, anchor)
 
 
-# The way of one communication substep: by increments, by inner steps, damped, or in one.
+# One communication substep
 
 @dataclass(frozen=True)
 class SubstepStart:
-    """Where a substep begins: s : (n,) [K], anchor of its first solve, (inner) steps still to be damped, pace."""
+    """Where a substep begins: s : (n,) [K], anchor of its first solve, (inner) steps still to be damped, controller."""
 
     s: Floats
     anchor: AnchorMatrix | None
@@ -335,7 +345,7 @@ class SubstepStart:
 
 @dataclass(frozen=True)
 class SubstepResult:
-    """The substep as one step, what is left to be damped, the pace; inner steps that passed, and that did not."""
+    """The substep as one step, steps still to be damped, the controller; inner steps that passed, and that did not."""
 
     done: StepResult
     damped: int
@@ -346,7 +356,7 @@ class SubstepResult:
 
 def advance(context: StepContext, stepping: Stepping, method: TimeMethod, begin: SubstepStart, t: float,
             h: float) -> SubstepResult:
-    """From t to t + h [s].
+    """Take a substep from t to t + h [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError; LeastStepError with adaptive inner steps.
     """

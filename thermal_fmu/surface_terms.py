@@ -1,7 +1,7 @@
-"""Radiation: to the surroundings, Eq. (12), and between facing points, Eq. (11).
+"""Heat through surfaces: films, Eqs. (5-7); contact and gaps, (8-10); radiation, (11) and (12); friction heat, 2.4.
 
-T^4 is continued below 0 K as T |T|^3, and an emissivity beyond its range as its nearest bound: Newton's method may pass
-there on its way.  What it ends with is checked (thermal_fmu/boundary.py).
+T^4 is continued below 0 K as T |T|^3, and an emissivity beyond its range as its nearest bound: iterates of Newton's
+method may lie there.  What it ends with is checked (thermal_fmu/boundary.py).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_poin
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Body, Exposed, Film, NearRadiation, PairLaws, Radiator
 
-# Where surfaces are open to their surroundings: whole edges, less what faces something, Eq. (7).
+# Exposed surfaces: whole edges, less what faces something, Eq. (7)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -27,7 +27,10 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class ExposedPoints:
-    """nodes : (n, 2).  N : (n, 2).  area : (n,) weighted with kappa [m2].  slots : (n, 2, 2) of the matrix data."""
+    """Quadrature points of a surface open to its surroundings.
+
+    nodes : (n, 2).  N : (n, 2) [1].  area : (n,) weighted with kappa [m2].  slots : (n, 2, 2) in the matrix data.
+    """
 
     nodes: Ints
     N: Floats
@@ -35,15 +38,15 @@ class ExposedPoints:
     slots: NDArray[np.int64]
 
     def places(self, x: Floats) -> Floats:
-        """(n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2)."""
+        """Return (n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2) [m]."""
         return np.einsum("pi,pij->pj", self.N, x[self.nodes])
 
 
 @dataclass(frozen=True)
 class SurfaceGeometry:
-    """What exposed points are found on.
+    """What exposed points are placed on.
 
-    x : (n_nodes, 2) current coordinates [m].  points : what faces what, None where nothing can.
+    x : (n_nodes, 2) current coordinates [m].  points : contact quadrature points, None where nothing can face.
     """
 
     x: Floats
@@ -53,7 +56,7 @@ class SurfaceGeometry:
 
 
 def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> ExposedPoints:
-    """The points of a surface open to its surroundings.  slots : (n_edges, 2, 2) of its edges.
+    """Place the points of a surface open to its surroundings.  slots : (n_edges, 2, 2) of its edges in the matrix data.
 
     The whole edge counts with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.
     """
@@ -77,12 +80,14 @@ def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) ->
     return EdgePoints(edge[own].astype(np.intp), N[own], area[own])
 
 
+# Radiation, Eqs. (11) and (12)
+
 LEAST_EMISSIVITY = 1e-6  # met only between Newton's steps; it keeps 1/eps a number
 
 
 @dataclass(frozen=True)
 class FrozenRadiator:
-    """A radiating surface on given coordinates.  T_inf : (n_terms, n) shapes at the points, None where uniform."""
+    """A radiating surface on given coordinates.  T_inf : (n_terms, n) shapes at the points [1], None where uniform."""
 
     radiator: Radiator
     points: ExposedPoints
@@ -91,9 +96,9 @@ class FrozenRadiator:
 
 @dataclass(frozen=True)
 class RadiationGroup:
-    """Facing points of a pair that radiate to each other.
+    """Contact quadrature points of a pair that radiate to each other.
 
-    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2).  area : (n,) weighted with 1 - w [m2].
+    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) weighted with 1 - w [m2].
     """
 
     spec: NearRadiation
@@ -104,14 +109,14 @@ class RadiationGroup:
 
 
 def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenRadiator:
-    """A radiating surface where it is open.  slots : (n_edges, 2, 2) of its edges."""
+    """Place a radiating surface where it is open.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
     points = exposed_points(radiator.where, slots, geometry)
     uniform = radiator.T_inf.is_uniform
     return FrozenRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(geometry.x)))
 
 
 def radiation_groups(points: ContactPoints, pairs: Sequence[PairLaws | None]) -> tuple[RadiationGroup, ...]:
-    """The facing points that radiate to each other, touching or apart, by pair; Eq. (11) with its weight 1 - w."""
+    """Collect the points that radiate to each other, touching or apart, by pair; Eq. (11) with its weight 1 - w."""
     groups = []
     for pair, laws in enumerate(pairs):
         if laws is None or laws.radiation is None:
@@ -131,9 +136,10 @@ def radiation_groups(points: ContactPoints, pairs: Sequence[PairLaws | None]) ->
 
 def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: float, T_inf: Level,
                                 T: Floats) -> tuple[Floats, Floats]:
-    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+    """Return (n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
 
-    sigma : [W/m2K4].  level : factor, and the level of T_inf [K].  Eq. (12): sigma eps(T) (T^4 - T_inf^4).
+    sigma : [W/m2K4].  factor : of the flow [1].  T_inf : level of the surroundings [K].
+    Eq. (12): factor sigma eps(T) (T^4 - T_inf^4).
     """
     points = frozen.points
     T_a = (points.N * T[points.nodes]).sum(axis=1)
@@ -150,7 +156,7 @@ def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: fl
 
 
 def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[Floats, Floats]:
-    """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
+    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
     T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q = (1 - w) sigma (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) leaves
     the slave's nodes by its shape functions and enters the master's by theirs.
@@ -182,17 +188,17 @@ def _fourth(T: float | Floats) -> Floats:
 
 
 def _emissivity(emissivity: Property, T: Floats) -> tuple[Floats, Floats]:
-    """Value and derivative by temperature at T : (n,) [K]."""
+    """Return value [1] and derivative [1/K] by temperature at T : (n,) [K]."""
     raw = emissivity(T)
     eps = np.clip(raw, LEAST_EMISSIVITY, 1.0)
     return eps, np.where(raw == eps, emissivity.slope(T), 0.0)
 
 
-# Convection from surfaces, covered or not: Eqs. (5-7).
+# Films, Eqs. (5-7)
 
 @dataclass(frozen=True)
 class FrozenFilm:
-    """A film on given coordinates.  h, Te : (n_terms, n) shapes of its fields at the points, None where uniform."""
+    """A film on given coordinates.  h, Te : (n_terms, n) shapes of its fields at the points [1], None where uniform."""
 
     film: Film
     points: ExposedPoints
@@ -201,7 +207,7 @@ class FrozenFilm:
 
 
 def freeze_film(film: Film, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenFilm:
-    """A film where it acts.  slots : (n_edges, 2, 2) of its edges."""
+    """Place a film where it acts.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
     points = exposed_points(film.where, slots, geometry)
     if film.h.is_uniform and film.Te.is_uniform:
         return FrozenFilm(film, points, None, None)
@@ -210,9 +216,9 @@ def freeze_film(film: Film, slots: NDArray[np.int64], geometry: SurfaceGeometry)
 
 
 def film_flow(frozen: FrozenFilm, h: Level, Te: Level, T: Floats) -> tuple[Floats, Floats]:
-    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+    """Return (n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
 
-    level : of hbar [W/m2K^(1 + exponent)] and of the ambient Te [K].
+    h, Te : levels of the coefficient [W/m2K^(1 + exponent)] and of the ambient [K].
     Eq. (5): h h_factor(T) |T - Te|^a (T - Te), odd in T - Te.
     """
     film, points = frozen.film, frozen.points
@@ -237,18 +243,18 @@ def film_flow(frozen: FrozenFilm, h: Level, Te: Level, T: Floats) -> tuple[Float
     return flow, slope
 
 
-# Sums at nodes.
+# Sums at nodes
 
 def at_nodes(nodes: NDArray[np.integer], values: Floats, n: int) -> Floats:
-    """(n,) sums at the nodes of what each place gives to its own; nodes, share : (n_places, m)."""
+    """Sum values : (n_places, m) at their nodes : (n_places, m); return (n,) in their unit."""
     return np.bincount(nodes.ravel(), weights=values.ravel(), minlength=n).astype(np.float64, copy=False)
 
 
-# Friction heat: what sliding made at surface nodes, shared out between the two sides (2.4).
+# Friction heat, split between the two sides
 
 @dataclass(frozen=True)
 class FrictionHeat:
-    """slave, master : (n,) [W] into the nodes of either side, spread evenly over the substep."""
+    """Friction heat into the nodes of either side, spread evenly over the substep.  slave, master : (n,) [W]."""
 
     slave: Floats
     master: Floats
@@ -256,11 +262,12 @@ class FrictionHeat:
 
 def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_slave: NDArray[np.bool_],
                    h: float) -> FrictionHeat:
-    """Power from energies E : (n,) [J] at nodes, over a substep h [s].
+    """Turn friction energies E : (n,) [J] of nodes into power over a substep h [s].
 
-    share : (n_p,) of each facing point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
-    A node's energy goes to the facing points found from it by N A, from there by N_s to the slave's nodes and by N_m
-    to the master's.  A node that finds nothing keeps what it carries.
+    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
+    A node's energy goes to the contact quadrature points searched from it by N A, from there by N_s to the slave's
+    nodes
+    and by N_m to the master's.  A node that faces nothing keeps its energy.
     """
     with_friction, N = points.searched_from
     # fault: friction heat spread without areas -> weight = N | thermal_fmu/test_thermal_friction
@@ -281,10 +288,10 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_
 
 def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodies: Sequence[Body],
                    node_body: NDArray[np.int32], at: NodalFields) -> Floats:
-    """(n_p,) share of the slave: the pair's friction_share, else e_s/(e_s + e_m) with effusivities sqrt(k rho c).
+    """Return (n_p,) the slave's part of friction heat: the pair's friction_share, else e_s/(e_s + e_m).
 
-    Half-spaces that slide take heat by their effusivities while their surfaces stay equally warm.  at : the start of
-    the substep.
+    node_body : (n_nodes,) body of each node.  e : effusivities sqrt(k rho c); half-spaces that slide take heat by them
+    while their surfaces stay equally warm.  at : the start of the substep.
     """
     out = np.empty(points.pair.size)
     for pair, laws in enumerate(pairs):
@@ -305,13 +312,14 @@ def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: NodalFields
     return body.material.effusivity(T, f_s)
 
 
-# Heat exchanged between facing points, touching or apart: Eqs. (8-10), pairwise through one common area.
+# Conduction between contact quadrature points, touching or apart, Eqs. (8-10)
 
 @dataclass(frozen=True)
 class ConductionGroup:
-    """Facing points of one pair under one law.
+    """Contact quadrature points of one pair under one law.
 
     argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
+    N_s, N_m : (n, 2) [1].  area : (n,) [m2].
     """
 
     pair: int
@@ -325,12 +333,12 @@ class ConductionGroup:
 
     @property
     def mechanism(self) -> str:
-        """The word of the heat ledger."""
+        """The name of its term in the heat balance."""
         return "contact" if self.closed else "gap"
 
 
 def conduction_groups(points: ContactPoints, laws: Sequence[PairLaws | None]) -> tuple[ConductionGroup, ...]:
-    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
+    """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
     groups = []
     for pair, own in enumerate(laws):
         if own is None:
@@ -345,10 +353,11 @@ def conduction_groups(points: ContactPoints, laws: Sequence[PairLaws | None]) ->
 
 
 def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Floats, Floats]:
-    """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
+    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape functions
-    and enters the master's by theirs.
+    T : (n_nodes,) [K].  factor : of the conductance [1].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the
+    slave's
+    nodes by its shape functions and enters the master's by theirs.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)

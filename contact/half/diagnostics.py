@@ -1,9 +1,10 @@
-"""What happens to contact while a run goes on that nobody asked about but should know.
+"""Notes on contact: what a user should know before a run, and losses of contact while it goes on.
 
 A node that pressed at the end of one window and faces nothing at the end of the next has slid off the end, has been
 lifted off farther than gap_max, or has been pushed through: deeper behind the other surface than the search looks,
-where nothing pushes it back.  The last must not go by in silence.  Only such nodes are looked at: a window in which
-there are none costs a few comparisons.
+where nothing pushes it back.  The last must be reported.  Only such nodes are examined: a window in which there are
+none
+costs a few comparisons.
 """
 
 from __future__ import annotations
@@ -22,19 +23,20 @@ from contact.messages import Facing, Floats
 from contact.search import SELF_CONTACT_DEPTH, project
 from contact.surfaces import surfaces_of
 
-# What a user should know of a scene's contact before it starts, though it is no error: one sentence each.
+# Notes before a run, one sentence each
 
 # A penalty beyond this times E/h loses four digits of every solve, and Newton's method the rest.
 MAX_PENALTY_RATIO = 1e4
 
 
 def facing_at(interface: Interface, x: Floats) -> Facing:
-    """What faces what with the nodes at x : (n_nodes, 2) [m].  Raises ValueError where x is no possible geometry."""
+    """Find what faces what with the nodes at x : (n_nodes, 2) [m].  Raises ValueError where x is no possible geometry.
+    """
     return project(surfaces_of(register_message(interface)), np.ascontiguousarray(x[interface.contact_nodes]))
 
 
 def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[str]:
-    """All of them; stiffness : body -> E [Pa] at the start, of the bodies that have one."""
+    """List the notes on a scene's contact at its start; stiffness : body -> E [Pa], of the bodies that have one."""
     if not interface.pairs:
         return []
     met = np.bincount(facing_at(interface, interface.nodes).pair, minlength=len(interface.pairs))
@@ -47,7 +49,7 @@ def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[st
 
 
 def nothing_faced(interface: Interface, pair: Pair, x: Floats) -> str:
-    """Why a pair without a facing point may have none; x : (n_nodes, 2) [m]."""
+    """Explain why a pair may have no contact quadrature point; x : (n_nodes, 2) [m]."""
     what = f"pair {pair.name}: nothing of {pair.slave} faces anything of {pair.master} at the start"
     if pair.slave == pair.master:
         return what
@@ -59,14 +61,14 @@ def nothing_faced(interface: Interface, pair: Pair, x: Floats) -> str:
 
 
 def nearest(interface: Interface, pair: Pair, x: Floats) -> float:
-    """The least distance [m] between a node of the slave and one of the master, at x : (n_nodes, 2) [m]."""
+    """Return the least distance [m] between a node of the slave and one of the master, at x : (n_nodes, 2) [m]."""
     slave, master = (x[np.unique(interface.surfaces[name])] for name in (pair.slave, pair.master))
     distances, _ = cKDTree(master).query(slave)
     return float(np.min(distances))
 
 
 def folding(interface: Interface, pair: Pair) -> list[str]:
-    """What a surface that faces itself leaves out."""
+    """Note what a surface that faces itself leaves out."""
     if pair.slave != pair.master:
         return []
     h = edge_lengths(interface, pair.slave)
@@ -76,7 +78,7 @@ def folding(interface: Interface, pair: Pair) -> list[str]:
 
 
 def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
-    """A penalty that spoils the condition of the matrix."""
+    """Note a penalty that spoils the condition of the matrix."""
     soft = [(stiffness[body], body) for name in (pair.slave, pair.master)
             if (body := name.split(".")[0]) in stiffness]
     if not soft:
@@ -92,7 +94,7 @@ def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, floa
 
 
 def jumps(pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
-    """One point a node between bodies of which one deforms: its force comes and goes as a whole."""
+    """Note one point a node on a body that deforms: its force comes and goes as a whole."""
     # fault: one point a node not said to jump -> if True or not stiffness.keys() & {name.split(".")[0] for name in
     #   (pair.slave, pair.master)}: | contact/test_notes
     if not pair.by_node or not stiffness.keys() & {name.split(".")[0] for name in (pair.slave, pair.master)}:
@@ -103,21 +105,26 @@ def jumps(pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
 
 
 def edge_lengths(interface: Interface, surface: str) -> Floats:
-    """(n_edges,) [m] in the reference configuration."""
+    """Return (n_edges,) lengths [m] in the reference configuration."""
     ends = interface.nodes[interface.surfaces[surface]]
     return np.hypot(*(ends[:, 1] - ends[:, 0]).T)
 
 
 Flags = NDArray[np.bool_]
 
-# Rays reach an edge's length behind a surface, but along tilted normals; a node at the very end, sunk in by what the
-# penalty takes, is far from this.
-MAX_DEPTH = 0.5
+# Losses of contact during a run
+
+# Rays reach an edge's length behind a surface, but along tilted normals; a node at the very end that penetrates as the
+# penalty allows is far from this.
+MAX_DEPTH = 0.5  # of the longest edge
 
 
 @dataclass(frozen=True)
 class ContactSample:
-    """x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], covered : (n_s,) share that faces something, of surface nodes."""
+    """Contact at the end of a window.
+
+    x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa] and covered : (n_s,) [1], the part that faces something, of surface nodes.
+    """
 
     x: Floats
     t_N: Floats
@@ -134,7 +141,7 @@ class Slid:
 
 @dataclass(frozen=True)
 class ContactLog:
-    """What was seen so far.
+    """What was noted so far.
 
     faced : pairs of which something faced something.  slid : pair -> slave nodes that slid off.  lost : pairs of
     which a node went through.
@@ -154,7 +161,7 @@ class _Suspects(NamedTuple):
 
 
 class ContactMonitor:
-    """Watches the pairs of a scene."""
+    """Note contact losses of a scene's pairs, window after window."""
 
     def __init__(self, interface: Interface) -> None:
         self.interface = interface
@@ -169,7 +176,7 @@ class ContactMonitor:
 
     def after_window(self, log: ContactLog, t: float, before: ContactSample,
                      now: ContactSample) -> tuple[ContactLog, tuple[str, ...]]:
-        """What has been seen when a window ended at t [s], and what to say of it at once."""
+        """Compare the ends of two windows, the last at t [s]; return the log and the notes to give at once."""
         notes: list[str] = []
         # A rigid half tells the pressure of the whole surface, of nodes that have left long ago too.
         gone = (before.t_N < 0.0) & (before.covered > 0.0) & (now.covered == 0.0)
@@ -186,7 +193,7 @@ class ContactMonitor:
         return log, tuple(notes)
 
     def at_end(self, log: ContactLog, x: Floats) -> list[str]:
-        """What to say when a run has ended with the nodes at x : (n_nodes, 2) [m]."""
+        """List the notes of a run that ended with the nodes at x : (n_nodes, 2) [m]."""
         notes = []
         for pair in self.interface.pairs:
             if pair.name not in log.faced and pair.slave != pair.master:
@@ -201,7 +208,7 @@ class ContactMonitor:
 
     def _classify(self, log: ContactLog, name: str, t: float, who: _Suspects,
                   now: ContactSample) -> tuple[ContactLog, list[str]]:
-        """Nodes of one side that pressed and now face nothing."""
+        """Classify nodes of one side that pressed and now face nothing: pushed through, or slid off an end."""
         own, suspects, other = who.surface, who.nodes, who.other
         x = now.x[self.interface.contact_nodes[suspects]]
         depth, beside = behind(now.x[self.interface.surfaces[other]], x)
@@ -227,7 +234,9 @@ def _nodes(n: int) -> str:
 
 
 def behind(edges: Floats, points: Floats) -> tuple[Floats, Flags]:
-    """How far points lie behind a surface [m] (< 0: before it), and whether they lie beside it, beyond an end.
+    """Measure how far points lie behind a surface (n,) [m] (< 0: before it), and whether (n,) they lie beyond an end of
+
+    it.
 
     edges : (n_edges, 2, 2) [m], the body on the left.  points : (n, 2) [m].  Each against its nearest edge.
     """

@@ -21,7 +21,7 @@ _right: dict[str, str] = {}
 
 
 def sources_hash(package: Path) -> str:
-    """Hash of the names and texts of all .py files of a package directory."""
+    """Hash the names and texts of all .py files of a package directory."""
     digest = hashlib.sha256()
     files = sorted((p.relative_to(package).as_posix(), p) for p in package.rglob("*.py"))
     for name, path in files:
@@ -74,7 +74,7 @@ def keep_alive(namespace: dict[str, Any]) -> None:
 
 
 def half(load: str, packages: Mapping[str, str]) -> tuple[type, Callable[..., Any]]:
-    """The base class of a half's slave, and the half's load function, named "module:function"."""
+    """Return the base class of a half's slave, and the half's load function, named "module:function"."""
     use_packages(packages)
     base: type = importlib.import_module("contact.half.slave").HalfSlave
     module, _, name = load.partition(":")

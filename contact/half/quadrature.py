@@ -21,7 +21,7 @@ _KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "tria
 class CellQuadrature:
     """Shape functions of one kind of cell at its quadrature points.
 
-    N : (nq, nn).  dN : (nq, nn, 2), derivatives by reference coordinates.  w : (nq,), weights.
+    N : (nq, nn) [1].  dN : (nq, nn, 2) [1], derivatives by reference coordinates.  w : (nq,) weights [1].
     """
 
     N: Floats
@@ -31,7 +31,7 @@ class CellQuadrature:
 
 @cache
 def table_of(kind: str) -> CellQuadrature:
-    """The table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
+    """Return the table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
     element_type, order = _KINDS[kind]
     element = element_type()
     X, w = get_quadrature(element.refdom, order)

@@ -24,14 +24,14 @@ _KINDS = "biufcS"  # of array elements: no objects, whose bytes are addresses
 
 
 class StateError(ValueError):
-    """A state holds what cannot be kept, or bytes are not a state of this version and half."""
+    """A state has a part of a type that cannot be stored, or bytes are not a state of this version and half."""
 
 
 def frozen_copy(value: Any, where: str = "state") -> Any:
-    """A copy nobody else holds: arrays read-only, C or Fortran order as they were, never strided views.
+    """Copy a value for a state: arrays read-only, C or Fortran order as they were, never strided views.
 
     The order of an array is part of it: sums over other strides may round otherwise.
-    Raises StateError naming the part that cannot be kept.
+    Raises StateError naming the part that cannot be stored.
     """
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in _KINDS:
@@ -53,7 +53,7 @@ def frozen_copy(value: Any, where: str = "state") -> Any:
 
 
 def to_bytes(value: Any) -> bytes:
-    """Deterministic bytes of a state.  Raises StateError naming the part that cannot be kept."""
+    """Write a state as deterministic bytes.  Raises StateError naming the part that cannot be stored."""
     arrays: list[np.ndarray] = []
     header = json.dumps(_tree(value, arrays, "state"), separators=(",", ":")).encode()
     body = (a.tobytes(order="A") for a in arrays)
@@ -61,7 +61,7 @@ def to_bytes(value: Any) -> bytes:
 
 
 def from_bytes(data: bytes, packages: Collection[str]) -> Any:
-    """The state behind bytes made by to_bytes.
+    """Restore the state behind bytes made by to_bytes.
 
     packages : top-level packages whose dataclasses may be made; nothing else is imported or called.
     Raises StateError where the bytes are cut, of another version, or name what is not there.
@@ -116,7 +116,7 @@ def _tree(value: Any, arrays: list[np.ndarray], where: str) -> Any:
 
 
 def _value(tree: Any, data: bytes, at: int, packages: Collection[str]) -> tuple[Any, int]:
-    """The value of a tree whose arrays begin at byte `at`, and the byte after them."""
+    """Return the value of a tree whose arrays begin at byte `at`, and the byte after them."""
     if not isinstance(tree, dict):
         return tree, at
     if "a" in tree or "g" in tree:
@@ -166,7 +166,7 @@ def _class(of: str, packages: Collection[str]) -> type:
 
 
 def _rebuilt(kind: type, values: dict[str, Any]) -> Any:
-    """An instance with exactly these fields, made without __init__: the values were checked when first made."""
+    """Make an instance with exactly these fields, without __init__: the values were checked when first made."""
     expected = [f.name for f in fields(kind)]
     if sorted(expected) != sorted(values):
         raise StateError(f"{kind.__qualname__} has fields {expected}, the state {sorted(values)}")

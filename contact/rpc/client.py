@@ -1,4 +1,4 @@
-"""The client's side of a call: a deadline, repeats under one number, and telling the slow from the dead."""
+"""The client's side of a call: a deadline, repeats under one number, and the difference between slow and dead."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def _nothing() -> None:
 
 
 class Client:
-    """Calls one server, one call at a time.
+    """Call one server, one call at a time.
 
-    instance : which life of the server; found by its token when not given (exactly one must be alive).
+    instance : which life of the server; taken from its token when not given (exactly one must be alive).
     watch : called every quarter of a second while waiting; it may raise what ends the wait.
     """
 
@@ -45,7 +45,7 @@ class Client:
         self._pin(instance or self.find(CONNECT_TIMEOUT))
 
     def call(self, request: Any, deadline: float | None = None) -> Any:
-        """The reply to a request.
+        """Call the server; return the reply to a request.
 
         deadline : seconds, the client's own if not given.  Raises LinkError, or WireError for a request that
         cannot be sent.
@@ -70,7 +70,7 @@ class Client:
         raise AssertionError("the pauses never end")
 
     def find(self, patience: float) -> str:
-        """The one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
+        """Wait for the one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
         until = time.monotonic() + patience
         for pause in _pauses():
             alive = self._alive()
@@ -89,12 +89,12 @@ class Client:
         self._pin(self.find(patience))
 
     def status(self) -> str:
-        """What the server says of itself, on another thread than the one that may be stuck."""
+        """Ask what the server does, which another thread answers than the one that may be stuck."""
         answers = self._session.ask(self._keys.status, b"", "", STATUS_TIMEOUT, self._watch)
         return next((a.payload.decode() for a in answers if a.ok), "silent")
 
     def call_stats(self) -> CallStats:
-        """What the server was asked so far, by all its clients.  Raises LinkError."""
+        """Ask for the statistics of the server's calls, of all its clients.  Raises LinkError."""
         answers = self._session.ask(self._keys.stats, b"", "", STATUS_TIMEOUT, self._watch)
         payload = next((a.payload for a in answers if a.ok), None)
         if payload is None:
@@ -145,7 +145,7 @@ def _pauses() -> Iterator[float]:
 class ZenohLink:
     """The contact service of a run, in its own process.
 
-    A service started anew knows no surfaces: the link keeps what was registered and registers it again.
+    A service started anew has no surfaces: the link stores what was registered and registers it again.
     """
 
     def __init__(self, endpoint: str, run: str, *, deadline: float = CALL_DEADLINE,

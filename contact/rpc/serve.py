@@ -56,7 +56,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
 
 
 def log_call_stats(served: list[Server]) -> None:
-    """Say once, in the log, what the server was asked; it is forgotten then."""
+    """Write the statistics of the server's calls to the log, once."""
     while served:
         for line in report_lines(served.pop().counter.snapshot()):
             print(line, file=sys.stderr, flush=True)

@@ -1,9 +1,9 @@
-"""The server's side of a call: one worker, each call once, and a word on what it is busy with.
+"""The server's side of a call: one worker, each call once, and a status that other threads can read.
 
 Keys, with a random instance for every life of a server, so that an answer of a former life is never taken for
-one of this, and two servers of one role are seen instead of silently both being heard:
+one of this, and two servers of one role are detected instead of silently both being heard:
     slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.rpc.calls)
-    slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, in words
+    slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, as a text
     slideline/RUN/ROLE/INSTANCE/v1/stats    counts and times of its calls so far (contact.rpc.calls), a message
     slideline/RUN/alive/ROLE/INSTANCE       the token
 """
@@ -37,13 +37,13 @@ class Keys:
 
 
 def keys_of(run: str, role: str, instance: str) -> Keys:
-    """instance : `*` makes patterns for all."""
+    """Return the keys of a life of a server; instance : `*` makes patterns for all."""
     base = f"slideline/{run}/{role}/{instance}/v1"
     return Keys(f"{base}/ask", f"{base}/status", f"{base}/stats", f"slideline/{run}/alive/{role}/{instance}")
 
 
 class Server:
-    """Answers calls on a session.  `work` does so on the thread that calls it, one call after the other."""
+    """Answer calls on a session.  `work` does so on the thread that calls it, one call after the other."""
 
     def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
         self.instance = secrets.token_hex(6)
@@ -86,7 +86,7 @@ class Server:
         return answered
 
     def _done(self, payload: bytes, handle: Callable[[Any], Any], started: float) -> tuple[str, Answered]:
-        """The verb, and the answer."""
+        """Carry out a call; return the verb and the answer."""
         try:
             request = decode(payload, self._requests)
         except WireError as exc:

@@ -1,4 +1,4 @@
-"""One stage of a method at the stations: its residual, in joules, and the exact derivative of it as a band."""
+"""One substep at the stations: heat balance of a stage as a band matrix, Newton's method, and steps of a method."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StationSubstep:
-    """Held through a substep: shape now, first the shape in the reference, and the boundary data of `held`."""
+    """What is constant through a substep: shape now, first the shape in the reference, and the boundary data."""
 
     scene: StationScene
     shape: StationGeometry
@@ -79,9 +79,13 @@ class StationProblem:
 
 @dataclass(frozen=True)
 class StationBalance:
-    """R : (n,) what is missing [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the
-    stations, reactions included.  terms : [W], by boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
-    stations, scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds.
+    """The heat balance of a stage at the stations.
+
+    R : (n,) residual [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the stations,
+    reactions
+    included.  terms : (n_terms,) [W], as boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
+    stations,
+    scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds [J/K].
     """
 
     R: Floats
@@ -94,12 +98,12 @@ class StationBalance:
 
     @property
     def relative_residual(self) -> float:
-        """norm as a share of scale."""
+        """norm as a part of scale [1]."""
         return self.norm / self.scale if self.scale > 0 else 0.0
 
 
 def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
-    """Residual and derivative (identity in rows and columns of fixed stations) at s : (n,) [K].
+    """Evaluate residual and derivative (identity in rows and columns of fixed stations) at s : (n,) [K].
 
     Raises BadPropertyError.
     """
@@ -126,7 +130,7 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
 
 
 def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
-    """As phase.fields."""
+    """Evaluate the fields as phase_change.fields does."""
     if not melting:
         return NodalFields(s)
     T, f_s, dT, df = s.copy(), np.ones(s.size), np.ones(s.size), np.zeros(s.size)
@@ -137,7 +141,7 @@ def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
 
 
 def _gather(scene: StationScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, band: Floats) -> None:
-    """The derivatives of the boundary terms, and the identity at fixed stations, go to the band."""
+    """Add the derivatives of the boundary terms to the band, and the identity at fixed stations."""
     stations, flat = scene.stations, band.reshape(-1)
     places = [(slots.ravel(), values.ravel()) for slots, values in boundary.places]
     for nodes, values in boundary.across:
@@ -152,7 +156,7 @@ def _gather(scene: StationScene, boundary: BoundaryHeat, slope: float, dT: Float
 
 
 def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Floats]:
-    """(n,) increase of enthalpy since s_n [J], and (n_bodies,) sums of it where it is stored; band += dE/ds."""
+    """Return (n,) increase of enthalpy since s_n [J], and (n_bodies,) sums of it where it is stored; band += dE/ds."""
     scene, first = problem.substep.scene, problem.substep.first
     S, stored = np.zeros(s.size), np.zeros(len(scene.stations.own))
     middle = 2 * scene.stations.width
@@ -171,7 +175,7 @@ def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Fl
 
 
 def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floats, Floats]:
-    """Lumped at the stations, as a front inside a piece would else make heat run backwards."""
+    """Store at the stations (lumped), as a front inside a piece would else make heat run backwards."""
     change = body.material.phase
     if change is None:
         c = body.material.c.solid
@@ -185,7 +189,10 @@ def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floa
 
 
 def _conduct(substep: StationSubstep, at: NodalFields, scale: float, band: Floats) -> Floats:
-    """(n,) heat that flows into the stations from their neighbours [W]; band += scale * the derivative of -f by s."""
+    """Return (n,) heat that flows into the stations from their neighbours [W].
+
+    band : to it scale times the derivative of -f by s is added.
+    """
     f = np.zeros(at.T.size)
     dT = np.ones(at.T.size) if at.dT is None else at.dT
     for body, own, piece in zip(substep.scene.model.bodies, substep.scene.stations.own, substep.shape.pieces,
@@ -213,11 +220,11 @@ def _positive(what: str, values: Floats, body: Body) -> Floats:
     return values
 
 
-# Newton's method for a stage at the stations, with the detour of thermal_fmu/newton.py where much freezes at once.
+# Newton's method, with the phase continuation of thermal_fmu/newton.py
 
 @dataclass(frozen=True)
 class NewtonLimits:
-    """How many iterations, and whether each must lower the residual."""
+    """How many iterations, and whether a line search must lower the residual in each."""
 
     iterations: int
     line_search: bool
@@ -229,7 +236,7 @@ LINE_SEARCH = NewtonLimits(MAX_ITERATIONS, True)
 
 @dataclass(frozen=True)
 class SolvedStations:
-    """s : (n,) [K] of the stage, its balance, the number of linear solves."""
+    """A stage that was solved.  s : (n,) [K], its balance, the number of linear solves."""
 
     s: Floats
     balance: StationBalance
@@ -237,7 +244,7 @@ class SolvedStations:
 
 
 def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> SolvedStations:
-    """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
+    """Solve a stage from the guess s : (n,) [K] (prescribed values already in it).
 
     Converged as in thermal_fmu/newton.py.  Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
@@ -248,9 +255,9 @@ def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> Solv
 
 
 def _melting_strategies(problem: StationProblem, s: Floats, tolerance: float) -> SolvedStations:
-    """Whole steps, then steps that must lower the residual, then the detour by the one and by the other.
+    """Try full steps, then a line search, then phase continuation by the one and by the other.
 
-    A line search creeps from edge to edge of the phases, where whole steps are mostly over them at once.
+    A line search creeps from edge to edge of the phases, where full steps are mostly past them at once.
     """
     for limits, solve in ((FULL_STEPS, _newton), (LINE_SEARCH, _newton), (FULL_STEPS, _phase_continuation)):
         try:
@@ -300,7 +307,7 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: Newton
                             f"heat that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
 
 
-# One step of a method at the stations: its stages in order, and the heat they moved; damped steps after jumps.
+# Steps of a method
 
 @dataclass(frozen=True)
 class StationContext:
@@ -319,7 +326,10 @@ class StationContext:
 
 @dataclass(frozen=True)
 class StationStepResult:
-    """s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual."""
+    """A step that was solved.
+
+    s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual [1].
+    """
 
     s: Floats
     heat: Heat
@@ -327,14 +337,17 @@ class StationStepResult:
     residual: float
 
     def then(self, more: StationStepResult) -> StationStepResult:
-        """This step and the one after it as one."""
+        """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual))
 
 
 def advance_stations(context: StationContext, method: TimeMethod, s: Floats, damped: int, t: float,
                      h: float) -> tuple[StationStepResult, int]:
-    """From t to t + h [s], and how many substeps are still to be damped.  Raises as solve_stations."""
+    """Take a substep from s : (n,) [K] at t to t + h [s]; return how many substeps are still to be damped, too.
+
+    Raises as solve_stations.
+    """
     damped_left = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else damped
     if damped_left == 0 or method.damped is None:
         return _take(context, method, s, t, h), max(damped_left - 1, 0)
@@ -347,7 +360,10 @@ def advance_stations(context: StationContext, method: TimeMethod, s: Floats, dam
 
 
 def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) -> StationStepResult:
-    """The jump of s that energies E : (n,) [J] make; prescribed stations stay, and what they hold back counts."""
+    """Find the jump of s : (n,) [K] that energies E : (n,) [J] make.
+
+    Prescribed stations stay, and the heat they hold back counts.
+    """
     model = context.scene.model
     loads = loads_at(model, context.load_factors, context.calendar.snap(t, 0.0), 1)
     problem = StationProblem(context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s, context.power_M, E)

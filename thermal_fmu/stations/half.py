@@ -1,4 +1,4 @@
-"""The thermal half at stations as a HalfModel, for rods and for lumped bodies."""
+"""The thermal half at stations as a HalfModel, for rods (one temperature a column) and lumped bodies (one a body)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
-from thermal_fmu.cells import BadPropertyError, InvertedCellError
+from thermal_fmu.cells import BadPropertyError, InvertedMeshError
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.half import face_variables, whole
 from thermal_fmu.heat import Heat, no_heat
@@ -42,7 +42,7 @@ class StationState:
     """All that evolves.
 
     s : (n,) [K] of the stations, T itself in bodies that do not melt.  X : (n_nodes, 2) reference coordinates [m], the
-    first x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
+    first x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].
     """
 
@@ -56,7 +56,7 @@ class StationState:
 class StationHalf:
     """Heat in bodies whose nodes share temperatures, station by station.
 
-    What is kept on the object follows from constants and from the reference coordinates of the state.
+    The object caches what follows from constants and from the reference coordinates of the state.
     """
 
     def __init__(self, interface: Interface, spec: Mapping[str, Any], half: str,
@@ -68,9 +68,9 @@ class StationHalf:
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
-        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+        """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
 
-        Raises InvertedCellError, ContactRefusedError.
+        Raises InvertedMeshError, ContactRefusedError.
         """
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
@@ -78,12 +78,12 @@ class StationHalf:
         T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
         state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
-        points = self._facing(X, inputs, link)
+        points = self._contact_points(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
 
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
+        """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
         number = whole(inputs, "control.method")
         stepping = self._scene.model.stepping
         name = METHOD_NUMBERS.get(number, stepping.method if number == 0 else "")
@@ -93,7 +93,7 @@ class StationHalf:
             return self._advance(state, inputs, t, h, link, stepping.method_of(name))
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
-        except (InvertedCellError, ContactRefusedError) as exc:
+        except (InvertedMeshError, ContactRefusedError) as exc:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
 
@@ -101,7 +101,7 @@ class StationHalf:
                  method: TimeMethod) -> Done:
         scene = self._scene
         x, s = np.array(inputs["x"], dtype=np.float64), np.array(state.s)
-        points = self._facing(x, inputs, link)
+        points = self._contact_points(x, inputs, link)
         shape = scene.mesh.shape(x)
         data = freeze_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
         if points is not None:
@@ -125,7 +125,7 @@ class StationHalf:
             self._first = (np.array(X), self._scene.mesh.shape(X))
         return self._first[1]
 
-    def _facing(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
+    def _contact_points(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
         scene = self._scene
         if not scene.interface.pairs:
             return None
@@ -155,15 +155,11 @@ def _variables(scene: StationScene) -> tuple[Variable, ...]:
     return (*face_variables(scene.interface, scene.model), *melts)
 
 
-# The thermal rod: conduction along x through the columns of rectangles, one temperature a column.
-
 def load_rod(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
-    """The half `thermal_rod` of an interface file and the content of its model.json.  Raises ValueError."""
+    """Make the half `thermal_rod` of an interface file and the content of its model.json.  Raises ValueError."""
     return StationHalf(interface, spec, "thermal_rod", rod_stations)
 
 
-# The lumped thermal half: one temperature a body, C dT/dt = sum of conductances times differences.
-
 def load_lumped(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
-    """The half `lumped` of an interface file and the content of its model.json.  Raises ValueError."""
+    """Make the half `lumped`, C dT/dt = sum of conductances times differences.  Raises ValueError."""
     return StationHalf(interface, spec, "lumped", lumped_stations)

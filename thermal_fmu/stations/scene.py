@@ -1,4 +1,4 @@
-"""What never changes of a scene of stations, and what is held of it through a substep."""
+"""A scene of stations, which never changes, and the data that a substep freezes."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class StationScene:
 
     @cached_property
     def fixed_places(self) -> tuple[Ints, Ints]:
-        """Places of the band in rows or columns of fixed stations, and their diagonal ones."""
+        """Flat places of the band in rows or columns of fixed stations, and their diagonal ones."""
         s = self.stations
         row = np.repeat(np.arange(3 * s.width + 1), s.n) - 2 * s.width + s.column_of_slot
         inside = (row >= 0) & (row < s.n)
@@ -83,15 +83,16 @@ class StationScene:
         return np.flatnonzero(touched), s.slots(at, at)
 
     def mapped(self, nodes: NDArray[np.integer]) -> NDArray[np.int32]:
-        """Stations of nodes."""
+        """Return the stations of nodes : (...) of the mesh, in their shape."""
         return np.asarray(self.stations.of_node[nodes], dtype=np.int32)
 
 
 def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M: Floats,
                     points: ContactPoints | None) -> SubstepData:
-    """Everything that follows from coordinates x : (n_nodes, 2) [m], energies E_M : (n_cells,) [J] and facing points.
+    """Compute everything that follows from coordinates x, energies E_M and contact points.
 
-    The boundary terms are those of the thermal half, with stations in the place of nodes.
+    x : (n_nodes, 2) [m].  E_M : (n_cells,) [J].  The boundary terms are those of the thermal half, with stations in the
+    place of nodes.
     """
     model, axisymmetric = scene.model, scene.interface.axisymmetric
     geometry = SurfaceGeometry(x, axisymmetric, scene.surfaces, points)
@@ -114,7 +115,7 @@ def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M:
 
 def stations_with_friction(substep: SubstepData, scene: StationScene, points: ContactPoints, E: Floats, at: NodalFields,
                            h: float) -> SubstepData:
-    """With the friction heat E : (n_s,) [J] of surface nodes, spread evenly over h [s]; at : (n,) at its start."""
+    """Add the friction heat E : (n_s,) [J] of surface nodes, spread evenly over h [s]; at : (n,) at its start."""
     if not E.any():
         return substep
     interface, of_node = scene.interface, scene.stations.of_node
