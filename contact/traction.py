@@ -1,4 +1,4 @@
-"""Contact forces at the facing points: the reply to a Traction request.  Eqs. (17)-(20), Coulomb's law.
+"""Contact forces at the contact quadrature points: the reply to a Traction request.  Eqs. (17)-(20), Coulomb's law.
 
 p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the slave's nodes; a point touches where
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two

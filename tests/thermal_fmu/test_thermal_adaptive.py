@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec, the_course
+from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec, the_context
 
 from contact.half.interface import Pair
 from contact.half.model import Discard
@@ -54,7 +54,7 @@ def pressed(mesh):
 def smooth_start():
     """A course of `warm_pair`, and its state at t = .3 s, when the start is forgotten."""
     mesh, model = warm_pair()
-    context = the_course(mesh, model, t_N=pressed(mesh))
+    context = the_context(mesh, model, t_N=pressed(mesh))
     s = np.where(mesh.node_body == 0, 300.0, 700.0)
     for i in range(40):
         method = METHODS["backward_euler" if i < 8 else "sdirk2"]

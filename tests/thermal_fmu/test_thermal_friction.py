@@ -96,7 +96,7 @@ def test_even_rubbing_heats_both_faces_evenly():
     half, link = load(mesh, two_metals({"friction_share": 0.25})), service()
     given = inputs_of(mesh, half)
     half.start(given, 0.0, link)
-    sc, points = half._scene, half._facing(mesh.nodes, given, link)
+    sc, points = half._scene, half._contact_points(mesh.nodes, given, link)
     held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), points)
     made = with_friction(held, sc, points, on_slave(mesh, 60.0), NodalFields(np.full(len(mesh.nodes), 300.0)),
                          2.0).friction

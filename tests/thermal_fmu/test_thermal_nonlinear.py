@@ -124,7 +124,7 @@ def test_the_jacobian_is_the_derivative(stage):
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
-    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._facing(mesh.nodes, given, link))
+    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._contact_points(mesh.nodes, given, link))
     T = 380.0 + 60.0 * np.sin(np.arange(len(mesh.nodes)))
     zeros = np.zeros(T.size)
     chosen = METHODS["midpoint"].stages[0] if stage == 0 else METHODS["sdirk2"].stages[1]

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, spec, the_course
+from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, spec, the_context
 
 from contact.half.functions import property_from
 from contact.half.model import Discard
@@ -37,7 +37,7 @@ def furnace(k, T_inf, n=40, **more):
 def test_what_fails_in_one_go_succeeds_by_increments():
     """Against the integral of k: int_300^T_s k dT = sigma (T_inf^4 - T_s^4); the quadrature of k costs .05 K."""
     bar, model = furnace(BREAKS, 1000.0, n=80)
-    context = the_course(bar, model)
+    context = the_context(bar, model)
     s = np.full(len(bar.nodes), 300.0)
     with pytest.raises(NotConvergedError):
         take_step(context, STEADY, s, None, 0.0, 1.0)
@@ -76,7 +76,7 @@ def test_increments_lead_to_the_same_state_and_prescribed_values_move_along(monk
 
 def test_one_increment_that_converges_changes_no_bit():
     bar, model = furnace({"polynomial": [5.0, 0.01]}, 1500.0)
-    context = the_course(bar, model)
+    context = the_context(bar, model)
     s = np.full(len(bar.nodes), 300.0)
     a = take_step(context, STEADY, s, None, 0.0, 1.0)
     b = steady_by_increments(context, 1, s, None, 0.0, 1.0)

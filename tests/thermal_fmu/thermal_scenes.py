@@ -163,12 +163,13 @@ def order(errors: list[float]) -> float:
     return float(-np.polyfit(np.arange(len(errors)), np.log2(errors), 1)[0])
 
 
-def the_course(interface: Interface, model: dict[str, Any], **given: Any) -> StepContext:
+def the_context(interface: Interface, model: dict[str, Any], **given: Any) -> StepContext:
     """What single steps of a half need, with nothing made by mechanics."""
     half, link = load(interface, model), FlatContact()
     inputs = inputs_of(interface, half, **given)
     half.start(inputs, 0.0, link)
     setting = half._scene
     x = interface.nodes
-    held = freeze(setting, setting.masses(x), x, np.zeros(setting.volume.n_cells), half._facing(x, inputs, link))
-    return StepContext(setting, held, {}, half._calendar, np.zeros(len(x)), Factors())
+    points = half._contact_points(x, inputs, link)
+    substep = freeze(setting, setting.masses(x), x, np.zeros(setting.volume.n_cells), points)
+    return StepContext(setting, substep, {}, half._calendar, np.zeros(len(x)), Factors())
