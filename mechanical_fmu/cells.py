@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contact.compiled import inner, kernel
 from contact.half.interface import Interface
-from contact.half.quadrature import Table, table_of
+from contact.half.quadrature import CellQuadrature, table_of
 from mechanical_fmu.point import history_size
 from mechanical_fmu.strain import (
     LONGEST_MODE,
@@ -513,7 +513,7 @@ def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = No
     return tuple(out)
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tuple[Table, Treatment]) -> Cells:
+def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tuple[CellQuadrature, Treatment]) -> Cells:
     table, treatment = how
     N, dN = table.N, table.dN
     X = interface.nodes[nodes]
