@@ -26,7 +26,7 @@ FAST = {
     "stability": """
         conduction freezing rods""",
     "thermal_fmu": """
-        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_kept thermal_newton
+        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_caches thermal_newton
         thermal_nonlinear thermal_rod thermal_space thermal_steady""",
 }
 FAST_FILES = {(TESTS / folder / f"test_{name}.py").resolve()
