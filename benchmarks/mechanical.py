@@ -29,8 +29,9 @@ from scipy.sparse import csr_matrix, triu
 from contact.half.interface import Interface
 from contact.half.linalg import FACTOR, POSITIVE, SOLVE, _Handle, factorise, pattern_of
 from mechanical_fmu.cells import Treatment, cells_of
+from mechanical_fmu.laws.catalogue import POINT
+from mechanical_fmu.laws.kinds import PLASTIC
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
 from mechanical_fmu.problem import parse_elastic
 from mechanical_fmu.system import Loading, system_of
 from mechanical_fmu.tangent import fresh_direction
@@ -52,8 +53,9 @@ def square(n: int) -> Interface:
 
 
 def steel(n_e: int) -> Moduli:
-    p = np.zeros((n_e, N_P))
-    p[:, P_G], p[:, P_YIELD], p[:, P_H], p[:, P_SOLID], p[:, P_CHI] = MU, 250e6, 2e9, 1.0, 0.9
+    p = np.zeros(n_e, POINT)
+    p["shear_modulus"], p["yield_stress"], p["hardening_modulus"] = MU, 250e6, 2e9
+    p["solid_fraction"], p["plastic_heat"] = 1.0, 0.9
     return Moduli(np.full(n_e, MU), np.full(n_e, KAPPA), np.zeros(n_e), p)
 
 

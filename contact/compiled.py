@@ -8,7 +8,7 @@ a function is a hash of its file and of every file beside its package that this 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -32,6 +32,28 @@ def inner(function: F) -> F:
     of a small kernel, in time and in compiling."""
     options: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
     return _cached(function, njit(**options)(function))
+
+
+def one_of(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    """Compile the function that calls functions[i](*arguments) for (i, *arguments); an i beyond them calls the last.
+
+    The functions are inner kernels that take and return the same types.  They are compiled into a chain of comparisons,
+    which costs less than a call through a pointer.  The chain keeps no cache of its own (numba cannot recognise one
+    that stands on other functions in a later process): it becomes part of the kernel that calls it.
+    """
+    first, others = functions[0], functions[1:]
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+    if not others:
+        return cast(Callable[..., Any], njit(**options)(lambda i, *arguments: first(*arguments)))
+    rest = one_of(others)
+
+    def chosen(i: int, *arguments: Any) -> Any:
+        # fault: the last of several functions whatever the number -> if i < 0: | contact/test_compiled
+        if i <= 0:
+            return first(*arguments)
+        return rest(i - 1, *arguments)
+
+    return cast(Callable[..., Any], njit(**options)(chosen))
 
 
 def _cached(function: F, dispatcher: Any) -> F:

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from contact.compiled import inner, kernel
 from contact.half.interface import Interface
 from contact.half.quadrature import Table, table_of
-from mechanical_fmu.point import history_size
+from mechanical_fmu.laws.kinds import history_size
 from mechanical_fmu.strain import (
     LONGEST_MODE,
     MODE_ROUND_OFF,
     MODE_TOLERANCE,
     MOST_LOCAL,
     SHORTEST,
-    Law,
+    CellMaterials,
     Work,
     add_dilatation_curvature,
     back,
@@ -254,7 +254,7 @@ class Cell(NamedTuple):
 
 
 @kernel
-def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
+def cell_points(shape: Shape, law: CellMaterials, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
     """Fill out at u : (n_nodes, 2) [m].  Returns (cell, code) of the first cell that fails, or (-1, 0).
 
     code : INVERTED, NO_MODES where the modes are not found, NO_THICKNESS or one of points.CODES.
@@ -286,7 +286,8 @@ def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) 
 
 
 @inner
-def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
+def settle(shape: Shape, law: CellMaterials, e: int, cell: Cell, work: Work, h_n: Floats,
+           h: Floats) -> tuple[int, float]:
     """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
     nn, nm = shape.nodes.shape[1], shape.n_modes
     before, share = np.inf, 1.0
@@ -320,7 +321,8 @@ def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, 
 
 
 @inner
-def at_points(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
+def at_points(shape: Shape, law: CellMaterials, e: int, cell: Cell, work: Work, h_n: Floats,
+              h: Floats) -> tuple[int, float]:
     """F, J, P, A and h of the points of cell e at cell.u.  Returns (code, heat [J])."""
     nq = shape.weight.shape[1]
     if dilatation(shape.B[e], shape.N_over_R[e], shape.weight[e], cell.u, cell.F, cell.J) <= 0.0:
@@ -336,7 +338,7 @@ def at_points(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Float
 
 
 @inner
-def close_cell(shape: Shape, law: Law, e: int, cell: Cell, out: Out) -> None:
+def close_cell(shape: Shape, law: CellMaterials, e: int, cell: Cell, out: Out) -> None:
     """Add the cell's forces to out.f and fill its out.K, the pressure of the cell and its modes settled."""
     nn, nm, nq = shape.nodes.shape[1], shape.n_modes, shape.weight.shape[1]
     tangent = out.K.shape[0] > 0

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.model import Values
+from mechanical_fmu.laws.kinds import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
-from mechanical_fmu.point import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.system import System
 
 Floats = NDArray[np.float64]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import inner
+from mechanical_fmu.laws.law import Points
 from mechanical_fmu.point import update
 
 Floats = NDArray[np.float64]
@@ -181,8 +182,11 @@ LONGEST_THICKNESS = 1.0
 NO_THICKNESS = 100
 
 
-class Law(NamedTuple):
-    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).  p, tables : as points.update asks."""
+class CellMaterials(NamedTuple):
+    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).
+
+    p : (n_e,) records of POINT (laws/catalogue.py).  tables : (n_t,) of hardening curves.
+    """
 
     kind: int
     plane_stress: bool
@@ -190,7 +194,7 @@ class Law(NamedTuple):
     mu: Floats
     kappa: Floats
     e_th: Floats
-    p: Floats
+    p: Points
     tables: Floats
     dt: float
 
@@ -255,7 +259,7 @@ def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Flo
 
 
 @inner
-def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
+def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
             work: Work) -> tuple[int, float]:
     """Fill P, A and the history of a point of cell e at F; returns (code, heat) of points.update.
 
@@ -302,7 +306,7 @@ def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: F
 
 
 @inner
-def hyperelastic(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
+def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
     """`respond` of kind 0; returns the code."""
     kappa = 0.0 if law.mean else law.kappa[e]
     if not law.plane_stress:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanical_fmu.cells import INVERTED, NO_MODES, Cells, Out, cell_forces, cell_points, cell_stress
+from mechanical_fmu.laws.kinds import has_skew_tangent
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point import CODES, has_skew_tangent
-from mechanical_fmu.strain import NO_THICKNESS, Law
+from mechanical_fmu.point import CODES
+from mechanical_fmu.strain import NO_THICKNESS, CellMaterials
 
 Floats = NDArray[np.float64]
 
@@ -175,7 +176,7 @@ def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Float
 
 def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: Out) -> None:
     how = cells.treatment
-    law = Law(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, m.e_th, m.p,
+    law = CellMaterials(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, m.e_th, m.p,
               m.tables, dt)
     # A private copy: a history from a saved state is read-only, and the loop is compiled for arrays that are not.
     history_n = np.array(before, dtype=np.float64).reshape(len(cells.nodes), -1)

@@ -17,7 +17,7 @@ from mechanical_fmu.volume import Step
 
 N = 4
 SMALL = EXPECTED["B16"]["tolerance"]
-STUFF = Stuff(2.5, 0.25, s_y=0.05, H=0.1)
+STUFF = Stuff(2.5, 0.25, yield_stress=0.05, H=0.1)
 AROUND = {"mean dilatation": Treatment(), "enhanced": Treatment(enhanced=True)}
 FORMS = [("plane", kind, form) for kind, form in product(("quads", "triangles"), PLANE)]
 FORMS += [("axisymmetric", kind, form) for kind, form in product(("quads", "triangles"), AROUND)]

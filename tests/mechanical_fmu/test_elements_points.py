@@ -16,7 +16,7 @@ from contact.half.linalg import pattern_of
 from mechanical_fmu.cells import Treatment, cell_forces
 from mechanical_fmu.volume import CellError, InvertedCellError, Step
 
-SOFT = Stuff(2.5, 0.25, free=0.01, s_y=0.05, H=0.1)
+SOFT = Stuff(2.5, 0.25, free=0.01, yield_stress=0.05, H=0.1)
 FORMS = [Treatment(plastic, enhanced, plane_stress)
          for plastic, enhanced, plane_stress in product((0, 1), (False, True), (False, True))]
 KINDS, GEOMETRIES = ("quads", "triangles"), ("plane", "axisymmetric")
@@ -66,11 +66,11 @@ def test_the_two_loops_agree_on_elastic_cells():
 
 def general_loop(cells, m, u):
     from mechanical_fmu.cells import Out, cell_points
-    from mechanical_fmu.strain import Law
+    from mechanical_fmu.strain import CellMaterials
 
     out = Out(np.zeros_like(u), np.empty((len(cells.nodes), 8, 8)), np.empty((len(cells.nodes), 0)),
               np.empty(len(cells.nodes)), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
-    law = Law(0, False, True, m.mu, m.kappa, m.e_th, m.p, m.tables, 1.0)
+    law = CellMaterials(0, False, True, m.mu, m.kappa, m.e_th, m.p, m.tables, 1.0)
     assert cell_points(cells.shape, law, u, np.empty((len(cells.nodes), 0)), out) == (-1, 0)
     return out
 
@@ -120,7 +120,7 @@ def test_newton_is_quadratic_on_plastic_scenes(form):
     """B16: once yield no longer changes hands the last residuals above round-off fall with exponent >= 1.8."""
     nodes, cells = grid(6, 3, lambda s, t: (3.0 * s, t + 0.2 * s * t))
     volume, found = volume_of(quads(nodes, cells), form), None
-    moduli = moduli_of(volume, Stuff(200e9, 0.3, s_y=250e6, H=50e9))
+    moduli = moduli_of(volume, Stuff(200e9, 0.3, yield_stress=250e6, H=50e9))
     for pull in (0.01, 0.05, 0.06):  # all points yield in the last step, whose iterations are looked at
         held = {(j, i): 0.0 for j in range(4) for i in (0, 1)}
         held |= {(24 + j, i): pull * (1 - i) for j in range(4) for i in (0, 1)}
@@ -141,6 +141,6 @@ def test_what_fails_names_its_cell():
         with pytest.raises(InvertedCellError, match="cell 4: turned inside out"):
             volume.evaluate(u, moduli_of(volume, SOFT), Step(1.0))
     volume = volume_of(quads(nodes, cells), of(Treatment(), True))
-    moduli = moduli_of(volume, Stuff(2.5, 0.25, s_y=np.nan))
+    moduli = moduli_of(volume, Stuff(2.5, 0.25, yield_stress=np.nan))
     with pytest.raises(CellError, match="cell 1"):
         volume.evaluate(bent(nodes), moduli, Step(1.0))
