@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.messages import Tractions
-from mechanical_fmu.augmented import settle
 from mechanical_fmu.drive import Drive, between
 from mechanical_fmu.dynamics import Motion, free_flight, inertia_of, motion_after
+from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.explicit import fly
 from mechanical_fmu.heat import at_frozen_entropy
-from mechanical_fmu.newton import Settings
+from mechanical_fmu.newton import SolverSettings
 from mechanical_fmu.system import Balance, Loading, System
 from mechanical_fmu.volume import CellError, Step
 
@@ -28,14 +28,14 @@ SNAP = 1e-12
 class Task:
     """What a whole step is asked for.  Everything in it is the same for all pieces of the step.
 
-    start : the drive at its beginning.  end : at its end.  dt : [s].  ask : contact, None where nothing can touch.
+    start : the drive at its beginning.  end : at its end.  dt : [s].  query : contact, None where nothing can touch.
     frozen : (n, 2) [m] displacement at which the entropy is frozen, None for a given temperature.
     """
 
     start: Drive
     end: Drive
     dt: float
-    ask: Callable[[Floats], Tractions] | None
+    query: Callable[[Floats], Tractions] | None
     frozen: Floats | None
 
 
@@ -74,7 +74,7 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
     dead = system.masses.dead.at(drive.dead) if drive.dead.size else None
-    return Loading(moduli, drive.target, drive.pressure, task.ask, Step(dt, history), dead)
+    return Loading(moduli, drive.target, drive.pressure, task.query, Step(dt, history), dead)
 
 
 def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> Balance:
@@ -87,7 +87,7 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> Bal
     return system.balance(moved, loading, tangent)
 
 
-def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings: Settings, cuts: int,
+def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings: SolverSettings, cuts: int,
               failed: ArithmeticError | None = None) -> Found:
     """The step, halved where a piece cannot be solved, at most `cuts` times.
 
@@ -116,7 +116,7 @@ def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings
 
 
 def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple[float, float],
-           settings: Settings) -> Found:
+           settings: SolverSettings) -> Found:
     motion, history = begin
     (a, b), dt, dynamics = span, (span[1] - span[0]) * task.dt, system.spec.dynamics
     if settings.method == "explicit":
@@ -128,7 +128,7 @@ def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple
                      flight.last)
     loading = loading_of(system, task, b, dt, history)
     if dynamics is None:
-        equilibrium = settle(system, loading, predicted(system, motion.u, loading, True), None, settings)
+        equilibrium = solve_step(system, loading, predicted(system, motion.u, loading, True), None, settings)
         found = equilibrium.balance
         rest = np.zeros_like(motion.v)
         after = Motion(found.u, rest, rest, found.r if len(rest) else rest)
@@ -136,7 +136,7 @@ def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple
         inertia = inertia_of(system.masses, dynamics, motion, dt)
         loading = replace(loading, inertia=inertia)
         start = _carried(system, free_flight(dynamics, motion, dt), system.constraints.moved(motion.u, loading.target))
-        equilibrium = settle(system, loading, system.balance(start, loading, True), None, settings)
+        equilibrium = solve_step(system, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
     return Found(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)

@@ -14,15 +14,15 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from mechanical_fmu.advance import Found, PartWayError, Task, in_pieces, loading_of, predicted
-from mechanical_fmu.augmented import remembered, settle
 from mechanical_fmu.contact import contact_outputs, contact_variables
-from mechanical_fmu.contact_asking import Asking, asking
+from mechanical_fmu.contact_query import ContactQuery, contact_history, contact_query
 from mechanical_fmu.drive import NOT_GIVEN, Drive, between, drive_of, expected_change, may_skip
 from mechanical_fmu.dynamics import Motion, first_motion
+from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.explicit import stable_step
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
 from mechanical_fmu.material import MaterialRangeError
-from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic
 from mechanical_fmu.system import Balance, Loading, System, system_of
 from mechanical_fmu.tangent import MOST_SURFACE_DOFS, Anchor, refuse_loose, refuse_unheld
@@ -217,17 +217,17 @@ def resting(system: System, u: Floats, loading: Loading) -> Balance:
     guess: it says where contact can hold, and the equilibrium found from it knows nothing of it.
     """
     first = predicted(system, u, loading, True)
-    if not isinstance(loading.ask, Asking):
+    if not isinstance(loading.query, ContactQuery):
         return first
     try:
         refuse_loose(system, first)
     except SingularMatrixError:
         pressure = AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
         slaves = system.contact.on_slaves([pair.name for pair in system.interface.pairs])
-        # fault: bodies that touch as drawn fall -> history = replace(loading.ask.history, multipliers=np.where(slaves,
-        #   0.0, 0.0)) | mechanical_fmu/test_solution_loads
-        history = replace(loading.ask.history, multipliers=np.where(slaves, -pressure, 0.0))
-        return predicted(system, u, replace(loading, ask=replace(loading.ask, history=history)), True)
+        # fault: bodies that touch as drawn fall -> query = loading.query.with_multipliers(np.where(slaves, 0.0, 0.0)) |
+        #   mechanical_fmu/test_solution_loads
+        query = loading.query.with_multipliers(np.where(slaves, -pressure, 0.0))
+        return predicted(system, u, replace(loading, query=query), True)
     return first
 
 
@@ -241,7 +241,7 @@ ISOTHERMAL, ADIABATIC = 0, 1
 class ElasticHalf:
     """HalfModel of deformable bodies.  What is kept on the object can be rebuilt bit for bit from any state."""
 
-    def __init__(self, system: System, settings: Settings) -> None:
+    def __init__(self, system: System, settings: SolverSettings) -> None:
         self.system, self.settings = system, settings
         self.variables = elastic_variables(system)
         self._anchors: dict[bytes, Anchor] = {}
@@ -268,11 +268,11 @@ class ElasticHalf:
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
-            equilibrium = settle(system, loading, resting(system, u, loading), None, settings)
+            equilibrium = solve_step(system, loading, resting(system, u, loading), None, settings)
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
-        state = ElasticState(t, now.u, remembered(system, now, history), now.u, drive.T, False, drive, t, now.history,
-                             motion.v, motion.a, motion.f)
+        state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
+                             now.history, motion.v, motion.a, motion.f)
         return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -301,7 +301,7 @@ class ElasticHalf:
         method = self._method(int(inputs.get("control.method", 0)))
         u = _array(state.u)
         frozen = u if int(inputs.get("control.mode", ISOTHERMAL)) == ADIABATIC else None
-        task = Task(state.drive, drive, t + h - state.solved, asking(system, link, state.contact), frozen)
+        task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
@@ -309,7 +309,7 @@ class ElasticHalf:
             found = self._in_pieces(state, task, method)
             after = replace(state, anchor_u=found.balance.u, anchor_T=drive.T, anchored=False)
         motion = found.motion
-        contact = remembered(system, found.balance, state.contact)
+        contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0)
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
@@ -318,7 +318,7 @@ class ElasticHalf:
     def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:
         """The loading at t of points without a past."""
         drive = drive_of(self.system, inputs, t, side)
-        task = Task(drive, drive, 0.0, asking(self.system, link, history), None)
+        task = Task(drive, drive, 0.0, contact_query(self.system, link, history), None)
         return loading_of(self.system, task, 1.0, 0.0, self.system.start_history())
 
     def _predicted(self, u: Floats, loading: Loading, tangent: bool = True) -> Balance:
@@ -358,11 +358,11 @@ class ElasticHalf:
     def _solved(self, loading: Loading, first: Balance, anchor: Anchor | None) -> Equilibrium:
         if anchor is not None:
             try:
-                return settle(self.system, loading, first, anchor, self.settings)
+                return solve_step(self.system, loading, first, anchor, self.settings)
             except (InvertedCellError, NoEquilibriumError):
                 # An old tangent may lead astray where today's would not.
                 pass
-        return settle(self.system, loading, first, None, self.settings)
+        return solve_step(self.system, loading, first, None, self.settings)
 
     def _adopts(self, anchor: Anchor, first: Balance) -> bool:
         """Whether the anchor's factor is worth keeping: the stiffness has hardly changed over a whole step."""
@@ -425,7 +425,7 @@ class ElasticHalf:
 def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
     """The elastic half of an interface and a model.json.  Raises ValueError naming what is wrong."""
     spec = parse_elastic(interface, model)
-    return ElasticHalf(system_of(interface, spec), Settings(spec.tolerance))
+    return ElasticHalf(system_of(interface, spec), SolverSettings(spec.tolerance))
 
 
 def _found(solved: Equilibrium, motion: Motion) -> Found:

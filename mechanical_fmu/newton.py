@@ -137,7 +137,7 @@ class NoEquilibriumError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Settings:
+class SolverSettings:
     """tolerance : of the residual of each body, relative to the forces on it.  max_iterations : of one step.
 
     adopt : drift of the stiffness over a step up to which its factor is kept for the next steps; negative: never.
@@ -173,8 +173,9 @@ class Equilibrium:
         return len(self.history) - 1
 
 
-def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | None, settings: Settings) -> Equilibrium:
-    """The equilibrium nearest to start.
+def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
+          settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to start.
 
     anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
     Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.

@@ -382,7 +382,7 @@ class ElasticSpec:
     rho : (n_materials,) [kg/m3], nan where not said.  c : heat capacities [J/kgK] where said.
     thermoelastic_heat : whether E_M has it.  adiabatic : whether steps at frozen entropy can be asked for.
     augmented : pairs whose pressures are driven to no penetration -> to which share of the largest they must settle.
-    at_once : whether Newton's method solves for them too (semi_smooth), not Uzawa's rounds around it.
+    enforcement : a name of enforcement.ENFORCEMENTS.
     """
 
     tolerance: float
@@ -403,7 +403,7 @@ class ElasticSpec:
     thermoelastic_heat: bool
     adiabatic: bool
     augmented: Mapping[str, float]
-    at_once: bool
+    enforcement: str
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -434,7 +434,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     for b in interface.bodies:
         keys(bodies[b], f"bodies.{b}", {"material"}, {"element", "rigid", "reference", "v0", "drawn_at"})
     names = [known(bodies[b]["material"], f"bodies.{b}.material", materials) for b in interface.bodies]
-    augmented, at_once = _augmented(interface, spec)
+    augmented, enforcement = _augmented(interface, spec)
     of_bodies = tuple(_body(bodies[b], f"bodies.{b}") for b in interface.bodies)
     rigid = [b for b, body in zip(interface.bodies, of_bodies, strict=True) if body.rigid]
     boundary = [parse_boundary(interface, b, f"boundary[{i}]", {name: k for k, name in enumerate(rigid)})
@@ -457,7 +457,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
         rho=np.array([_rho(name, m) for name, m in materials.items()]),
         c=tuple(_heat_capacity(name, m) for name, m in materials.items()),
         thermoelastic_heat=_flag(spec, "thermoelastic_heat", ""), adiabatic=_flag(spec, "adiabatic", ""),
-        augmented=augmented, at_once=at_once))
+        augmented=augmented, enforcement=enforcement))
 
 
 def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
@@ -480,8 +480,8 @@ def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
     return spec
 
 
-def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str, float], bool]:
-    """The share of each augmented pair, and whether their pressures are solved for at once."""
+def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str, float], str]:
+    """The share of each augmented pair, and the enforcement of all."""
     augmented: dict[str, float] = {}
     methods: dict[str, str] = {}
     for name, pair in keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs]).items():
@@ -501,7 +501,7 @@ def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str,
         if not contact.eps_N > 0.0:
             raise ValueError(f"interface: pair {contact.name} needs a penalty eps_N > 0 [Pa/m], "
                              f"not {contact.eps_N!r}")
-    return augmented, "semi_smooth" in methods.values()
+    return augmented, next(iter(methods.values()), "penalty")
 
 
 def _body(spec: Mapping[str, Any], where: str) -> BodySpec:

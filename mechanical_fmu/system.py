@@ -37,7 +37,7 @@ class Loading:
     """What one equilibrium is sought for.
 
     moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
-    ask : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
+    query : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
     step : time and memory of inelastic points, history as System.start_history gives it or the last Balance.
     dead : (n_nodes, 2) [N] forces that do not follow the bodies, None where there are none.
     inertia : None where it is left out.
@@ -46,7 +46,7 @@ class Loading:
     moduli: tuple[Moduli, ...]
     target: Floats
     pressure: Floats
-    ask: Callable[[Floats], Tractions] | None
+    query: Callable[[Floats], Tractions] | None
     step: Step = field(default_factory=Step)
     dead: Floats | None = None
     inertia: Inertia | None = None
@@ -163,8 +163,8 @@ class System:
                 forces = pressure_forces(x, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric)
                 np.add.at(external, load.edges, forces)
         tractions = None
-        if loading.ask is not None:
-            tractions = loading.ask(x)
+        if loading.query is not None:
+            tractions = loading.query(x)
             # fault: contact forces halved -> external += 0.5 * self.contact.force(tractions) |
             #   mechanical_fmu/test_elastic_contact
             external += self.contact.force(tractions)
