@@ -40,6 +40,14 @@ class Task:
 
 
 @dataclass(frozen=True)
+class Departure:
+    """What a piece of a step begins with.  history : (n_history,) of points and cells."""
+
+    motion: Motion
+    history: Floats
+
+
+@dataclass(frozen=True)
 class Found:
     """Where pieces of a step ended.  heat : (n_cells,) [J] of all of them, empty where none can be made.
 
@@ -87,19 +95,19 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> Bal
     return system.balance(moved, loading, tangent)
 
 
-def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings: SolverSettings, cuts: int,
+def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,
               failed: ArithmeticError | None = None) -> Found:
     """The step, halved where a piece cannot be solved, at most `cuts` times.
 
-    begin : motion and history at the start.  failed : why the whole step was tried in vain, None if it was not tried.
+    failed : why the whole step was tried in vain, None if it was not tried.
     Raises PartWayError; its cause is the last, but a cell that failed tells more than forces out of balance.
     """
-    (motion, history), share, found = begin, 0.0, None
+    share, found = 0.0, None
     size, left = (1.0, cuts) if failed is None else (0.5, cuts - 1)
     while share < 1.0:
         goal = min(share + size, 1.0)
         try:
-            piece = _piece(system, task, (motion, history), (share, goal), settings)
+            piece = _piece(system, task, begin, (share, goal), settings)
         except ArithmeticError as exc:
             failed = failed if isinstance(failed, CellError) else exc
             if left == 0:
@@ -107,7 +115,7 @@ def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings
             size, left = 0.5 * size, left - 1
             continue
         found = piece if found is None else _joined(found, piece)
-        motion, history, share = piece.motion, piece.balance.history, goal
+        begin, share = Departure(piece.motion, piece.balance.history), goal
         if size < 1.0 and left < cuts and (share / (2.0 * size)).is_integer():
             # A hard spot is behind: try larger pieces again, but the spot has used up its cuts.
             size, left = 2.0 * size, left + 1
@@ -115,9 +123,9 @@ def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings
     return found
 
 
-def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple[float, float],
+def _piece(system: System, task: Task, begin: Departure, span: tuple[float, float],
            settings: SolverSettings) -> Found:
-    motion, history = begin
+    motion, history = begin.motion, begin.history
     (a, b), dt, dynamics = span, (span[1] - span[0]) * task.dt, system.spec.dynamics
     if settings.method == "explicit":
         def loading_at(share: float, h: float, at: Floats) -> Loading:

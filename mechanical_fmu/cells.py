@@ -26,6 +26,7 @@ from mechanical_fmu.strain import (
     MOST_LOCAL,
     SHORTEST,
     CellMaterials,
+    Modes,
     Work,
     add_dilatation_curvature,
     back,
@@ -452,7 +453,7 @@ class Cells:
     weight : (n_e, nq) reference volume of a point [m3], 2 pi R weighted when axisymmetric, else per metre depth.
     N_over_R : (n_e, nq, nn) [1/m], N_a/R when axisymmetric, else 0: what turns u_r into the hoop stretch.
     volume : (n_e,) [m3].  mean : (n_e, nn) takes nodal values to the volume mean of each cell.
-    modes : gradients and hoop parts of the modes of enhanced strain, (n_e, nq, n_m, 2) and (n_e, nq, n_m), n_m >= 0.
+    modes : of enhanced strain, of none where it has none.
     """
 
     nodes: Ints
@@ -465,7 +466,7 @@ class Cells:
     volume: Floats
     mean: Floats
     treatment: Treatment
-    modes: tuple[Floats, Floats]
+    modes: Modes
 
     @property
     def dofs(self) -> NDArray[np.int64]:
@@ -480,7 +481,7 @@ class Cells:
 
     @property
     def n_modes(self) -> int:
-        n = self.modes[1].shape[2]
+        n = self.modes.hoop.shape[2]
         return mode_count(n == 3) if n else 0
 
     @property
@@ -511,12 +512,12 @@ def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = No
         for treatment in dict.fromkeys(of_body):
             here = np.isin(body, [i for i, t in enumerate(of_body) if t == treatment])
             if here.any():
-                out.append(_cells(interface, nodes[here], body[here], number[here], (table_of(name), treatment)))
+                out.append(_cells(interface, nodes[here], body[here], number[here], table_of(name), treatment))
     return tuple(out)
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tuple[Table, Treatment]) -> Cells:
-    table, treatment = how
+def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, table: Table,
+           treatment: Treatment) -> Cells:
     N, dN = table.N, table.dN
     X = interface.nodes[nodes]
     jacobian = np.einsum("eai,qaj->eqij", X, dN)
@@ -532,7 +533,7 @@ def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tup
     N_over_R = N / R[:, :, None] if interface.axisymmetric else np.zeros((*R.shape, N.shape[1]))
     volume = weight.sum(axis=1)
     mean = np.einsum("eq,qa->ea", weight, N) / volume[:, None]
-    modes = (np.empty((*det.shape, 0, 2)), np.empty((*det.shape, 0)))
+    modes = Modes(np.empty((*det.shape, 0, 2)), np.empty((*det.shape, 0)))
     # fault: quads without their modes -> if False: | mechanical_fmu/test_elements_bending
     if treatment.enhanced:
         modes = mode_gradients(X, N, det, interface.axisymmetric)

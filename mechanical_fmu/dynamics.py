@@ -12,7 +12,7 @@ from mechanical_fmu.constraints import with_diagonal
 from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.problem import Dynamics
 from mechanical_fmu.system import Balance, System
-from mechanical_fmu.tangent import held
+from mechanical_fmu.tangent import constrained
 
 Floats = NDArray[np.float64]
 
@@ -78,5 +78,5 @@ def first_motion(system: System, found: Balance, lumped: bool) -> Motion:
         m = system.masses.lumped
         a = np.divide(b, m, out=np.zeros_like(b), where=m > 0.0)
     else:
-        a = factorise(held(system, with_diagonal(system.masses.matrix(False))))(b) * free
+        a = factorise(constrained(system, with_diagonal(system.masses.matrix(False))))(b) * free
     return Motion(found.u, v, a.reshape(v.shape), found.r)

@@ -13,7 +13,7 @@ from contact.half.contact_client import History
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from mechanical_fmu.advance import Found, PartWayError, Task, in_pieces, loading_of, predicted
+from mechanical_fmu.advance import Departure, Found, PartWayError, Task, in_pieces, loading_of, predicted
 from mechanical_fmu.contact import contact_outputs, contact_variables
 from mechanical_fmu.contact_query import ContactQuery, contact_history, contact_query
 from mechanical_fmu.drive import NOT_GIVEN, Drive, between, drive_of, expected_change, may_skip
@@ -180,13 +180,13 @@ def _heats(system: System, found: Found, moved: Moved, state: ElasticState) -> d
     end = state.drive
     heat = np.zeros(n)
     if squeezed:
-        middle = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
-        heat = moved_heat(system, middle, moved.u, found.balance.u)
+        T, f_s = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
+        heat = moved_heat(system, T, f_s, moved.u, found.balance.u)
     if makes_heat(system):
         # What is moved at frozen entropy goes out as E_S: counted once.
         out["E_M"] = made if moved.frozen else made + heat
     if system.spec.adiabatic:
-        out["E_S"] = moved_heat(system, (end.T, end.f_s), moved.u, found.balance.u) if moved.frozen else np.zeros(n)
+        out["E_S"] = moved_heat(system, end.T, end.f_s, moved.u, found.balance.u) if moved.frozen else np.zeros(n)
     return out
 
 
@@ -329,7 +329,7 @@ class ElasticHalf:
         motion = Motion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
         settings = replace(self.settings, method=method)
         cuts = 0 if method == "explicit" else self.system.spec.cuts
-        return in_pieces(self.system, task, (motion, _array(state.history)), settings, cuts, failed)
+        return in_pieces(self.system, task, Departure(motion, _array(state.history)), settings, cuts, failed)
 
     @property
     def _anchors_serve(self) -> bool:

@@ -29,11 +29,14 @@ def log_dilatation(system: System, u: Floats) -> tuple[Floats, ...]:
     return tuple(np.log(_volumes(cells, u) / cells.volume) for cells in system.volume.kinds)
 
 
-def moved_heat(system: System, at: tuple[Floats, Floats], u_n: Floats, u: Floats) -> Floats:
-    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.  at : nodal T [K] and f_s (Drive)."""
+def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -> Floats:
+    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.
+
+    T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a Drive.
+    """
     out = np.zeros(system.volume.n_cells)
     before, after = log_dilatation(system, u_n), log_dilatation(system, u)
-    moduli, means = system.moduli(*at), system.volume.means(at[0])
+    moduli, means = system.moduli(T, f_s), system.volume.means(T)
     for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, moduli, means, strict=True)):
         per_volume = thermoelastic_heat(system.spec.materials, system.spec.body_material[cells.body], mean, m.kappa,
                                         # fault: compression cools -> before[i] - after[i]) |

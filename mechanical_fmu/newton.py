@@ -11,7 +11,16 @@ from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
 from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.tangent import Anchor, finish, fresh_direction, held, refuse_loose, right_side, stiffness, symmetric
+from mechanical_fmu.tangent import (
+    Anchor,
+    constrained,
+    finish,
+    fresh_direction,
+    refuse_loose,
+    right_side,
+    stiffness,
+    symmetric,
+)
 from mechanical_fmu.volume import InvertedCellError
 
 # Where to search next: full and modified Newton, and BFGS, on one tangent or many.
@@ -64,12 +73,20 @@ class Newton:
         self.poor += errors[1] > POOR * errors[0]
 
 
+@dataclass(frozen=True)
+class Factor:
+    """A factored tangent, and the balance it was taken at."""
+
+    solve: Solve
+    taken: Balance
+
+
 class Modified:
     """One tangent until it no longer serves; with pairs > 0, corrected by what was learnt since."""
 
     def __init__(self, system: System, loading: Loading, pairs: int) -> None:
         self.system, self.loading, self.most, self.fresh = system, loading, pairs, True
-        self.factor: tuple[Solve, Balance] | None = None
+        self.factor: Factor | None = None
         self.pairs: list[tuple[Floats, Floats]] = []
         self.slow = 0
 
@@ -79,10 +96,10 @@ class Modified:
                 refuse_loose(self.system, balance)
             taken = with_tangent(self.system, balance, self.loading)
             K = stiffness(self.system, taken, self.loading)
-            self.factor, self.pairs, self.slow = (self._factor(K, taken), taken), [], 0
+            self.factor, self.pairs, self.slow = Factor(self._solver(K, taken), taken), [], 0
             if gap.any():
-                return finish(self.system, balance, self.factor[0](right_side(self.system, balance, K, gap)), gap)
-        solve, taken = self.factor
+                return finish(self.system, balance, self.factor.solve(right_side(self.system, balance, K, gap)), gap)
+        solve, taken = self.factor.solve, self.factor.taken
         if gap.any():
             b = right_side(self.system, balance, stiffness(self.system, taken, self.loading), gap)
             return finish(self.system, balance, solve(b), gap)
@@ -98,8 +115,8 @@ class Modified:
             # fault: BFGS that learns nothing -> self.pairs = [] | mechanical_fmu/test_solution_methods
             self.pairs = [*self.pairs, (s, y)][-self.most :]
 
-    def _factor(self, K: csr_matrix, taken: Balance) -> Solve:
-        return factorise(held(self.system, K), symmetric(self.system, taken, self.loading))
+    def _solver(self, K: csr_matrix, taken: Balance) -> Solve:
+        return factorise(constrained(self.system, K), symmetric(self.system, taken, self.loading))
 
     def _corrected(self, solve: Solve, b: Floats) -> Floats:
         free = self.system.constraints.free
@@ -173,6 +190,14 @@ class Equilibrium:
         return len(self.history) - 1
 
 
+@dataclass(frozen=True)
+class Iterate:
+    """A trial displacement.  error : (n_bodies,) relative residual of each body there."""
+
+    balance: Balance
+    error: Floats
+
+
 def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
           settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to start.
@@ -190,7 +215,8 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
         if len(history) > settings.most:
             break
         d, before = search.direction(balance, gap), balance
-        balance, error = line_search(system, loading, (balance, error), d, floor, settings.tolerance)
+        found = line_search(system, loading, Iterate(balance, error), d, floor, settings.tolerance)
+        balance, error = found.balance, found.error
         history.append(float(error.max()))
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
@@ -208,13 +234,13 @@ def jumps_text(system: System) -> str:
             "equilibrium may lie between: form: edges has no jump") if pairs else ""
 
 
-def line_search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
-            tolerance: float) -> tuple[Balance, Floats]:
-    """Balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
+def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: Floats,
+                tolerance: float) -> Iterate:
+    """Find balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """
-    balance, before = start
+    balance, before = start.balance, start.error
     pull = d * system.constraints.free
     driven = bool(d[system.constraints.fixed].any())
     work = float(np.dot(pull, balance.r.ravel()))
@@ -229,9 +255,9 @@ def line_search(system: System, loading: Loading, start: tuple[Balance, Floats],
         left = float(np.dot(pull, trial.r.ravel()))
         smaller = after.max() <= max(tolerance, 0.5 * before.max())
         if driven or smaller or work >= 0.0 or left <= SLACK * abs(work):
-            return trial, after
-        if best is None or after.max() < best[1].max():
-            best = trial, after
+            return Iterate(trial, after)
+        if best is None or after.max() < best.error.max():
+            best = Iterate(trial, after)
         s *= float(np.clip(work / (work - left), 0.1, 0.5))
     if best is None:
         raise inverted or AssertionError("a search tries at least once")

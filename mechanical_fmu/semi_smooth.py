@@ -25,6 +25,7 @@ from mechanical_fmu.newton import (
     MOST_POOR,
     POOR,
     Equilibrium,
+    Iterate,
     NoEquilibriumError,
     SolverSettings,
     jumps_text,
@@ -35,8 +36,8 @@ from mechanical_fmu.system import Balance, Loading, System
 from mechanical_fmu.tangent import (
     CHUNK,
     Anchor,
+    constrained,
     finish,
-    held,
     refuse_loose,
     right_side,
     stiffness,
@@ -61,6 +62,15 @@ class Answer:
     D: Floats
     R: Floats
     eps: float
+
+
+@dataclass(frozen=True)
+class Direction:
+    """d : (2 n,) [m].  multipliers : (n_s,) [Pa], the new ones.  pull : (n, 2) [N], B times their change."""
+
+    d: Floats
+    multipliers: Floats
+    pull: Floats
 
 
 def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
@@ -97,19 +107,20 @@ def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anch
             break
         old = anchor if poor < MOST_POOR else None
         fresh = fresh or old is None
-        d, multipliers, pull = direction(system, loading, balance, gap, old, augmented)
-        loading = replace(loading, query=query.with_multipliers(multipliers))
-        from_here = replace(balance, r=balance.r - pull)
+        step = direction(system, loading, balance, gap, old, augmented)
+        loading = replace(loading, query=query.with_multipliers(step.multipliers))
+        from_here = replace(balance, r=balance.r - step.pull)
         before, touched = float(error.max()), _touched(balance)
-        balance, error = line_search(system, loading, (from_here, error), d, floor, settings.tolerance)
+        found = line_search(system, loading, Iterate(from_here, error), step.d, floor, settings.tolerance)
+        balance, error = found.balance, found.error
         # While points open and close, that is what spoils an iteration, not the age of the factor.
         poor += float(error.max()) > POOR * before and _touched(balance) == touched
     raise NoEquilibriumError(_text(system, settings, error, change, largest))
 
 
 def direction(system: System, loading: Loading, balance: Balance, gap: Floats, anchor: Anchor | None,
-              augmented: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
-    """d : (2 n,) [m], the new multipliers : (n_s,) [Pa], and B times their change : (n, 2) [N].
+              augmented: NDArray[np.bool_]) -> Direction:
+    """Solve for the change of displacements and multipliers.
 
     anchor : whose factor to use, None for a fresh tangent.  Raises SingularMatrixError, ContactRefusedError.
     """
@@ -122,7 +133,7 @@ def direction(system: System, loading: Loading, balance: Balance, gap: Floats, a
     multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, 0.0)
     # Of what was cut off at 0 the forces know nothing.
     felt = (multipliers - old)[a.at] / a.eps
-    return d, multipliers, (a.B @ felt).reshape(-1, 2)
+    return Direction(d, multipliers, (a.B @ felt).reshape(-1, 2))
 
 
 def answer_of(system: System, query: ContactQuery, balance: Balance, augmented: NDArray[np.bool_]) -> Answer:
@@ -158,7 +169,7 @@ def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: A
     if loading.inertia is None:
         refuse_loose(system, balance)
     K = stiffness(system, balance, loading)
-    solve = factorise(held(system, K), symmetric(system, balance, loading))
+    solve = factorise(constrained(system, K), symmetric(system, balance, loading))
     d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
     X = np.zeros((d.size, a.at.size))
     felt = np.unique(a.B.indices)

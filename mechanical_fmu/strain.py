@@ -363,8 +363,15 @@ def mode_count(axisymmetric: bool) -> int:
     return 5 if axisymmetric else 4
 
 
-def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
-    """Gradients (n_e, 4, n_m, 2) and hoop parts (n_e, 4, n_m) [1/m] of the modes, as if they were nodes.
+class Modes(NamedTuple):
+    """Modes of enhanced strain, as if they were nodes: gradients (n_e, nq, n_m, 2), hoop (n_e, nq, n_m) [1/m]."""
+
+    gradients: Floats
+    hoop: Floats
+
+
+def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> Modes:
+    """Find the gradients and hoop parts of the modes.
 
     X : (n_e, 4, 2) [m].  N : (4, 4) shape functions at the points.  det : (n_e, 4) Jacobians there, of the unit square.
     n_m is 2, or 3 about an axis; of the third only its first component counts.
@@ -383,7 +390,7 @@ def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tup
     if axisymmetric:
         gradients = np.concatenate([gradients, np.zeros((*det.shape, 1, 2))], axis=2)
         hoop = np.concatenate([hoop, (scale * xi[:, 0] * xi[:, 1] / R_0)[:, :, None]], axis=2)
-    return gradients, hoop
+    return Modes(gradients, hoop)
 
 
 @inner

@@ -95,9 +95,9 @@ class System:
         return pattern_of(2 * self.volume.n_nodes, *dofs)
 
     @cached_property
-    def holding(self) -> tuple[Floats, NDArray[np.intp], Floats]:
-        """`holding` on the pattern."""
-        return holding(self.constraints.free, self.pattern)
+    def free_entries(self) -> FreeEntries:
+        """Those of the pattern."""
+        return free_entries(self.constraints.free, self.pattern)
 
     def start_history(self) -> Floats:
         """(n_history,) of virgin points, for the Step of a first Loading."""
@@ -217,13 +217,23 @@ class System:
         return np.sqrt(squares[1:])
 
 
-def holding(free: Floats, on: Pattern | csr_matrix) -> tuple[Floats, NDArray[np.intp], Floats]:
-    """What it takes to hold the components that are not free : (n,) in a matrix with a whole diagonal.
+@dataclass(frozen=True)
+class FreeEntries:
+    """Which entries of a matrix with a whole diagonal belong to free components.
 
-    (n_entries,) 1.0 where both row and column are free, else 0.0; (n,) the places of the diagonal; (n,) 1.0 where held.
+    keep : (n_entries,) 1.0 where both row and column are free, else 0.0.  diagonal : (n,) its places.
+    fixed : (n,) 1.0 where a component is prescribed.
     """
+
+    keep: Floats
+    diagonal: NDArray[np.intp]
+    fixed: Floats
+
+
+def free_entries(free: Floats, on: Pattern | csr_matrix) -> FreeEntries:
+    """Find the entries of free components; free : (n,) 1.0 where a component is free, else 0.0."""
     rows = np.repeat(np.arange(free.size), np.diff(on.indptr))
-    return free[rows] * free[on.indices], np.flatnonzero(rows == on.indices), 1.0 - free
+    return FreeEntries(free[rows] * free[on.indices], np.flatnonzero(rows == on.indices), 1.0 - free)
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:

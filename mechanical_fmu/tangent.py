@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix, diags_array
 from contact.half.linalg import SingularMatrixError, Solve, factorise
 from contact.messages import Tractions
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.system import Balance, Loading, System, holding
+from mechanical_fmu.system import Balance, Loading, System, free_entries
 
 Floats = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def fresh_direction(system: System, balance: Balance, loading: Loading, gap: Flo
     if loading.inertia is None:
         refuse_loose(system, balance)
     K = stiffness(system, balance, loading)
-    d = factorise(held(system, K), symmetric(system, balance, loading))(right_side(system, balance, K, gap))
+    d = factorise(constrained(system, K), symmetric(system, balance, loading))(right_side(system, balance, K, gap))
     return finish(system, balance, d, gap)
 
 
@@ -98,7 +98,7 @@ class Anchor:
         diagonal = np.zeros(self.matrix.shape[0])
         diagonal[self.system.contact.dofs] = self.springs
         K = self.matrix + diags_array(diagonal, format="csr") if diagonal.any() else self.matrix
-        return factorise(held(self.system, K), None if self.system.volume.skew else True)
+        return factorise(constrained(self.system, K), None if self.system.volume.skew else True)
 
     @cached_property
     def compliance(self) -> Floats:
@@ -196,14 +196,14 @@ def right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
     return b * system.constraints.free
 
 
-def held(system: System, K: csr_matrix) -> csr_matrix:
-    """K with the rows and columns of prescribed components replaced by those of a diagonal."""
+def constrained(system: System, K: csr_matrix) -> csr_matrix:
+    """Replace the rows and columns of prescribed components in K by those of a diagonal."""
     # A matrix made on the pattern has views of its arrays.
     known = K.nnz == system.pattern.indices.size and np.may_share_memory(K.indices, system.pattern.indices)
-    keep, diagonal, fixed = system.holding if known else holding(system.constraints.free, K)
-    data = K.data * keep
+    entries = system.free_entries if known else free_entries(system.constraints.free, K)
+    data = K.data * entries.keep
     # The diagonal is in the pattern, and sums of matrices keep it.
-    data[diagonal] += fixed * np.abs(K.data[diagonal]).max()
+    data[entries.diagonal] += entries.fixed * np.abs(K.data[entries.diagonal]).max()
     return csr_matrix((data, K.indices, K.indptr), shape=K.shape)
 
 
