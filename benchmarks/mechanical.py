@@ -35,7 +35,7 @@ from mechanical_fmu.material import Moduli
 from mechanical_fmu.problem import parse_elastic
 from mechanical_fmu.system import Loading, system_of
 from mechanical_fmu.tangent import fresh_direction
-from mechanical_fmu.volume import Step, Volume
+from mechanical_fmu.volume import DeformableMesh, PointStep
 
 CELLS = (70, 157, 315)  # a side: 1.0e4, 5.0e4, 2.0e5 unknowns
 FORMS = {"elastic": Treatment(), "plastic": Treatment(PLASTIC), "enhanced": Treatment(enhanced=True),
@@ -78,9 +78,9 @@ def measure(n: int, repeats: int) -> dict[str, float]:
     out: dict[str, float] = {"unknowns": float(2 * len(X))}
     pattern = pattern_of(2 * len(X), cells_of(interface)[0].dofs)
     for name, form in FORMS.items():
-        volume, moduli = Volume(cells_of(interface, (form,)), len(X)), (steel(n * n),)
-        out[name] = best(lambda v=volume, m=moduli: v.evaluate(u, m, Step(1.0), tangent=True), repeats)
-    entries = Volume(cells_of(interface), len(X)).tangent(u, (steel(n * n),))[1]
+        volume, moduli = DeformableMesh(cells_of(interface, (form,)), len(X)), (steel(n * n),)
+        out[name] = best(lambda v=volume, m=moduli: v.evaluate(u, m, PointStep(1.0), tangent=True), repeats)
+    entries = DeformableMesh(cells_of(interface), len(X)).tangent(u, (steel(n * n),))[1]
     out["scatter"] = best(lambda: pattern.matrix(entries), repeats)
     K = pattern.matrix(entries)
     held = np.zeros(2 * len(X))

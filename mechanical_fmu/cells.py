@@ -27,7 +27,7 @@ from mechanical_fmu.strain import (
     SHORTEST,
     CellMaterials,
     Modes,
-    Work,
+    PointScratch,
     add_dilatation_curvature,
     back,
     dilatation_gradient,
@@ -209,7 +209,7 @@ def cell_stress(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
 INVERTED, NO_MODES = -1, 101
 
 
-class Shape(NamedTuple):
+class CellShapes(NamedTuple):
     """Where the cells are.  B : (n_e, nq, nn + n_x, 2), N_over_R : (n_e, nq, nn + n_x) [1/m], modes behind the nodes.
 
     n_modes : numbers the modes have (n_x of them are vectors, but the last about an axis has one component).
@@ -238,7 +238,7 @@ class Out(NamedTuple):
     strain: Floats
 
 
-class Cell(NamedTuple):
+class CellScratch(NamedTuple):
     """Room for one cell.  u : nodes, then modes.  F, P : (nq, 5).  A : (nq, 5, 5).  K, r : all unknowns, then modes."""
 
     u: Floats
@@ -255,18 +255,18 @@ class Cell(NamedTuple):
 
 
 @kernel
-def cell_points(shape: Shape, law: CellMaterials, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
+def cell_points(shape: CellShapes, law: CellMaterials, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
     """Fill out at u : (n_nodes, 2) [m].  Returns (cell, code) of the first cell that fails, or (-1, 0).
 
     code : INVERTED, NO_MODES where the modes are not found, NO_THICKNESS or one of points.CODES.
     """
     n_e, nq, n_all = shape.B.shape[0], shape.B.shape[1], shape.B.shape[2]
     nn, nm = shape.nodes.shape[1], shape.n_modes
-    cell = Cell(np.empty((n_all, 2)), np.empty((nq, 5)), np.empty(nq), np.empty((nq, 5)), np.empty((nq, 5, 5)),
-                np.empty((2 * nn + nm, 2 * nn + nm)), np.empty(2 * nn + nm), np.empty((nm, nm)), np.empty(nm),
-                np.empty(2 * nn), np.empty(5))
-    work = Work(np.empty(4), np.empty(4), np.empty((4, 5)), np.empty((4, 4)),
-                out.K.shape[0] > 0 or nm > 0)
+    cell = CellScratch(np.empty((n_all, 2)), np.empty((nq, 5)), np.empty(nq), np.empty((nq, 5)), np.empty((nq, 5, 5)),
+                       np.empty((2 * nn + nm, 2 * nn + nm)), np.empty(2 * nn + nm), np.empty((nm, nm)), np.empty(nm),
+                       np.empty(2 * nn), np.empty(5))
+    work = PointScratch(np.empty(4), np.empty(4), np.empty((4, 5)), np.empty((4, 4)),
+                        out.K.shape[0] > 0 or nm > 0)
     for e in range(n_e):
         cell.u[:, :] = 0.0
         for a in range(nn):
@@ -287,7 +287,7 @@ def cell_points(shape: Shape, law: CellMaterials, u: Floats, history_n: Floats, 
 
 
 @inner
-def settle(shape: Shape, law: CellMaterials, e: int, cell: Cell, work: Work, h_n: Floats,
+def settle(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, work: PointScratch, h_n: Floats,
            h: Floats) -> tuple[int, float]:
     """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
     nn, nm = shape.nodes.shape[1], shape.n_modes
@@ -322,7 +322,7 @@ def settle(shape: Shape, law: CellMaterials, e: int, cell: Cell, work: Work, h_n
 
 
 @inner
-def at_points(shape: Shape, law: CellMaterials, e: int, cell: Cell, work: Work, h_n: Floats,
+def at_points(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, work: PointScratch, h_n: Floats,
               h: Floats) -> tuple[int, float]:
     """F, J, P, A and h of the points of cell e at cell.u.  Returns (code, heat [J])."""
     nq = shape.weight.shape[1]
@@ -339,7 +339,7 @@ def at_points(shape: Shape, law: CellMaterials, e: int, cell: Cell, work: Work, 
 
 
 @inner
-def close_cell(shape: Shape, law: CellMaterials, e: int, cell: Cell, out: Out) -> None:
+def close_cell(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, out: Out) -> None:
     """Add the cell's forces to out.f and fill its out.K, the pressure of the cell and its modes settled."""
     nn, nm, nq = shape.nodes.shape[1], shape.n_modes, shape.weight.shape[1]
     tangent = out.K.shape[0] > 0
@@ -411,7 +411,7 @@ def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -
 
 
 @inner
-def measure(cell: Cell, stress: Floats, strain: Floats) -> None:
+def measure(cell: CellScratch, stress: Floats, strain: Floats) -> None:
     """Fill stress, strain : (nq, 4) of a closed cell."""
     for q in range(stress.shape[0]):
         F, P = cell.F[q], cell.P[q]
@@ -491,9 +491,9 @@ class Cells:
         return 0 if self.fast else self.n_modes + point * self.weight.shape[1]
 
     @cached_property
-    def shape(self) -> Shape:
+    def shape(self) -> CellShapes:
         B, N_over_R = (np.concatenate(parts, axis=2) for parts in zip((self.B, self.N_over_R), self.modes, strict=True))
-        return Shape(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
+        return CellShapes(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
 
 
 def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = None) -> tuple[Cells, ...]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from contact.half.contact_client import History
 from contact.half.model import Link
 from contact.messages import Couplings, Tractions
-from mechanical_fmu.contact import Contact
-from mechanical_fmu.system import Balance, System
+from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.system import ForceBalance, System
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 class ContactQuery:
     """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError."""
 
-    contact: Contact
+    contact: MeshContact
     link: Link
     history: History
 
@@ -55,7 +55,7 @@ def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]
             f"pair {' and '.join(names)}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")
 
 
-def contact_history(system: System, balance: Balance, before: History) -> History:
+def contact_history(system: System, balance: ForceBalance, before: History) -> History:
     """Make what contact remembers of an equilibrium, the multipliers of augmented pairs among it."""
     if balance.tractions is None:
         return before

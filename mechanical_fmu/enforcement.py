@@ -8,8 +8,8 @@ from mechanical_fmu.contact_query import ContactQuery
 from mechanical_fmu.newton import Equilibrium, SolverSettings
 from mechanical_fmu.penalty import solve_by_penalty
 from mechanical_fmu.semi_smooth import solve_at_once
-from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.tangent import Anchor
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import StiffnessAnchor
 from mechanical_fmu.uzawa import solve_in_rounds
 
 
@@ -17,10 +17,10 @@ class Enforcement(Protocol):
     """Finds the equilibrium nearest to start and the multipliers that belong to it.
 
     anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
-    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
 
-    def __call__(self, system: System, loading: Loading, start: Balance, anchor: Anchor | None,
+    def __call__(self, system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
                  settings: SolverSettings) -> Equilibrium:
         """Solve one step."""
         ...
@@ -34,11 +34,11 @@ ENFORCEMENTS: dict[str, Enforcement] = {
 }
 
 
-def solve_step(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
+def solve_step(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
                settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to start by the enforcement of the scene; by penalty where nothing can touch.
 
-    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
     name = system.spec.enforcement if isinstance(loading.query, ContactQuery) else "penalty"
     return ENFORCEMENTS[name](system, loading, start, anchor, settings)

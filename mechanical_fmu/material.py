@@ -12,7 +12,7 @@ from contact.half.functions import Property
 from mechanical_fmu.laws.catalogue import POINT, creep_number, hardening_number
 from mechanical_fmu.laws.kinds import CREEP, KINEMATIC, LIQUID, OVERSTRESS, PLASTIC
 from mechanical_fmu.laws.kinematic import KinematicLaw
-from mechanical_fmu.laws.law import ONE, CreepLaw, HardeningLaw, Points, lowest
+from mechanical_fmu.laws.law import ONE, CreepLaw, IsotropicHardening, Points, lowest
 from mechanical_fmu.laws.liquid import LiquidLaw
 from mechanical_fmu.laws.overstress import OverstressLaw
 
@@ -26,7 +26,7 @@ class PlasticFlow:
     softening : R may fall with strain.
     """
 
-    hardening: HardeningLaw
+    hardening: IsotropicHardening
     factor: Property = ONE
     kinematic: KinematicLaw | None = None
     overstress: OverstressLaw | None = None
@@ -101,7 +101,7 @@ ELASTIC = FlowLaws()
 
 
 @dataclass(frozen=True)
-class Material:
+class SolidMaterial:
     """E : [Pa], nu : [1], alpha : [1/K] the SECANT coefficient from T_ref [K].  flow : what it does beyond elasticity.
 
     alpha (T - T_ref) is the whole free stretch less one, so a table of alpha is of mean coefficients from T_ref.
@@ -139,7 +139,7 @@ class MaterialRangeError(ArithmeticError):
     """A property left the range in which the material makes sense."""
 
 
-def moduli(materials: tuple[Material, ...], material_of: Index, T: Floats, f_s: Floats | None = None) -> Moduli:
+def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, f_s: Floats | None = None) -> Moduli:
     """Moduli of cells at their mean temperature T : (n_e,) [K] and solid fraction f_s : (n_e,).
 
     f_s : None : each melting material takes it from T.  material_of : (n_e,) index into materials.
@@ -162,7 +162,7 @@ def moduli(materials: tuple[Material, ...], material_of: Index, T: Floats, f_s: 
     return Moduli(mu, kappa, e_th, p, tables)
 
 
-def thermoelastic_heat(materials: Sequence[Material], material_of: Index, T: Floats, kappa: Floats,
+def thermoelastic_heat(materials: Sequence[SolidMaterial], material_of: Index, T: Floats, kappa: Floats,
                        change: Floats) -> Floats:
     """Heat of a step [J/m3 of reference volume]: - kappa T (de_th/dT) d(ln theta), so that compression heats.
 
@@ -180,7 +180,7 @@ def thermoelastic_heat(materials: Sequence[Material], material_of: Index, T: Flo
     return -kappa * T * rate * change
 
 
-def _elasticity(material: Material, T: Floats, solid: Floats | None) -> tuple[Floats, Floats, Floats]:
+def _elasticity(material: SolidMaterial, T: Floats, solid: Floats | None) -> tuple[Floats, Floats, Floats]:
     """mu, kappa, e_th : (n,) of one material.  solid : (n,) f_s, None where it does not melt."""
     E, nu = material.E(T), material.nu(T)
     stretch = 1.0 + material.alpha(T) * (T - material.T_ref)
@@ -205,13 +205,13 @@ def _elasticity(material: Material, T: Floats, solid: Floats | None) -> tuple[Fl
     return E / (2.0 * (1.0 + nu)), kappa, 3.0 * np.log(stretch)
 
 
-def _solid_fraction(material: Material, T: Floats, f_s: Floats | None) -> Floats | None:
+def _solid_fraction(material: SolidMaterial, T: Floats, f_s: Floats | None) -> Floats | None:
     if material.flow.liquid is None:
         return None
     return material.flow.liquid.solid_fraction(T) if f_s is None else np.clip(f_s, 0.0, 1.0)
 
 
-def _parameters(material: Material, T: Floats, solid: Floats | None, mu: Floats, start: int) -> Points:
+def _parameters(material: SolidMaterial, T: Floats, solid: Floats | None, mu: Floats, start: int) -> Points:
     """(n,) parameters of one material."""
     if why := material.flow.refusal(T):
         raise MaterialRangeError(f"material {material.name}: {why}")

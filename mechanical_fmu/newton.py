@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
-from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import (
-    Anchor,
+    StiffnessAnchor,
     constrained,
     finish,
     fresh_direction,
@@ -21,7 +21,7 @@ from mechanical_fmu.tangent import (
     stiffness,
     symmetric,
 )
-from mechanical_fmu.volume import InvertedCellError
+from mechanical_fmu.volume import CellInversionError
 
 # Where to search next: full and modified Newton, and BFGS, on one tangent or many.
 #
@@ -48,11 +48,11 @@ class Directions(Protocol):
 
     fresh: bool
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         """d : (2 n,) [m] at a balance."""
         ...
 
-    def learn(self, before: Balance, after: Balance, errors: tuple[float, float]) -> None:
+    def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
         """What the last direction led to.  errors : relative residual before and after it."""
         ...
 
@@ -60,16 +60,16 @@ class Directions(Protocol):
 class Newton:
     """A fresh tangent in every iteration, or an anchor's as long as it serves."""
 
-    def __init__(self, system: System, loading: Loading, anchor: Anchor | None) -> None:
+    def __init__(self, system: System, loading: Loading, anchor: StiffnessAnchor | None) -> None:
         self.system, self.loading, self.anchor, self.poor, self.fresh = system, loading, anchor, 0, False
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         if self.anchor is not None and self.poor < MOST_POOR:
             return self.anchor.direction(balance, gap)
         self.fresh = True
         return fresh_direction(self.system, with_tangent(self.system, balance, self.loading), self.loading, gap)
 
-    def learn(self, before: Balance, after: Balance, errors: tuple[float, float]) -> None:
+    def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
         self.poor += errors[1] > POOR * errors[0]
 
 
@@ -78,7 +78,7 @@ class Factor:
     """A factored tangent, and the balance it was taken at."""
 
     solve: Solve
-    taken: Balance
+    taken: ForceBalance
 
 
 class Modified:
@@ -90,7 +90,7 @@ class Modified:
         self.pairs: list[tuple[Floats, Floats]] = []
         self.slow = 0
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         if self.factor is None or self.slow >= MOST_SLOW:
             if self.loading.inertia is None:
                 refuse_loose(self.system, balance)
@@ -105,7 +105,7 @@ class Modified:
             return finish(self.system, balance, solve(b), gap)
         return finish(self.system, balance, self._corrected(solve, -balance.r.ravel()), gap)
 
-    def learn(self, before: Balance, after: Balance, errors: tuple[float, float]) -> None:
+    def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
         self.slow = self.slow + 1 if errors[1] > SLOW * errors[0] else 0
         free = self.system.constraints.free
         s = (after.u - before.u).ravel() * free
@@ -115,7 +115,7 @@ class Modified:
             # fault: BFGS that learns nothing -> self.pairs = [] | mechanical_fmu/test_solution_methods
             self.pairs = [*self.pairs, (s, y)][-self.most :]
 
-    def _solver(self, K: csr_matrix, taken: Balance) -> Solve:
+    def _solver(self, K: csr_matrix, taken: ForceBalance) -> Solve:
         return factorise(constrained(self.system, K), symmetric(self.system, taken, self.loading))
 
     def _corrected(self, solve: Solve, b: Floats) -> Floats:
@@ -130,14 +130,14 @@ class Modified:
         return d
 
 
-def directions(method: str, system: System, loading: Loading, anchor: Anchor | None) -> Directions:
+def directions(method: str, system: System, loading: Loading, anchor: StiffnessAnchor | None) -> Directions:
     """The search of a step by a method of METHODS."""
     if method == "newton":
         return Newton(system, loading, anchor)
     return Modified(system, loading, MOST_PAIRS if method == "bfgs" else 0)
 
 
-def with_tangent(system: System, balance: Balance, loading: Loading) -> Balance:
+def with_tangent(system: System, balance: ForceBalance, loading: Loading) -> ForceBalance:
     """The balance with the entries of its tangent."""
     return balance if balance.entries is not None else system.balance(balance.u, loading, tangent=True)
 
@@ -180,7 +180,7 @@ class Equilibrium:
     iterations : directions computed.  fresh : whether a tangent had to be taken anew.
     """
 
-    balance: Balance
+    balance: ForceBalance
     residual: float
     history: tuple[float, ...]
     fresh: bool
@@ -194,16 +194,16 @@ class Equilibrium:
 class Iterate:
     """A trial displacement.  error : (n_bodies,) relative residual of each body there."""
 
-    balance: Balance
+    balance: ForceBalance
     error: Floats
 
 
-def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
+def solve(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
           settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to start.
 
     anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
-    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
     floor = system.floor(loading, settings.tolerance)
     balance, error = start, system.error(start, floor)
@@ -248,7 +248,7 @@ def line_search(system: System, loading: Loading, start: Iterate, d: Floats, flo
     for _ in range(MOST_CUTS):
         try:
             trial = system.balance(_moved(system, loading, balance.u, d, s), loading)
-        except InvertedCellError as exc:
+        except CellInversionError as exc:
             inverted, s = exc, 0.5 * s
             continue
         after = system.error(trial, floor)

@@ -78,7 +78,7 @@ class Increment(NamedTuple):
     working: float
 
 
-class Trial(NamedTuple):
+class TrialState(NamedTuple):
     """The step before anything flows: R [Pa] and its slope at the start, and aa, ab, bb [Pa2] with
 
     Q(dp)^2 = aa - 2 theta ab + theta^2 bb.
@@ -159,7 +159,7 @@ def _increment(kind: int, p: Point, tables: Floats, dt: float, h: Floats,
         return 0, Increment(1.0, 0.0, dc, q, Q, 0.0, 0.0)
     if 3.0 * p.shear_modulus + p.backstress_modulus + R_slope <= 0.0:
         return 2, Increment(1.0, 0.0, dc, q, Q, 0.0, 0.0)
-    dp = plastic_strain(kind, p, tables, dt, h[H_PLASTIC], Trial(R_n, R_slope, aa, ab, bb))
+    dp = plastic_strain(kind, p, tables, dt, h[H_PLASTIC], TrialState(R_n, R_slope, aa, ab, bb))
     if dp <= 0.0:
         return (0 if dp == 0.0 else 1), Increment(1.0, 0.0, dc, q, Q, 0.0, 0.0)
     theta = 1.0 / (1.0 + p.backstress_recall * dp)
@@ -216,7 +216,7 @@ def resistance(kind: int, p: Point, tables: Floats, dt: float, e_p: float, dp: f
 
 @inner
 def plastic_strain(kind: int, p: Point, tables: Floats, dt: float, e_p: float,
-                   start: Trial) -> float:
+                   start: TrialState) -> float:
     """Solve the scalar equation for dp > 0; returns -1 where it does not converge.
 
     Written as rise(dp) = excess with a rise that grows from 0, by Newton's method between brackets.

@@ -20,10 +20,10 @@ from mechanical_fmu.laws.hardening_linear import LinearLaw
 from mechanical_fmu.laws.hardening_table import CUBIC, SLOPED, TableLaw
 from mechanical_fmu.laws.hardening_voce import VoceLaw
 from mechanical_fmu.laws.kinematic import KinematicLaw
-from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw, HardeningLaw
+from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw, IsotropicHardening
 from mechanical_fmu.laws.liquid import LiquidLaw
 from mechanical_fmu.laws.overstress import OverstressLaw
-from mechanical_fmu.material import ELASTIC, FlowLaws, Material, PlasticFlow
+from mechanical_fmu.material import ELASTIC, FlowLaws, PlasticFlow, SolidMaterial
 
 # What holds and pushes the bodies, as model.json says it, checked.
 
@@ -194,7 +194,7 @@ DEFAULT_CHI = 0.9  # Taylor and Quinney's share for metals at large strain
 LAWS = tuple(law.NAME for law in HARDENING)
 
 
-def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -> Material:
+def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -> SolidMaterial:
     """The material a model.json describes.  others : keys that are read elsewhere.
 
     Raises ValueError naming the key, the value and what would do.
@@ -202,8 +202,8 @@ def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -
     where = f"materials.{name}"
     keys(spec, where, {"E", "nu"}, {"alpha", "T_ref", "plastic", "creep", "liquid", *others})
     T_ref = number(spec.get("T_ref", 0.0), f"{where}.T_ref")
-    material = Material(name, _positive(spec, "E", where, "Young's modulus"), _poisson(spec["nu"], f"{where}.nu"),
-                        _property(spec, "alpha", where, NOTHING), T_ref, _flow(spec, where))
+    material = SolidMaterial(name, _positive(spec, "E", where, "Young's modulus"), _poisson(spec["nu"], f"{where}.nu"),
+                             _property(spec, "alpha", where, NOTHING), T_ref, _flow(spec, where))
     if material.kind and (why := material.flow.refusal(_temperatures(spec, T_ref))):
         raise ValueError(f"model.json: {where}: {why}")
     return material
@@ -239,7 +239,7 @@ def _plastic(spec: Any, where: str) -> PlasticFlow:
                        _share(spec, "chi", where, DEFAULT_CHI), softening)
 
 
-def _hardening(spec: Mapping[str, Any], where: str) -> HardeningLaw:
+def _hardening(spec: Mapping[str, Any], where: str) -> IsotropicHardening:
     at = f"{where}.hardening"
     law = spec.get("hardening", {"law": "linear", "H": 0.0})
     kind = known(keys(law, at, {"law"}, law)["law"], f"{at}.law", LAWS)
@@ -386,7 +386,7 @@ class ElasticSpec:
     """
 
     tolerance: float
-    materials: tuple[Material, ...]
+    materials: tuple[SolidMaterial, ...]
     body_material: NDArray[np.intp]
     displacements: tuple[Displacement, ...]
     pressures: tuple[Pressure, ...]

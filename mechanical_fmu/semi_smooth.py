@@ -32,10 +32,10 @@ from mechanical_fmu.newton import (
     line_search,
     with_tangent,
 )
-from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import (
     CHUNK,
-    Anchor,
+    StiffnessAnchor,
     constrained,
     finish,
     refuse_loose,
@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Answer:
+class MultiplierEquations:
     """Contact's answer to its multipliers, in units of eps : [Pa/m], so that all of it is of order 1.
 
     at : (k,) surface nodes whose multipliers are unknown here.  B : (2 n, k), free components only, reduced to
@@ -73,13 +73,13 @@ class Direction:
     pull: Floats
 
 
-def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
+def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
                   settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to start whose multipliers are its pressures, with both as unknowns.
 
     Its history holds the larger of both residuals.  Modified Newton and BFGS, which have no tangent to put multipliers
     into, take Uzawa's rounds.  Raises NoEquilibriumError, which names the node whose pressure does not settle,
-    SingularMatrixError, InvertedCellError, ContactRefusedError.
+    SingularMatrixError, CellInversionError, ContactRefusedError.
     """
     if settings.method != "newton":
         return solve_in_rounds(system, loading, start, anchor, settings)
@@ -118,7 +118,7 @@ def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anch
     raise NoEquilibriumError(_text(system, settings, error, change, largest))
 
 
-def direction(system: System, loading: Loading, balance: Balance, gap: Floats, anchor: Anchor | None,
+def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floats, anchor: StiffnessAnchor | None,
               augmented: NDArray[np.bool_]) -> Direction:
     """Solve for the change of displacements and multipliers.
 
@@ -136,7 +136,8 @@ def direction(system: System, loading: Loading, balance: Balance, gap: Floats, a
     return Direction(d, multipliers, (a.B @ felt).reshape(-1, 2))
 
 
-def answer_of(system: System, query: ContactQuery, balance: Balance, augmented: NDArray[np.bool_]) -> Answer:
+def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
+              augmented: NDArray[np.bool_]) -> MultiplierEquations:
     """What the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
     c = query.couplings(system.interface.nodes + balance.u)
     wanted = augmented & (c.weight > 0.0)
@@ -160,10 +161,11 @@ def answer_of(system: System, query: ContactQuery, balance: Balance, augmented: 
     if system.rigid is not None:
         B = csr_matrix(system.rigid.follow(balance.u).T @ B)
     B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
-    return Answer(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
+    return MultiplierEquations(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
 
 
-def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: Answer) -> tuple[Floats, Floats]:
+def _fresh(system: System, loading: Loading, balance: ForceBalance, gap: Floats,
+           a: MultiplierEquations) -> tuple[Floats, Floats]:
     """d and the change of the multipliers over eps : (k,) [m], with today's tangent."""
     balance = with_tangent(system, balance, loading)
     if loading.inertia is None:
@@ -182,7 +184,8 @@ def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: A
     return d + X @ dl, dl
 
 
-def _anchored(anchor: Anchor, balance: Balance, gap: Floats, a: Answer) -> tuple[Floats, Floats]:
+def _anchored(anchor: StiffnessAnchor, balance: ForceBalance, gap: Floats,
+              a: MultiplierEquations) -> tuple[Floats, Floats]:
     """The same with the factor of an anchor: d_s + S (E d_s - B dl) = d_0s and C d_s + D dl = -R on the surface."""
     system = anchor.system
     refuse_loose(system, balance)
@@ -215,13 +218,13 @@ def _query(loading: Loading) -> ContactQuery:
     return loading.query
 
 
-def _touched(balance: Balance) -> tuple[int, int]:
+def _touched(balance: ForceBalance) -> tuple[int, int]:
     """How many points touch, and how many of them slip."""
     assert balance.tractions is not None
     return balance.tractions.n_touching, balance.tractions.n_slipping
 
 
-def _change(balance: Balance, query: ContactQuery, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
+def _change(balance: ForceBalance, query: ContactQuery, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
     """t_N - lambda : (n_s,) [Pa] of augmented slaves, and the largest pressure of both [Pa], not 0."""
     assert balance.tractions is not None
     t_N = np.where(augmented, balance.tractions.multipliers, 0.0)

@@ -199,7 +199,7 @@ class CellMaterials(NamedTuple):
     dt: float
 
 
-class Work(NamedTuple):
+class PointScratch(NamedTuple):
     """Room for one point's logarithmic strain: E, S : (4,), L : (4, 5), D : (4, 4).  tangent : whether A is wanted."""
 
     E: Floats
@@ -260,7 +260,7 @@ def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Flo
 
 @inner
 def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
-            work: Work) -> tuple[int, float]:
+            work: PointScratch) -> tuple[int, float]:
     """Fill P, A and the history of a point of cell e at F; returns (code, heat) of points.update.
 
     In plane stress F33 is found first, from the ln F33 that ends h_n, and ends h and F.

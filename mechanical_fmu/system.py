@@ -15,13 +15,13 @@ from contact.half.linalg import Pattern, pattern_of
 from contact.messages import Tractions
 from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
-from mechanical_fmu.contact import Contact
+from mechanical_fmu.contact import MeshContact
 from mechanical_fmu.laws.kinds import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Inertia, Masses, masses_of
 from mechanical_fmu.material import Moduli, moduli
 from mechanical_fmu.problem import ElasticSpec, Pressure
-from mechanical_fmu.volume import Step, Volume
+from mechanical_fmu.volume import DeformableMesh, PointStep
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ class Loading:
 
     moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
     query : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
-    step : time and memory of inelastic points, history as System.start_history gives it or the last Balance.
+    step : time and memory of inelastic points, history as System.start_history gives it or the last ForceBalance.
     dead : (n_nodes, 2) [N] forces that do not follow the bodies, None where there are none.
     inertia : None where it is left out.
     """
@@ -47,13 +47,13 @@ class Loading:
     target: Floats
     pressure: Floats
     query: Callable[[Floats], Tractions] | None
-    step: Step = field(default_factory=Step)
+    step: PointStep = field(default_factory=PointStep)
     dead: Floats | None = None
     inertia: Inertia | None = None
 
 
 @dataclass(frozen=True)
-class Balance:
+class ForceBalance:
     """Forces at displacement u : (n_nodes, 2) [m].
 
     r : (n_nodes, 2) [N], internal less external; on prescribed components, what has to hold them.
@@ -79,9 +79,9 @@ class System:
 
     interface: Interface
     spec: ElasticSpec
-    volume: Volume
+    volume: DeformableMesh
     constraints: Constraints
-    contact: Contact
+    contact: MeshContact
     masses: Masses
 
     @property
@@ -100,7 +100,7 @@ class System:
         return free_entries(self.constraints.free, self.pattern)
 
     def start_history(self) -> Floats:
-        """(n_history,) of virgin points, for the Step of a first Loading."""
+        """(n_history,) of virgin points, for the PointStep of a first Loading."""
         return self.volume.start_history()
 
     @cached_property
@@ -153,8 +153,8 @@ class System:
         """Whether some cell can be liquid."""
         return any(cells.treatment.kind & LIQUID for cells in self.volume.kinds)
 
-    def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> Balance:
-        """Forces at u.  Raises InvertedCellError, CellError, ContactRefusedError."""
+    def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> ForceBalance:
+        """Forces at u.  Raises CellInversionError, CellError, ContactRefusedError."""
         internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
         external = np.zeros_like(u)
@@ -176,7 +176,7 @@ class System:
             r, external = self.rigid.reduced(r, u), self.rigid.reduced(external, u)
         if loading.inertia is not None:
             r = r + loading.inertia.force(u)
-        return Balance(u, r, external, tractions, internal.entries, internal.history, internal.heat, turning)
+        return ForceBalance(u, r, external, tractions, internal.entries, internal.history, internal.heat, turning)
 
     def load_matrix(self, u: Floats, loading: Loading) -> csr_matrix:
         """Stiffness of the follower pressures."""
@@ -203,7 +203,7 @@ class System:
         soft = floor[floor > 0.0]
         return np.where(floor > 0.0, floor, soft.min() if soft.size else np.finfo(float).tiny)
 
-    def error(self, balance: Balance, floor: Floats) -> Floats:
+    def error(self, balance: ForceBalance, floor: Floats) -> Floats:
         """(n_bodies,) norm of the out-of-balance force of each body, relative to the forces on it (at least floor)."""
         free = self.constraints.free.reshape(-1, 2)
         norms = [self._body_norms(f) for f in (balance.r * free, balance.r * (1.0 - free), balance.external)]
@@ -252,6 +252,6 @@ def system_of(interface: Interface, spec: ElasticSpec) -> System:
     masses = masses_of(interface, spec, kinds, rigid)
     if rigid is not None:
         interface, kinds = rigid.extended(interface), rigid.deformable(kinds)
-    return System(interface, spec, Volume(kinds, len(interface.nodes), bodies.size),
-                  constraints_of(interface, spec.displacements, rigid), Contact(interface),
+    return System(interface, spec, DeformableMesh(kinds, len(interface.nodes), bodies.size),
+                  constraints_of(interface, spec.displacements, rigid), MeshContact(interface),
                   masses)

@@ -14,18 +14,18 @@ import numpy as np
 
 from mechanical_fmu.contact_query import ContactQuery, unsettled
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings, solve
-from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.tangent import Anchor
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import StiffnessAnchor
 
 # fault: one round of augmentation, whatever is left -> MOST_ROUNDS = 1 | mechanical_fmu/test_augment
 MOST_ROUNDS = 40
 
 
-def solve_in_rounds(system: System, loading: Loading, start: Balance, anchor: Anchor | None,
+def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
                     settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to start whose multipliers have settled, in rounds around Newton's method.
 
-    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
     query, augmented = loading.query, system.contact.on_slaves(system.spec.augmented)
     assert isinstance(query, ContactQuery)

@@ -28,7 +28,7 @@ class CellError(ArithmeticError):
         self.cell, self.body, self.why = cell, body, why
 
 
-class InvertedCellError(CellError):
+class CellInversionError(CellError):
     """A cell has been turned inside out."""
 
     def __init__(self, cell: int, body: int) -> None:
@@ -36,7 +36,7 @@ class InvertedCellError(CellError):
 
 
 @dataclass(frozen=True)
-class Step:
+class PointStep:
     """What points remember.  dt : [s] since history : (n_history,), that of an Internal; empty for virgin points."""
 
     dt: float = 0.0
@@ -59,7 +59,7 @@ class Internal:
 
 
 @dataclass(frozen=True)
-class Volume:
+class DeformableMesh:
     """The deformable mesh.  n_nodes : nodes of the interface."""
 
     kinds: tuple[Cells, ...]
@@ -90,7 +90,7 @@ class Volume:
         """(n_history,) of virgin points."""
         return np.zeros(sum(len(cells.nodes) * cells.n_row for cells in self.kinds))
 
-    def _history(self, step: Step) -> Floats:
+    def _history(self, step: PointStep) -> Floats:
         return step.history if step.history.size else self.start_history()
 
     def means(self, nodal: Floats) -> tuple[Floats, ...]:
@@ -104,10 +104,10 @@ class Volume:
             out[cells.number] = values
         return out
 
-    def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: Step, tangent: bool = False) -> Internal:
+    def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep, tangent: bool = False) -> Internal:
         """Forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.
 
-        Raises InvertedCellError, CellError.
+        Raises CellInversionError, CellError.
         """
         f, start, at = np.zeros((self.n_nodes, 2)), 0, 0
         before = self._history(step)
@@ -135,16 +135,16 @@ class Volume:
         return Internal(f, entries if tangent else None, history, heat)
 
     def forces(self, u: Floats, moduli: tuple[Moduli, ...]) -> Floats:
-        """f_int : (n_nodes, 2) [N] of bodies without a past.  Raises InvertedCellError, CellError."""
-        return self.evaluate(u, moduli, Step()).f
+        """f_int : (n_nodes, 2) [N] of bodies without a past.  Raises CellInversionError, CellError."""
+        return self.evaluate(u, moduli, PointStep()).f
 
     def tangent(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[Floats, Floats]:
-        """f_int of bodies without a past and the entries of its derivative.  Raises InvertedCellError, CellError."""
-        found = self.evaluate(u, moduli, Step(), tangent=True)
+        """f_int of bodies without a past and the entries of its derivative.  Raises CellInversionError, CellError."""
+        found = self.evaluate(u, moduli, PointStep(), tangent=True)
         assert found.entries is not None
         return found.f, found.entries
 
-    def stress(self, u: Floats, moduli: tuple[Moduli, ...], step: Step = Step()
+    def stress(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep = PointStep()
                ) -> tuple[tuple[Floats, Floats], ...]:
         """(stress, strain) of every kind, each (n_e, nq, 4): Cauchy [Pa] and Green-Lagrange, (11, 22, 12, 33).
 
@@ -171,7 +171,7 @@ def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Float
     bad = cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
                       tangent, f, K, tuple(range(cells.nodes.shape[1])))
     if bad >= 0:
-        raise InvertedCellError(int(cells.number[bad]), int(cells.body[bad]))
+        raise CellInversionError(int(cells.number[bad]), int(cells.body[bad]))
 
 
 def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: Out) -> None:
@@ -183,7 +183,7 @@ def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: 
     bad, code = cell_points(cells.shape, law, u, history_n, out)
     if bad >= 0:
         where = int(cells.number[bad]), int(cells.body[bad])
-        raise InvertedCellError(*where) if code == INVERTED else CellError(*where, REASONS[code])
+        raise CellInversionError(*where) if code == INVERTED else CellError(*where, REASONS[code])
 
 
 def von_mises(stress: Floats) -> Floats:

@@ -15,11 +15,11 @@ from mechanical_fmu.laws.hardening_linear import LinearLaw
 from mechanical_fmu.laws.hardening_table import TableLaw
 from mechanical_fmu.laws.hardening_voce import VoceLaw
 from mechanical_fmu.laws.kinematic import KinematicLaw
-from mechanical_fmu.laws.law import CreepLaw, Floats, HardeningLaw, Point
+from mechanical_fmu.laws.law import CreepLaw, Floats, IsotropicHardening, Point
 from mechanical_fmu.laws.liquid import LiquidLaw
 from mechanical_fmu.laws.overstress import OverstressLaw
 
-HARDENING: tuple[type[HardeningLaw], ...] = (LinearLaw, VoceLaw, TableLaw)
+HARDENING: tuple[type[IsotropicHardening], ...] = (LinearLaw, VoceLaw, TableLaw)
 CREEP: tuple[type[CreepLaw], ...] = (NortonLaw, PowerLaw)
 # Laws that the return mapping knows by itself: there is one of each.
 OTHERS = (KinematicLaw, OverstressLaw, LiquidLaw)
@@ -40,7 +40,7 @@ _strain = one_of([kernels.strain for kernels in _CREEP_KERNELS])
 _exponent = one_of([kernels.exponent for kernels in _CREEP_KERNELS])
 
 
-def hardening_number(law: HardeningLaw) -> int:
+def hardening_number(law: IsotropicHardening) -> int:
     """Give the number compiled code knows a hardening law by."""
     return HARDENING.index(type(law))
 

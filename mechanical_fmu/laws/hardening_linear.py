@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from contact.compiled import inner
 from contact.half.functions import Property
-from mechanical_fmu.laws.law import NOTHING, Fields, Floats, HardeningLaw, Point, Points, lowest
+from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening, Point, Points, lowest
 
 
 @inner
@@ -17,7 +17,7 @@ def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class LinearLaw(HardeningLaw):
+class LinearLaw(IsotropicHardening):
     """R = yield_stress + H e.  yield_stress, H : [Pa]."""
 
     yield_stress: Property

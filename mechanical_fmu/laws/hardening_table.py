@@ -1,4 +1,4 @@
-"""Hardening by measured curves: the flow stress at points of plastic strain, for one temperature or several.
+"""IsotropicHardening by measured curves: the flow stress at points of plastic strain, for one temperature or several.
 
 The numbers of all materials lie in one array, `tables`; those of a law are its strains (n), then for every temperature
 its stresses (n) and slopes (n).  Between two temperatures the flow stress is linear.
@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from contact.compiled import inner
-from mechanical_fmu.laws.law import Fields, Floats, HardeningLaw, Point, Points
+from mechanical_fmu.laws.law import Fields, Floats, IsotropicHardening, Point, Points
 
 # A table is cubic between its knots (else straight), and goes on with its last slope (else flat).
 CUBIC, SLOPED = 1, 2
@@ -58,7 +58,7 @@ def curve(tables: Floats, strains: int, row: int, n: int, form: int, e: float) -
 
 
 @dataclass(frozen=True)
-class TableLaw(HardeningLaw):
+class TableLaw(IsotropicHardening):
     """R from curves over plastic strain, linear between temperatures, the end's value beyond them.
 
     strain : (n,) from 0.  T : (n_T,) [K].  stress, slope : (n_T, n) [Pa].  form : sum of CUBIC and SLOPED.

@@ -10,7 +10,7 @@ import numpy as np
 from contact.compiled import inner
 from contact.half.functions import Property
 from mechanical_fmu.laws.hardening_linear import refused_yield
-from mechanical_fmu.laws.law import NOTHING, Fields, Floats, HardeningLaw, Point, Points
+from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening, Point, Points
 
 
 @inner
@@ -22,7 +22,7 @@ def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class VoceLaw(HardeningLaw):
+class VoceLaw(IsotropicHardening):
     """R = yield_stress + Q (1 - exp(-b e)) + H e.  yield_stress, Q, H : [Pa], b : [1]."""
 
     yield_stress: Property

@@ -25,7 +25,7 @@ Fields = Mapping[str, type]
 NOTHING, ONE = Property(0.0), Property(1.0)
 
 
-class HardeningLaw(ABC):
+class IsotropicHardening(ABC):
     """Isotropic hardening: the flow stress R(e) [Pa], e the plastic equivalent strain.
 
     NAME : in the scenario.  FIELDS : the parameters it fills.

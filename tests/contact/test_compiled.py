@@ -48,6 +48,20 @@ def test_a_change_of_a_constant_in_another_file_is_seen(tmp_path):
     assert answers() == [19.0, 14.0]
 
 
+def test_a_class_of_an_argument_may_be_renamed(tmp_path):
+    (tmp_path / "p").mkdir()
+    room = "from typing import NamedTuple\n\n\nclass Room(NamedTuple):\n    size: float\n"
+    use = ("from contact.compiled import kernel\nfrom p import rooms\n\n\n@kernel\ndef double(room):\n"
+           "    return 2.0 * room.size\n\n\nprint(double(rooms.Room(3.0)))\n")
+    env = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    for name in ("Room", "Hall"):
+        (tmp_path / "p/rooms.py").write_text(room.replace("Room", name), encoding="utf-8")
+        (tmp_path / "p/use.py").write_text(use.replace("Room", name), encoding="utf-8")
+        done = subprocess.run([sys.executable, "-c", "import p.use"], env=env, cwd=tmp_path, capture_output=True,
+                              text=True, check=False)
+        assert done.stdout.split() == ["6.0"], done.stderr
+
+
 @inner
 def doubled(x, y):
     return 2.0 * x + y

@@ -15,7 +15,7 @@ from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.laws.catalogue import POINT
 from mechanical_fmu.laws.kinds import PLASTIC
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.volume import Step, Volume
+from mechanical_fmu.volume import DeformableMesh, PointStep
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 MOST = 40
@@ -46,7 +46,7 @@ def grid(n, m, map_=lambda s, t: (s, t)):
 
 
 def volume_of(interface, *treatments):
-    return Volume(cells_of(interface, treatments), len(interface.nodes))
+    return DeformableMesh(cells_of(interface, treatments), len(interface.nodes))
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Found:
     residuals: list
     history: np.ndarray
     heat: np.ndarray
-    step: Step
+    step: PointStep
 
 
 def equilibrium(volume, moduli, held, force=None, start=None, tolerance=1e-12, floor=1e-300):
@@ -96,7 +96,7 @@ def equilibrium(volume, moduli, held, force=None, start=None, tolerance=1e-12, f
     fixed = np.array([2 * node + i for node, i in held], int)
     free = np.setdiff1d(np.arange(n), fixed)
     u = np.zeros(n) if start is None else start.u.ravel().copy()
-    step = Step(1.0) if start is None else Step(1.0, start.history)
+    step = PointStep(1.0) if start is None else PointStep(1.0, start.history)
     target = np.array(list(held.values()))
     f = np.zeros(n) if force is None else np.asarray(force, float).ravel()
     residuals, gap = [], target - u[fixed]

@@ -14,7 +14,7 @@ from cell_scenes import EXPECTED, Stuff, equilibrium, grid, mesh, moduli_of, of,
 
 from contact.half.linalg import pattern_of
 from mechanical_fmu.cells import Treatment, cell_forces
-from mechanical_fmu.volume import CellError, InvertedCellError, Step
+from mechanical_fmu.volume import CellError, CellInversionError, PointStep
 
 SOFT = Stuff(2.5, 0.25, free=0.01, yield_stress=0.05, H=0.1)
 FORMS = [Treatment(plastic, enhanced, plane_stress)
@@ -37,7 +37,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(form, kind, geometry):
     interface = mesh(kind, geometry)
     volume = volume_of(interface, form)
     moduli, u = moduli_of(volume, SOFT), bent(interface.nodes)
-    step = Step(1.0, volume.evaluate(0.5 * u, moduli, Step(1.0)).history)
+    step = PointStep(1.0, volume.evaluate(0.5 * u, moduli, PointStep(1.0)).history)
     found = volume.evaluate(u, moduli, step, tangent=True)
     K = pattern_of(u.size, *(cells.dofs for cells in volume.kinds)).matrix(found.entries)
     d, h = np.random.default_rng(2).normal(0.0, 1.0, u.shape), 1e-6
@@ -79,12 +79,12 @@ def general_loop(cells, m, u):
 def test_history_is_read_never_written_and_answers_repeat(form):
     volume = volume_of(mesh("quads"), form)
     moduli, u = moduli_of(volume, SOFT), bent(mesh("quads").nodes)
-    history = volume.evaluate(0.5 * u, moduli, Step(1.0)).history
+    history = volume.evaluate(0.5 * u, moduli, PointStep(1.0)).history
     assert history.any()
     history.setflags(write=False)
     kept = history.copy()
-    first = volume.evaluate(u, moduli, Step(1.0, history))
-    again = volume.evaluate(u, moduli, Step(1.0, history), tangent=True)
+    first = volume.evaluate(u, moduli, PointStep(1.0, history))
+    again = volume.evaluate(u, moduli, PointStep(1.0, history), tangent=True)
     assert np.array_equal(history, kept)
     assert all(np.array_equal(a, b) for a, b in zip((first.f, first.history, first.heat),
                                                     (again.f, again.history, again.heat), strict=True))
@@ -99,19 +99,19 @@ def test_elastic_and_plastic_bodies_in_one_scene_keep_their_own_numbers():
     forms = (Treatment(), Treatment(kind=1, enhanced=True))
     volume, u = volume_of(both, *forms), bent(nodes)
     moduli = moduli_of(volume, SOFT, SOFT)
-    found = volume.evaluate(u, moduli, Step(1.0), tangent=True)
+    found = volume.evaluate(u, moduli, PointStep(1.0), tangent=True)
     total = np.zeros_like(u)
     heat = np.zeros(len(cells))
     for i, form in enumerate(forms):
         alone = volume_of(quads(nodes, cells[body == i]), form)
-        part = alone.evaluate(u, moduli_of(alone, SOFT), Step(1.0))
+        part = alone.evaluate(u, moduli_of(alone, SOFT), PointStep(1.0))
         total += part.f
         if form.kind:
             heat[body == i] = part.heat
     assert np.abs(found.f - total).max() <= 1e-14 * np.abs(total).max()
     assert heat.any()
     assert np.array_equal(found.heat, heat)
-    stress = volume.in_order([s for s, _ in volume.stress(u, moduli, Step(1.0))])
+    stress = volume.in_order([s for s, _ in volume.stress(u, moduli, PointStep(1.0))])
     assert stress.shape == (len(cells), 4, 4)
 
 
@@ -138,9 +138,9 @@ def test_what_fails_names_its_cell():
     u[8] = [-1.2, -1.2]
     for form in (Treatment(), Treatment(enhanced=True), of(Treatment(), True)):
         volume = volume_of(quads(nodes, cells), form)
-        with pytest.raises(InvertedCellError, match="cell 4: turned inside out"):
-            volume.evaluate(u, moduli_of(volume, SOFT), Step(1.0))
+        with pytest.raises(CellInversionError, match="cell 4: turned inside out"):
+            volume.evaluate(u, moduli_of(volume, SOFT), PointStep(1.0))
     volume = volume_of(quads(nodes, cells), of(Treatment(), True))
     moduli = moduli_of(volume, Stuff(2.5, 0.25, yield_stress=np.nan))
     with pytest.raises(CellError, match="cell 1"):
-        volume.evaluate(bent(nodes), moduli, Step(1.0))
+        volume.evaluate(bent(nodes), moduli, PointStep(1.0))
