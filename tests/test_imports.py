@@ -28,7 +28,7 @@ assert _spec.loader
 picture = importlib.util.module_from_spec(_spec)
 sys.modules["rooms"] = picture
 _spec.loader.exec_module(picture)
-DOORS = {name for name, room in picture.ROOMS.items() if room.door}
+ENTRIES = {name for name, room in picture.ROOMS.items() if room.entry}
 
 Graph = Mapping[str, set[str]]
 
@@ -71,8 +71,8 @@ def files_graph(root: Path = ROOT, packages: tuple[str, ...] = PACKAGES) -> Grap
 
 
 def room_of(file: str) -> str:
-    """The folder of a file; a door stands by itself."""
-    return file if file in DOORS else file.rpartition("/")[0]
+    """The folder of a file; an entry file stands by itself."""
+    return file if file in ENTRIES else file.rpartition("/")[0]
 
 
 def rooms_graph(files: Graph) -> Graph:
@@ -135,9 +135,9 @@ def test_the_scenario_knows_no_run():
     assert reached(ROOMS, "coupler/scenario") <= BELOW_SCENARIO
 
 
-@pytest.mark.parametrize("door", sorted(DOORS))
-def test_nothing_within_imports_from_a_door(door):
-    assert [file for file, others in FILES.items() if door in others] == []
+@pytest.mark.parametrize("entry", sorted(ENTRIES))
+def test_nothing_within_imports_an_entry_file(entry):
+    assert [file for file, others in FILES.items() if entry in others] == []
 
 
 def test_every_room_is_drawn_and_no_other():

@@ -7,9 +7,11 @@ import importlib
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 
 ROOT = Path(__file__).resolve().parent.parent
 PUBLIC = {
@@ -93,6 +95,16 @@ def test_a_module_of_before_gives_its_names_and_warns(old, name, place):
     assert said[0].filename == __file__
     assert got is getattr(importlib.import_module(place), name)
     assert got is getattr(importlib.import_module(MOVED[old]), name)
+
+
+def test_the_version_is_one():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = YAML(typ="safe").load(ROOT / "CITATION.cff")
+    command = [sys.executable, "-m", "coupler.cli", "--version"]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert said == f"slideline {project['version']}\n"
+    assert importlib.import_module("coupler").__version__ == project["version"], "run pip install -e ."
+    assert (citation["version"], citation["license"]) == (project["version"], project["license"])
 
 
 @pytest.mark.parametrize("old", MOVED)
