@@ -56,7 +56,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Told:
+class RunRecord:
     """What a run has recorded and told, up to its last accepted window.
 
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
@@ -83,7 +83,7 @@ class Checkpoint:
     """packages : role of a half -> hash of the sources it was built of.  halves : role -> bytes of its state."""
 
     committed: Committed
-    told: Told
+    told: RunRecord
     packages: dict[str, str]
     halves: dict[str, bytes]
 
@@ -202,7 +202,7 @@ class Keeper:
         """Whether enough time has passed since the last one."""
         return self._every is not None and time.monotonic() - self._last >= self._every
 
-    def keep(self, committed: Committed, told: Told) -> None:
+    def keep(self, committed: Committed, told: RunRecord) -> None:
         """Write a checkpoint; both halves stand at the end of the last accepted window.
 
         A disk that is full ends no run of hours: the older checkpoint stays, and `trouble` says why.

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Words:
+class WindowRecord:
     """What else a window's record holds.  reason : why it had its size and scheme.  event, fired, error : as in Tried.
 
     monitors : those that rules look at, of a window that was taken.  friction : at its end, as in `contact_row`.
@@ -76,12 +76,12 @@ class Recorder:
         self._journal.sync()
 
     def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({})) -> None:
-        """The values before the first window.  friction : as in Words."""
+        """The values before the first window.  friction : as in WindowRecord."""
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
                             {"probes": probes, **contact_row(self._strips, now, friction)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
-               words: Words = Words()) -> None:
+               words: WindowRecord = WindowRecord()) -> None:
         """One window tried.  facts : t, H, scheme and seconds of it.
 
         Its recording_seconds are those spent on records since the row before it: a row cannot hold its own.
@@ -128,7 +128,7 @@ class Recorder:
         finish(self._journal.path, self.out)
 
 
-def _told(words: Words) -> dict[str, Any]:
+def _told(words: WindowRecord) -> dict[str, Any]:
     """What there is of them, as it goes into the journal."""
     told: dict[str, Any] = {"reason": words.reason, "event": words.event, "monitors": dict(words.monitors),
                             "fired": [[f.rule, f.text, dict(f.values)] for f in words.fired]}
