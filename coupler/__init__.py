@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from coupler.running.run import Run, run
     from coupler.scenario import Scenario, load_scenario
 
+    __version__: str
+
 __all__ = ["CouplingError", "HalfError", "Results", "ResultsError", "Run", "Scenario", "ScenarioError",
            "SlidelineError", "load_scenario", "run"]
 
@@ -25,6 +27,8 @@ _HOME = {"Results": "coupler.record.results", "Run": "coupler.running.run", "run
 
 def __getattr__(name: str) -> object:
     # Names are fetched when first asked for: a process that only hosts a half need not load the scenario schema.
+    if name == "__version__":
+        return import_module("importlib.metadata").version("slideline")
     if name not in __all__:
         raise AttributeError(f"module 'coupler' has no attribute {name!r}")
     return getattr(import_module(_HOME.get(name, "coupler.errors")), name)

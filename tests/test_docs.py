@@ -33,12 +33,14 @@ from coupler.scenario.physics import Material
 from coupler.scenario.schema import ScenarioFile
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), ROOT / "benchmarks/README.md"]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")),
+         ROOT / "benchmarks/README.md"]
 
 FENCE = re.compile(r"(?:^<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 COMMAND = re.compile(r"\bslideline ([a-z][a-z-]*)((?:(?!\bslideline\b)[^`\n|#])*)")
 OPTION = re.compile(r"(?<![\w-])--?[a-z][a-z-]*")
+ROOM = re.compile(r"^\| `(?P<folder>[a-z_/]+/)` \| (?P<what>.*) \|$", re.M)
 PATH = re.compile(r"`((?:contact|coupler|thermal_fmu|mechanical_fmu|tests|scenarios|benchmarks|docs)/[\w./-]+\.\w+)`")
 
 
@@ -180,6 +182,16 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_files_named_are_there(page: Path) -> None:
     gone = [path for path in PATH.findall(page.read_text(encoding="utf-8")) if not (ROOT / path).is_file()]
     assert not gone
+
+
+def test_a_room_of_the_design_has_the_files_it_names() -> None:
+    rooms = list(ROOM.finditer(prose(ROOT / "docs/design.md")))
+    gone = [room["folder"] + name for room in rooms for name in re.findall(r"`(\w+\.py)`", room["what"])
+            if not (ROOT / room["folder"] / name).is_file()]
+    assert not gone
+    packages = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
+    folders = {f"{path.parent.relative_to(ROOT)}/" for name in packages for path in (ROOT / name).rglob("*.py")}
+    assert {room["folder"] for room in rooms} == folders
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -1,8 +1,16 @@
-"""Imports point one way (docs/design.md): read from the source, so that a lazy import counts too."""
+"""Imports point one way (docs/design.md): read from the source, so that a lazy import counts too.
+
+A module named in a text, as `"coupler.fmu.host"` or `"thermal_fmu.half:load"`, counts as imported.
+"""
 
 from __future__ import annotations
 
 import ast
+import importlib.util
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -11,31 +19,101 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
 MAY_IMPORT = {"contact": set(), "thermal_fmu": {"contact"}, "mechanical_fmu": {"contact"}, "coupler": {"contact"}}
 ONLY_IN = {"fmpy": {"coupler/fmu/fmi.py"}, "zenoh": {"contact/rpc/zenoh_session.py"}}
+BELOW_SCENARIO = {"coupler/scenario", "coupler", "contact", "contact/half", "contact/rpc", "contact/problem"}
+MODULE = re.compile(r"[a-z_]\w*(\.[a-z_]\w*)+(?=:\w+$|$)")
+
+_spec = importlib.util.spec_from_file_location("rooms", ROOT / "docs/site/rooms.py")
+assert _spec
+assert _spec.loader
+picture = importlib.util.module_from_spec(_spec)
+sys.modules["rooms"] = picture
+_spec.loader.exec_module(picture)
+ENTRIES = {name for name, room in picture.ROOMS.items() if room.entry}
+
+Graph = Mapping[str, set[str]]
+
+
+def named(path: Path) -> Iterator[str]:
+    """Everything a file imports, `a.b.c` for `from a.b import c` too, by statement or by a text that names a module."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}:{node.lineno}: imports are absolute"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and (text := MODULE.match(node.value)):
+            yield text[0]
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
+                "import_module", "__import__"):
+            yield from (a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str))
 
 
 def imported(path: Path) -> set[str]:
-    """Top names of everything a file imports, by statement or by import_module("...")."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names.add(node.module)
-        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
-                "import_module", "__import__"):
-            names |= {a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str)}
-    return {n.split(".")[0] for n in names}
+    """Top names of everything a file imports; a text counts where it is passed to import_module or names a package."""
+    return {name.split(".")[0] for name in named(path)}
 
 
-def sources(package: str) -> list[Path]:
-    return sorted((ROOT / package).rglob("*.py"))
+def sources(package: str, root: Path = ROOT) -> list[Path]:
+    return sorted((root / package).rglob("*.py"))
+
+
+def files_graph(root: Path = ROOT, packages: tuple[str, ...] = PACKAGES) -> Graph:
+    """File -> the files of the packages that it imports.  An `__init__` counts where it is named, not where passed."""
+    paths = [path for package in packages for path in sources(package, root)]
+    file_of = {".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"):
+               path.relative_to(root).as_posix() for path in paths}
+    graph = {}
+    for path in paths:
+        found = {file_of.get(name) or file_of.get(name.rpartition(".")[0]) for name in named(path)}
+        file = path.relative_to(root).as_posix()
+        graph[file] = {other for other in found if other is not None} - {file}
+    return graph
+
+
+def room_of(file: str) -> str:
+    """The folder of a file; an entry file stands by itself."""
+    return file if file in ENTRIES else file.rpartition("/")[0]
+
+
+def rooms_graph(files: Graph) -> Graph:
+    """Room -> the rooms that its files import."""
+    rooms: dict[str, set[str]] = {room_of(file): set() for file in files}
+    for file, others in files.items():
+        rooms[room_of(file)] |= {room_of(other) for other in others} - {room_of(file)}
+    return rooms
+
+
+def circle(graph: Graph) -> list[str]:
+    """One circle of a graph, its first node again at its end, or []."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as exc:
+        return exc.args[1]
+    return []
+
+
+def reached(graph: Graph, start: str) -> set[str]:
+    """What can be reached from a node, itself left out."""
+    found: set[str] = set()
+    ahead = [start]
+    while ahead:
+        new = graph.get(ahead.pop(), set()) - found
+        found |= new
+        ahead += new
+    return found - {start}
+
+
+FILES = files_graph()
+ROOMS = rooms_graph(FILES)
+DRAWN = {name: {to for source, to in picture.ARROWS if source == name} for name in picture.ROOMS}
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_packages_import_one_way(package):
     assert sources(package), f"{package} has no sources where this test looks"
     wrong = {str(path.relative_to(ROOT)): sorted(bad) for path in sources(package)
-             if (bad := (imported(path) & set(PACKAGES)) - {package} - MAY_IMPORT[package])}
+             if (bad := {other.split("/")[0] for other in FILES[path.relative_to(ROOT).as_posix()]}
+                 - {package} - MAY_IMPORT[package])}
     assert not wrong
 
 
@@ -45,7 +123,72 @@ def test_one_file_knows_a_border_library(library):
     assert users == ONLY_IN[library]
 
 
+def test_files_import_in_no_circle():
+    assert circle(FILES) == []
+
+
+def test_folders_import_in_no_circle():
+    assert circle(ROOMS) == []
+
+
+def test_the_scenario_knows_no_run():
+    assert reached(ROOMS, "coupler/scenario") <= BELOW_SCENARIO
+
+
+@pytest.mark.parametrize("entry", sorted(ENTRIES))
+def test_nothing_within_imports_an_entry_file(entry):
+    assert [file for file, others in FILES.items() if entry in others] == []
+
+
+def test_every_room_is_drawn_and_no_other():
+    assert set(picture.ROOMS) == set(ROOMS), "docs/site/rooms.py: ROOMS"
+
+
+@pytest.mark.parametrize("arrow", picture.ARROWS, ids=" to ".join)
+def test_an_arrow_is_an_import_and_leads_down(arrow):
+    source, target = arrow
+    assert target in ROOMS[source], "docs/site/rooms.py: no file of the one room imports from the other"
+    assert picture.left_top(picture.ROOMS[source])[1] < picture.left_top(picture.ROOMS[target])[1]
+
+
+@pytest.mark.parametrize("room", sorted(ROOMS))
+def test_every_import_follows_arrows_down(room):
+    wrong = [f"{file} imports {other}" for file, others in FILES.items() for other in others
+             if room_of(file) == room and room_of(other) not in {room, *reached(DRAWN, room)}]
+    assert not wrong, "it goes upwards, or an arrow is missing in docs/site/rooms.py"
+
+
+def test_the_picture_is_the_one_of_its_script():
+    assert picture.PICTURE.read_text(encoding="utf-8") == picture.svg(), "run python docs/site/rooms.py"
+
+
+def planted(root: Path, **texts: str) -> Graph:
+    """The graph of a package of files; `a__b="..."` is p/a/b.py."""
+    for name, text in texts.items():
+        path = root / "p" / (name.replace("__", "/") + ".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return files_graph(root, ("p",))
+
+
+def test_a_circle_of_files_is_found(tmp_path):
+    lazy = planted(tmp_path, a="import p.b", b="from p import c", c="def f():\n    from p.a import x\n")
+    assert sorted(circle(lazy)[1:]) == ["p/a.py", "p/b.py", "p/c.py"]
+    assert circle(planted(tmp_path, c="")) == []
+    assert circle(planted(tmp_path, c="import_module('p.a')"))
+    assert circle(planted(tmp_path, c="LOADS = {'a': 'p.a:load'}"))
+
+
+def test_a_circle_of_folders_is_found(tmp_path):
+    files = planted(tmp_path, one__a="import p.two.a", one__b="", two__a="", two__b="from p.one.b import x")
+    assert circle(files) == []
+    assert sorted(circle(rooms_graph(files))[1:]) == ["p/one", "p/two"]
+    assert circle(rooms_graph(planted(tmp_path, two__b="import p.two.a"))) == []
+
+
 def test_the_reader_of_imports_sees_every_form(tmp_path):
     source = tmp_path / "x.py"
-    source.write_text("def f():\n from thermal_fmu.half import A\n import_module('zenoh')\n import fmpy.x as y\n")
-    assert imported(source) == {"thermal_fmu", "zenoh", "fmpy"}
+    source.write_text("def f():\n from thermal_fmu.half import A\n import_module('zenoh')\n import fmpy.x as y\n"
+                      "LOAD = 'contact.half.slave:HalfSlave'\nfield = 'T of contact.half.slave'\n")
+    assert imported(source) == {"thermal_fmu", "zenoh", "fmpy", "contact"}
+    assert set(named(source)) == {"thermal_fmu.half.A", "zenoh", "fmpy.x", "contact.half.slave"}

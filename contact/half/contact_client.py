@@ -35,8 +35,8 @@ class ContactRefusedError(ArithmeticError):
 class History:
     """What contact remembers, and the mechanical state keeps.
 
-    multipliers : (n_s,) [Pa].  x : (n_s, 2) [m], where the surfaces were when their shear tractions were
-    shear : (n_s,) [Pa].
+    multipliers : (n_s,) [Pa].  shear : (n_s,) [Pa], the shear tractions so far.  x : (n_s, 2) [m], where the surfaces
+    were then.
     """
 
     multipliers: Floats

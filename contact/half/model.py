@@ -19,8 +19,10 @@ from contact.half.interface import Interface, read_interface
 from contact.messages import Reply, Request
 
 Floats = NDArray[np.float64]
-Value = Floats | float | int | str  # an array for a block, a number or a text for a scalar
+Value = Floats | float | int | str
+"""An array for a block, a number or a text for a scalar."""
 Values = Mapping[str, Value]
+"""Values by the name of their Variable."""
 
 CAUSALITIES = ("input", "output", "parameter")
 KINDS = ("Real", "Integer", "String")
@@ -109,8 +111,8 @@ class HalfModel(Protocol):
         ...
 
 
-# What a half's package offers to contact.half.build: the two files of its directory in, the half out.
 Load = Callable[[Interface, Mapping[str, Any]], HalfModel]
+"""What a half's package offers to its builder: the two files of its directory in, the half out."""
 
 
 def load_directory(directory: Path) -> tuple[Interface, dict[str, Any]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -68,6 +69,18 @@ def _overrides(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[
 
 def _scenario(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
     return load_scenario(path, overrides=_overrides(sets, swaps))
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"slideline {version('slideline')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True,
+                                                  help="Print the version and exit.")] = False) -> None:
+    """Take the options that stand before a command."""
 
 
 app.command("init")(init_command)

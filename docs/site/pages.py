@@ -1,7 +1,8 @@
 """What the site needs beyond docs/: pages from elsewhere in the repository, and links and lists as its renderer wants.
 
-The pages are written to be read as they lie in the repository.  Three things differ on the site: README.md is its
-first page, files above docs/ have names of their own, and a list needs a blank line before it.
+The pages are written to be read as they lie in the repository.  Four things differ on the site: README.md is its
+first page, files above docs/ have names of their own, a list needs a blank line before it, and the public names of the
+packages have a page that is made of their docstrings.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[2]
 # File of the repository -> page of the site.
-ELSEWHERE = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "CHANGELOG.md": "changelog.md"}
+ELSEWHERE = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "CHANGELOG.md": "changelog.md",
+             "CONTRIBUTING.md": "contributing.md"}
+# Page of the site -> the package whose public names it tells.
+NAMES = {"names_coupler.md": "coupler", "names_half.md": "contact.half"}
 
 _FENCE = re.compile(r"^\s*(```|~~~)")
 _ITEM = re.compile(r"^\s*([-*+]|\d+\.) ")
@@ -25,9 +29,11 @@ _CODE = re.compile(r"`[^`]*`")
 
 
 def on_files(files: Files, config: Any, **_: Any) -> Files:
-    """Add the pages from elsewhere, the scenarios, style sheet and script."""
+    """Add the pages from elsewhere and those of names, the scenarios, style sheet and script."""
     for source, page in ELSEWHERE.items():
         files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
+    for page, package in NAMES.items():
+        files.append(File.generated(config, page, content=f"# {package}\n\n::: {package}\n"))
     for path in sorted((ROOT / "scenarios").glob("*.yaml")):
         files.append(File.generated(config, f"scenarios/{path.name}", content=path.read_text(encoding="utf-8")))
     for name in ("site.css", "search.js"):

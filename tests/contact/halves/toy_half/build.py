@@ -1,6 +1,6 @@
 """python -m toy_half.build DIRECTORY OUT.fmu"""
 
-from contact.half.build import main
+from contact.half import build_main
 
 if __name__ == "__main__":
-    main("toy_half", "toy_half.model:load")
+    build_main("toy_half", "toy_half.model:load")

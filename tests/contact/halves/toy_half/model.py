@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.interface import Interface
-from contact.half.linalg import SingularMatrixError
-from contact.half.model import Discard, Done, Link, Values, Variable
+from contact.half import Discard, Done, Interface, Link, SingularMatrixError, Values, Variable
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,48 @@
+"""The marker `fast`: `pytest -m fast` runs the files below, and no other file is even imported (CONTRIBUTING.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).resolve().parent
+# Folder of tests/ -> its files, without `test_` and `.py`.
+FAST = {
+    ".": """
+        imports public_names""",
+    "contact": """
+        client codec coupling facing forms half_describe half_field half_property half_slave half_state laws
+        link notes service shear_history sparse tally traction""",
+    "coupler": """
+        acceleration accounts adiabatic advise branches checkpoint compare console contact_page control
+        coupling curve description estimate events predict rules rules_fit scenario_docs scenario_errors
+        scenario_iteration scenario_laws scenario_load scenario_mesh scenario_override scenario_reading
+        scenario_rules scenario_small schedule schemes stepsize strips study thermal_page verify vtkhdf""",
+    "mechanical_fmu": """
+        augment contact_newton contact_patch elastic_contact elastic_patch elastic_spec elements_bending
+        elements_locking elements_points flow_strain friction points_logstrain points_material points_melting
+        points_verification rigid rod solution_dynamics solution_loads solution_melting solution_methods""",
+    "stability": """
+        conduction freezing rods""",
+    "thermal_fmu": """
+        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_kept thermal_newton
+        thermal_nonlinear thermal_rod thermal_space thermal_steady""",
+}
+FAST_FILES = {(TESTS / folder / f"test_{name}.py").resolve()
+              for folder, names in FAST.items() for name in names.split()}
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out the files that `-m fast` would deselect: importing them takes longer than the tests that stay."""
+    if config.option.markexpr == "fast" and collection_path.suffix == ".py":
+        return collection_path.resolve() not in FAST_FILES or None
+    return None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of these files."""
+    for item in items:
+        if item.path.resolve() in FAST_FILES:
+            item.add_marker("fast")

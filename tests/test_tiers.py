@@ -1,0 +1,32 @@
+"""The tiers of the tests: the files of `-m fast` are there, and `-m fast` runs them and nothing else."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parent
+_spec = importlib.util.spec_from_file_location("tiers", TESTS / "conftest.py")
+assert _spec
+assert _spec.loader
+tiers = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(tiers)
+
+
+def test_the_fast_files_are_there_and_named_once():
+    assert [path for path in sorted(tiers.FAST_FILES) if not path.is_file()] == []
+    assert len(tiers.FAST_FILES) == sum(len(names.split()) for names in tiers.FAST.values())
+
+
+def test_no_fast_file_has_slow_tests():
+    assert [path for path in sorted(tiers.FAST_FILES) if "mark.slow" in path.read_text(encoding="utf-8")] == []
+
+
+def test_fast_runs_the_files_of_the_list_alone():
+    folder = TESTS / "coupler"
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "--collect-only", "-m", "fast", str(folder)]
+    done = subprocess.run(command, cwd=TESTS.parent, capture_output=True, text=True, check=False)
+    files = {(TESTS.parent / line.partition("::")[0]).resolve() for line in done.stdout.splitlines() if "::" in line}
+    assert files == {path for path in tiers.FAST_FILES if path.parent == folder}
