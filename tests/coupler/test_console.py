@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from coupler.cli.console import SETTING_UP, ProgressLine, summary
@@ -83,3 +84,11 @@ def test_notes_of_windows_are_remembered_as_told() -> None:
     line(replace(FIRST, notes=("it rings",)))
     assert "note: it rings" in file.getvalue()
     assert line.printed == {"it rings"}
+
+
+def test_old_names_of_progress_warn() -> None:
+    p = replace(FIRST, number=20, total=200, remaining=65.0)
+    with pytest.warns(DeprecationWarning, match="Progress.remaining"):
+        assert p.left == 65.0
+    with pytest.warns(DeprecationWarning, match="Progress.fraction"):
+        assert p.share == 0.1

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError, ScenarioError
-from coupler.experiments import pool
+from coupler.experiments import pool, trial
 from coupler.experiments.grid import grid_of, parse_axis, settings_of
 from coupler.experiments.pool import run_there
 from coupler.experiments.reference import from_file, richardson
@@ -207,6 +207,12 @@ def test_a_trial_comes_back_from_the_store(tmp_path):
     (tmp_path / "runs/a.json").write_text(json.dumps({"verdict": 1}), encoding="utf-8")
     with pytest.raises(ResultsError, match="remove it"):
         store.get("a")
+
+
+def test_what_no_trial_depends_on_is_left_out_of_its_key():
+    coupler = Path(trial.__file__).parent.parent
+    assert [name for name in trial.APART if not (coupler / name).is_dir()] == []
+    assert coupler.joinpath("experiments") == Path(trial.__file__).parent
 
 
 def test_a_trial_of_another_version_is_run_again(tmp_path, monkeypatch):
