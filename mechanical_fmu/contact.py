@@ -16,7 +16,7 @@ from contact.messages import Tractions
 Floats = NDArray[np.float64]
 
 
-class Contact(ContactSurfaces):
+class MeshContact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
 
     def on_slaves(self, pairs: Collection[str]) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ FAST = {
         link notes service shear_history sparse call_stats traction""",
     "coupler": """
         acceleration accounts adiabatic advise branches checkpoint compare console contact_page control
-        coupling curve description estimate events predict rules rules_fit scenario_docs scenario_errors
+        coupling description estimate events extrapolation predict rules rules_fit scenario_docs scenario_errors
         scenario_iteration scenario_laws scenario_load scenario_mesh scenario_override scenario_reading
         scenario_rules scenario_small schedule schemes stepsize contact_lines study thermal_page verify vtkhdf""",
     "mechanical_fmu": """
@@ -26,7 +26,7 @@ FAST = {
     "stability": """
         conduction freezing rods""",
     "thermal_fmu": """
-        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_kept thermal_newton
+        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_caches thermal_newton
         thermal_nonlinear thermal_rod thermal_space thermal_steady""",
 }
 FAST_FILES = {(TESTS / folder / f"test_{name}.py").resolve()

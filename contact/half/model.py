@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface, read_interface
-from contact.messages import Reply, Request
+from contact.rpc.link import Link as Link
 
 Floats = NDArray[np.float64]
 Value = Floats | float | int | str
@@ -28,12 +28,6 @@ CAUSALITIES = ("input", "output", "parameter")
 KINDS = ("Real", "Integer", "String")
 PLACES = ("nodes", "cells", "contact_nodes", "bodies", "none")
 """What the rows of an array may belong to, in the order of interface.h5; "none": an array of the half's own."""
-
-
-class Link(Protocol):
-    """The way to the contact service (contact.link)."""
-
-    def ask(self, request: Request) -> Reply: ...
 
 
 @dataclass(frozen=True)

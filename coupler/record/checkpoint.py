@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from contact.codec import WireError, decode, encode, kinds_of
-from contact.half.diagnostics import Seen
+from contact.half.diagnostics import ContactLog
 from coupler.control.plan import Plan
 from coupler.control.state import Committed
 from coupler.errors import ResultsError
@@ -69,7 +69,7 @@ class RunRecord:
 
     mark: Mark
     ledger: Ledger = field(default_factory=Ledger)
-    seen: Seen = field(default_factory=Seen)
+    seen: ContactLog = field(default_factory=ContactLog)
     said: tuple[str, ...] = ()
     noticed: tuple[str, ...] = ()
     framed: float = -1.0

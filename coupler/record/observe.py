@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.diagnostics import Contact, Seen, Watch
+from contact.half.diagnostics import ContactLog, ContactMonitor, ContactSample
 from contact.half.interface import Interface
 from coupler.errors import ScenarioError
 from coupler.fmu.half import Block, Half
@@ -32,16 +32,16 @@ class ContactWarnings:
     """
 
     def __init__(self, interface: Interface, outputs: Collection[str]) -> None:
-        self._watch = Watch(interface) if "contact.covered" in outputs and interface.pairs else None
-        self._seen = Seen()
+        self._watch = ContactMonitor(interface) if "contact.covered" in outputs and interface.pairs else None
+        self._seen = ContactLog()
         self._said: tuple[str, ...] = ()
 
     @property
-    def memory(self) -> tuple[Seen, tuple[str, ...]]:
+    def memory(self) -> tuple[ContactLog, tuple[str, ...]]:
         """What was seen and said up to now."""
         return self._seen, self._said
 
-    def put_back(self, seen: Seen, said: tuple[str, ...]) -> None:
+    def put_back(self, seen: ContactLog, said: tuple[str, ...]) -> None:
         """Go on from what was remembered once."""
         self._seen, self._said = seen, said
 
@@ -49,7 +49,7 @@ class ContactWarnings:
         """The warnings of an accepted window."""
         if self._watch is None:
             return ()
-        self._seen, notes = self._watch.after(self._seen, now.t, _contact(before), _contact(now))
+        self._seen, notes = self._watch.after_window(self._seen, now.t, _contact(before), _contact(now))
         self._said = (*self._said, *notes)
         return notes
 
@@ -58,8 +58,8 @@ class ContactWarnings:
         return list(self._said) + (self._watch.at_end(self._seen, now.x) if self._watch is not None else [])
 
 
-def _contact(level: Level) -> Contact:
-    return Contact(level.x, level.t_N, level.covered)
+def _contact(level: Level) -> ContactSample:
+    return ContactSample(level.x, level.t_N, level.covered)
 
 
 # Outputs that are recorded but not exchanged.

@@ -27,7 +27,7 @@ from coupler.record.tables import (
     contact_row,
 )
 from coupler.rules.engine import Firing
-from coupler.schemes.state import Course, Ledger, Level, Solved
+from coupler.schemes.state import IterationHistory, Ledger, Level, Solved
 
 Array = NDArray[np.float64]
 
@@ -100,12 +100,12 @@ class Recorder:
         w = solved.work
         row = {"verdict": solved.verdict.value, "solves": w.thermal_solves + w.mechanical_solves, **vars(w),
                **{n: solved.monitors.get(n, 0.0) for n in ("touching", "max_T", "max_p")},
-               "taken": solved.taken, **iterated(solved.course), "imbalance": ledger.imbalance,
+               "taken": solved.taken, **iterated(solved.history), "imbalance": ledger.imbalance,
                "error": math.nan if record.error is None else record.error.error,
                "recording_seconds": self._seconds, **facts}
         meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message, **_values_of(record)}
-        if solved.course is not None:
-            meta["iterates"] = iterates(solved.course)
+        if solved.history is not None:
+            meta["iterates"] = iterates(solved.history)
         accepted = solved.taken
         if accepted:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
@@ -154,19 +154,19 @@ def estimated(error: Estimate) -> list[float]:
     return [found.get(n, math.nan) for n, _ in ESTIMATE_FIELDS[1:]]
 
 
-def iterated(course: Course | None) -> dict[str, float | int]:
+def iterated(history: IterationHistory | None) -> dict[str, float | int]:
     """What a window's row says of its iteration; 0 iterations for a scheme that does not iterate."""
-    if course is None:
+    if history is None:
         return {"iterations": 0, "misfit": 0.0, "contraction": math.nan}
-    return {"iterations": len(course.misfits), "misfit": max(course.misfits[-1].values()),
-            "contraction": course.contraction}
+    return {"iterations": len(history.misfits), "misfit": max(history.misfits[-1].values()),
+            "contraction": history.contraction}
 
 
-def iterates(course: Course) -> list[list[float]]:
+def iterates(history: IterationHistory) -> list[list[float]]:
     """A row an iterate, as in ITERATE_FIELDS from "iterate" on; nan for what the scene does not have.
 
     The factor of an iterate is that of the step which led to it.
     """
     names = [n for n, _ in ITERATE_FIELDS[2:-1]]
     return [[k + 1, *(m.get(n, math.nan) for n in names), factor]
-            for k, (m, factor) in enumerate(zip(course.misfits, (math.nan, *course.factors), strict=True))]
+            for k, (m, factor) in enumerate(zip(history.misfits, (math.nan, *history.factors), strict=True))]
