@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contact.compiled import inner, kernel
 from contact.half.interface import Interface
-from contact.half.quadrature import Table, table_of
+from contact.half.quadrature import CellQuadrature, table_of
 from mechanical_fmu.laws.kinds import history_size
 from mechanical_fmu.strain import (
     MAX_MODE_ITERATIONS,
@@ -516,7 +516,7 @@ def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = No
     return tuple(out)
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, table: Table,
+def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, table: CellQuadrature,
            treatment: Treatment) -> Cells:
     N, dN = table.N, table.dN
     X = interface.nodes[nodes]

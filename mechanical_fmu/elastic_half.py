@@ -88,32 +88,38 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     n, n_s, n_cells = mesh_nodes(system), interface.contact_nodes.size, system.volume.n_cells
     T_ref = np.array([m.T_ref for m in spec.materials])[spec.body_material]
     # A node outside every cell (body -1) takes the last body's; nothing depends on it.
-    inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end")]
+    inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end",
+                       on="nodes")]
     if system.melts:
-        inputs.append(Variable("f_s", (n,), "input", "1", NOT_GIVEN, description="solid fraction at the end; -1: by T"))
+        inputs.append(Variable("f_s", (n,), "input", "1", NOT_GIVEN, description="solid fraction at the end; -1: by T",
+                               on="nodes"))
     for name in spec.load_names:
         inputs += [Variable(f"load.{name}", (), "input", "1", 1.0, description="factor"),
                    Variable(f"bc.{name}", (), "input", _unit(system, name), 0.0, description="added to the value")]
-    outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates"),
-               Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean"),
-               Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean"),
+    outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates",
+                        on="nodes"),
+               Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
+               Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
                Variable("cuts", description="pieces of the step beyond the first")]
-    outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
+    outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements",
+                         on="none")
                 for name in interface.bodies]
     outputs += flow_variables(system)
     if makes_heat(system):
-        outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep"))
+        outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
+                                on="cells"))
     if spec.adiabatic:
-        outputs.append(Variable("E_S", (n_cells,), unit="J", description="heat moved by squeezing at frozen entropy"))
+        outputs.append(Variable("E_S", (n_cells,), unit="J", description="heat moved by squeezing at frozen entropy",
+                                on="cells"))
         inputs.append(Variable("control.mode", (), "input", start=0, kind="Integer",
                                description="0 isothermal, 1 adiabatic"))
     if spec.skip is not None:
         outputs.append(Variable("skipped", description="steps skipped since the start"))
     if system.rigid is not None:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
-                             description="u_x, u_y [m] and angle [rad] of the reference point") for b in
-                    system.rigid.body]
+                             description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
+                    for b in system.rigid.body]
     return (*inputs, *outputs, *(contact_variables(n_s, system.contact.slips) if n_s else ()))
 
 

@@ -273,11 +273,12 @@ def _compliance(material: RodMaterial, T: Floats) -> Floats:
 def _variables(half: MechanicalRod, melts: bool) -> tuple[Variable, ...]:
     interface = half.interface
     n, n_s = len(interface.nodes), interface.contact_nodes.size
-    phase = (Variable("f_s", (n,), "input", "1", 1.0, description="solid fraction at the end"),) if melts else ()
+    f_s = Variable("f_s", (n,), "input", "1", 1.0, description="solid fraction at the end", on="nodes")
+    phase = (f_s,) if melts else ()
     own = tuple(Variable(f"p.{body.name}", unit="Pa", description="pressure of a rod held at both ends, > 0 pressed")
                 for body in half.spec.bodies if body.left is not None and body.right is not None)
-    return (Variable("T", (n,), "input", "K", 293.15, description="temperature at the end"), *phase,
-            Variable("x", (n, 2), unit="m", start=interface.nodes, description="current coordinates"),
+    return (Variable("T", (n,), "input", "K", 293.15, description="temperature at the end", on="nodes"), *phase,
+            Variable("x", (n, 2), unit="m", start=interface.nodes, description="current coordinates", on="nodes"),
             *own, *(contact_variables(n_s) if n_s else ()))
 
 
