@@ -12,8 +12,8 @@ FAST = {
     ".": """
         imports public_names""",
     "contact": """
-        client codec coupling facing forms half_describe half_field half_property half_slave half_state laws
-        link notes service shear_history sparse tally traction""",
+        call_stats client codec coupling facing forms half_describe half_field half_property half_slave half_state laws
+        link notes service shear_history sparse traction""",
     "coupler": """
         acceleration accounts adiabatic advise branches checkpoint compare console contact_page control
         coupling curve description estimate events predict rules rules_fit scenario_docs scenario_errors
@@ -26,7 +26,7 @@ FAST = {
     "stability": """
         conduction freezing rods""",
     "thermal_fmu": """
-        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_kept thermal_newton
+        lumped thermal_anisotropy thermal_caches thermal_entropy thermal_fields thermal_friction thermal_newton
         thermal_nonlinear thermal_rod thermal_space thermal_steady""",
 }
 FAST_FILES = {(TESTS / folder / f"test_{name}.py").resolve()
