@@ -42,16 +42,17 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
     n, n_s = len(interface.nodes), len(interface.contact_nodes)
     n_cells = len(interface.quads) + len(interface.triangles)
     surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
-                        description="normal traction at surface nodes, <= 0"),
+                        description="normal traction at surface nodes, <= 0", on="contact_nodes"),
                Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
-                        description="friction heat of the substep at surface nodes")) if n_s else ()
+                        description="friction heat of the substep at surface nodes", on="contact_nodes")) if n_s else ()
     return (
-        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
+        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep", on="nodes"),
         *surface,
-        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
-        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
+        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep", on="cells"),
+        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start",
+                 on="cells"),
         *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in model.load_names),
-        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
+        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep", on="nodes"),
         *(Variable(name, unit="J", description="energy of the substep into the bodies") for name in names_of(model)),
         Variable("iterations", description="linear solves of the substep"),
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
@@ -76,11 +77,14 @@ Floats = NDArray[np.float64]
 def field_variables(scene: ThermalScene) -> tuple[Variable, ...]:
     """List the blocks that field_outputs fills."""
     n_s = len(scene.interface.contact_nodes)
-    melts = (Variable("f_s", (scene.volume.n,), description="solid fraction at the end of the substep"),)
-    surface = (Variable("surface.T", (n_s,), unit="K", description="temperature of surface nodes at the end"),
-               Variable("surface.E", (n_s,), unit="J", description="heat surface nodes gave off in the substep"))
+    melts = (Variable("f_s", (scene.volume.n,), description="solid fraction at the end of the substep", on="nodes"),)
+    surface = (Variable("surface.T", (n_s,), unit="K", description="temperature of surface nodes at the end",
+                        on="contact_nodes"),
+               Variable("surface.E", (n_s,), unit="J", description="heat surface nodes gave off in the substep",
+                        on="contact_nodes"))
     return (*(melts if scene.melting else ()),
-            Variable("q", (scene.volume.n_cells, 2), unit="W/m2", description="heat flux at the end, cell mean"),
+            Variable("q", (scene.volume.n_cells, 2), unit="W/m2", description="heat flux at the end, cell mean",
+                     on="cells"),
             *(surface if n_s else ()))
 
 

@@ -23,7 +23,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from scipy.interpolate import PchipInterpolator
 
-from coupler.control.window_limits import limits
+from coupler.control.auto import chooses
+from coupler.control.window_limits import longest
 from coupler.errors import ResultsError, ScenarioError
 from coupler.experiments.grid import PLAIN, Cell, cell_at, cells_of
 from coupler.experiments.pool import run_here, run_there
@@ -37,6 +38,7 @@ from coupler.scenario.document import Document, did_you_mean, dumped, layout, re
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import checked
 from coupler.scenario.schema import StudyReference, StudySpec
+from coupler.schemes.table import scheme_of
 
 # What errors are measured against: an answer made by another method, with an estimate of its own error.
 
@@ -377,8 +379,6 @@ def _notes(spec: StudySpec) -> list[str]:
 
 # Where on the chart a scheme's longest stable windows lie, as a pilot run predicts them.
 
-# Schemes whose limit is known.
-KNOWN = ("staggered", "extrapolated")
 # A pilot of the scenario says nothing of other physics, or of windows of several substeps.
 SAME_SCENE = {"scheme", PLAIN["scheme"], "windows", "coupling.windows"}
 
@@ -410,8 +410,9 @@ def limits_of(prediction: Prediction, runs: Sequence[Planned], points: Sequence[
         # Long windows are cut off at the ends of their ranges; the shortest tell what factor 1 is.
         shortest = min((run for run, _ in on), key=_size)
         scenario = scenario_of(shortest.job)
-        if (scheme := scenario.coupling.scheme.value) in KNOWN:
-            factor = _size(shortest) * _factor(prediction, scenario, scheme)
+        name = scenario.coupling.scheme
+        if not chooses(name) and (gain := scheme_of(name).alternating_gain) is not None:
+            factor = _size(shortest) * _factor(prediction, scenario, gain)
             # fault: predicted limits at the wrong cost -> cost = math.exp(float(np.mean([math.log(f * c) for f, c in
             #   costs]))) * factor | coupler/test_study_run
             cost = math.exp(float(np.mean([math.log(f * c) for f, c in costs]))) / factor
@@ -423,7 +424,8 @@ def _size(run: Planned) -> float:
     return float(run.cell.at.get("windows", math.nan))
 
 
-def _factor(prediction: Prediction, scenario: Scenario, scheme: str) -> float:
+def _factor(prediction: Prediction, scenario: Scenario, gain: float) -> float:
+    """gain : of what alternates, by the scheme."""
     schedule = plan_of(scenario).schedule
     ends = [schedule.clock.seconds(k) for k in schedule.bounds]
 
@@ -431,7 +433,7 @@ def _factor(prediction: Prediction, scenario: Scenario, scheme: str) -> float:
         k = min(bisect.bisect_right(ends, t * (1 + 1e-9)), len(ends) - 1)
         return ends[k] - ends[k - 1]
 
-    return min((getattr(limits(f, prediction.method), scheme) / size(f.t) for f in prediction.seen), default=math.inf)
+    return min((longest(f, prediction.method, gain) / size(f.t) for f in prediction.seen), default=math.inf)
 
 
 # What a study shows while it runs: runs done and left, and those that failed.

@@ -10,7 +10,7 @@ from coupler.control.plan import Plan
 from coupler.control.state import Committed, ControlState
 from coupler.errors import CouplingError, ScenarioError
 from coupler.fmu.half import Half
-from coupler.record.checkpoint import Told
+from coupler.record.checkpoint import RunRecord
 from coupler.rules.fit import unfit
 from coupler.scenario.options import Iteration, Scheme
 from coupler.scenario.rule_model import Rule
@@ -101,7 +101,7 @@ class Moment:
     """The end of a window.  tokens : of the states of both halves.  plan : its rules may have been changed since."""
 
     committed: Committed
-    told: Told
+    record: RunRecord
     plan: Plan
     tokens: tuple[int, int]
 
@@ -118,14 +118,14 @@ class Moments:
         self._halves: tuple[Half, Half] = (halves.thermal, halves.mechanical)
         self._kept: list[Moment] = []
 
-    def keep(self, committed: Committed, told: Told, plan: Plan) -> Moment:
+    def keep(self, committed: Committed, record: RunRecord, plan: Plan) -> Moment:
         """Both halves stand at the end of the committed window.  Raises CouplingError where one keeps no states."""
         for half in self._halves:
             if not half.can_save:
                 raise CouplingError(f"half {half.name!r} keeps no states, so no window can be gone back to",
                                     t=committed.state.now.t)
         thermal, mechanical = self._halves
-        self._kept.append(Moment(committed, told, plan, (thermal.save(), mechanical.save())))
+        self._kept.append(Moment(committed, record, plan, (thermal.save(), mechanical.save())))
         return self._kept[-1]
 
     def put_back(self, moment: Moment) -> None:

@@ -84,6 +84,6 @@ def progress(tried: Tried, standing: Standing, pace: Pace, notes: tuple[str, ...
     return Progress(
         t, standing.t_end, done, standing.total, solved.verdict.value, solved.message, int(m.get("touching", 0)),
         m.get("max_T", math.nan), m.get("max_p", 0.0), standing.ledger.imbalance, standing.elapsed,
-        pace.left(share, standing.elapsed), notes, len(solved.course.misfits) if solved.course else 0, solved.anyway,
-        tried.H, solved.scheme.value if solved.scheme else "", tried.reason, tried.event,
+        pace.left(share, standing.elapsed), notes, len(solved.history.misfits) if solved.history else 0, solved.anyway,
+        tried.H, solved.scheme.value, tried.reason, tried.event,
         tuple(f"rule {f.rule!r}: {f.text}" for f in tried.fired if not f.driving))

@@ -18,10 +18,10 @@ from coupler.control.state import Committed, first
 from coupler.errors import CouplingError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
-from coupler.record.checkpoint import Checkpoint, Keeper, Told, header_of, put_back
-from coupler.record.observe import Watched, friction, measure, picture_names, pictures
+from coupler.record.checkpoint import Checkpoint, Keeper, RunRecord, header_of, put_back
+from coupler.record.observe import ContactWarnings, ExtraOutputs, ProbeReader, friction
 from coupler.record.paths import check_target
-from coupler.record.recorder import Recorder, Words
+from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
 from coupler.running.interactive import Changes, Moment, Moments, changed
@@ -79,23 +79,27 @@ class Run:
             self.plan, interface = plan_of(self.scenario), self.scenario.interface
             self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
             check_halves(launched.thermal, launched.mechanical, self.scenario)
+            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
+            self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
+            self.plan = replace(self.plan, probed=self._probes.named)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
-            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._moments = Moments(self.halves)
-            self._watched = Watched(interface, self.halves.mechanical_outputs)
+            self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
+            self._outputs = ExtraOutputs(self.halves, interface)
+            self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
             if self._since is not None:
                 self._take_up(self._since, both)
-            header = {**header_of(self.scenario, self.plan, picture_names(self.halves)),
+            header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about),
                       "processes": self.processes, "notes": self.notes}
             self._recorder = Recorder(self.out, header, interface,
-                                      self._since.told.mark if self._since else None)
-            self._recorder.rows = self._since.told.rows if self._since else 0
+                                      self._since.record.mark if self._since else None)
+            self._recorder.rows = self._since.record.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both)
-            self._stands = self._at, self._told()
+            self._stands = self._at, self._run_record()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
@@ -152,14 +156,14 @@ class Run:
             tried = self._tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
             if tried.accepted:
-                notes = (*notes, *self._watched.after(self.state.now, tried.solved.state.now))
+                notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now))
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
             # fault: a checkpoint in the middle of a rejected window keeps the record of the try -> self._record(tried);
-            #   self._stands = self._stands[0], self._told() | coupler/test_resume_in_a_try
+            #   self._stands = self._stands[0], self._run_record() | coupler/test_resume_in_a_try
             self._record(tried)
             if tried.accepted:
                 if self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
@@ -191,11 +195,11 @@ class Run:
         told = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
         self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
                             + "; ".join(x for x in (told, "rules" if "rules" in changes else "") if x))
-        self._stands = self._at, self._told()
+        self._stands = self._at, self._run_record()
 
     def keep(self) -> Moment:
         """This moment, to go back to: both halves and all that is remembered.  Raises CouplingError."""
-        return self._moments.keep(self._at, self._told(), self.plan)
+        return self._moments.keep(self._at, self._run_record(), self.plan)
 
     def rewind(self, moment: Moment) -> None:
         """Back to a moment that was kept: windows after it are taken out of the results, what they cost stays counted.
@@ -203,27 +207,27 @@ class Run:
         May be done again and again.  Raises CouplingError for a moment after one that was gone back to.
         """
         self._moments.put_back(moment)
-        told = moment.told
-        # fault: the ledger is not rewound -> self._at, self.plan, self.ledger, self.noticed = moment.committed,
-        #   moment.plan, self.ledger, list(told.noticed) | coupler/test_interactive
-        self._at, self.plan, self.ledger, self.noticed = moment.committed, moment.plan, told.ledger, list(told.noticed)
+        record = moment.record
+        self._at, self.plan = moment.committed, moment.plan
+        # fault: the ledger is not rewound -> self.noticed = list(record.noticed) | coupler/test_interactive
+        self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
-        self._watched.put_back(told.seen, told.said)
-        self._recorder.rewind(moment.t, told.rows)
-        self._framed, self._tried = min(self._framed, told.framed), None
+        self._warnings.put_back(record.seen, record.said)
+        self._recorder.rewind(moment.t, record.rows)
+        self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
-        self._stands = self._at, self._told()
+        self._stands = self._at, self._run_record()
 
     def _record(self, tried: Tried) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
-        facts["scheme"] = tried.solved.scheme.value if tried.solved.scheme else ""
+        facts["scheme"] = tried.solved.scheme.value
         seen: dict[str, float] = {}
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
             seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        words = Words(tried.reason, tried.event, tried.fired, tried.error, seen,
+        record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, seen,
                       friction(self.halves) if tried.accepted else {})
-        self._recorder.window(tried.solved, facts, self.ledger, self._probed(), words)
+        self._recorder.window(tried.solved, facts, self.ledger, self._probed(), record)
 
     def _frames_from_here(self) -> Frames:
         """Those that were kept up to now are not due again."""
@@ -237,63 +241,63 @@ class Run:
 
     def _stand(self) -> None:
         """The window stands: from here a run can go on.  A checkpoint is written where one is due."""
-        self._stands = self._at, self._told()
+        self._stands = self._at, self._run_record()
         if self._keeper.due:
             self._keeper.keep(*self._stands)
             if self._keeper.trouble and self._keeper.trouble not in self.noticed:
                 self.noticed.append(self._keeper.trouble)
 
-    def _told(self) -> Told:
+    def _run_record(self) -> RunRecord:
         """What was recorded and told up to now."""
-        seen, said = self._watched.memory
-        return Told(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
+        seen, said = self._warnings.memory
+        return RunRecord(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
                     tuple(self.plan.rules))
 
     def _take_up(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Bring everything to where a checkpoint left it."""
         put_back(halves, since, str(self.out))
-        told = since.told
+        record = since.record
         # fault: rules the user changed are forgotten by a resume -> pass |
         #   coupler/test_resume::test_what_a_user_changed_goes_along
-        self.plan = replace(self.plan, rules=told.rules)
+        self.plan = replace(self.plan, rules=record.rules)
         self.halves = halves_of(halves["thermal"], halves["mechanical"], self.plan, self.scenario.interface)
-        # fault: the coupled state is not taken from the checkpoint -> self.ledger, self.noticed = told.ledger,
-        #   list(told.noticed) | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
+        # fault: the coupled state is not taken from the checkpoint -> self.ledger, self.noticed = record.ledger,
+        #   list(record.noticed) | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
         # fault: the ledger begins anew when a run is resumed -> self._at, self.noticed = since.committed,
-        #   list(told.noticed) | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
+        #   list(record.noticed) | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
         # fault: what is left of a window cut in two is not in the checkpoint -> self._at, self.ledger, self.noticed =
-        #   Committed(since.committed.state, replace(since.committed.control, ends=())), told.ledger, list(told.noticed)
-        #   | coupler/test_resume::test_cut_and_iterated_windows_resume_anywhere
-        self._at, self.ledger, self.noticed = since.committed, told.ledger, list(told.noticed)
-        # fault: frames that were kept are kept again after a resume -> self._framed, self._begun = told.framed, False |
-        #   coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
-        self._framed, self._begun = told.framed, True
-        self._watched.put_back(told.seen, told.said)
+        #   Committed(since.committed.state, replace(since.committed.control, ends=())), record.ledger,
+        #   list(record.noticed) | coupler/test_resume::test_cut_and_iterated_windows_resume_anywhere
+        self._at, self.ledger, self.noticed = since.committed, record.ledger, list(record.noticed)
+        # fault: frames that were kept are kept again after a resume -> self._framed, self._begun = record.framed, False
+        #   | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
+        self._framed, self._begun = record.framed, True
+        self._warnings.put_back(record.seen, record.said)
         number = since.committed.control.number
         self._pace = Pace(number / self._total if self._total else self.state.now.t / self.scenario.coupling.end)
-        self._spent, self.setup_seconds = told.seconds, told.setup_seconds
-        self._resumed = (*told.resumed, self.state.now.t)
+        self._spent, self.setup_seconds = record.seconds, record.setup_seconds
+        self._resumed = (*record.resumed, self.state.now.t)
 
     def _seconds(self) -> float:
         """Wall-clock time spent on windows, before this run was resumed too."""
         return self._spent + (time.perf_counter() - self._started)
 
     def _probed(self) -> Array:
-        return measure(self.scenario.probes, self.scenario.interface, self.state.now)
+        return self._probes.values(self.state.now)
 
     def _frame(self) -> None:
         """Record the fields as they are now, once."""
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        self._recorder.frame(self.state.now, pictures(self.halves))
+        self._recorder.frame(self.state.now, self._outputs.read())
 
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
-                "notes": [*self._watched.at_end(self.state.now), *self.noticed],
+                "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}

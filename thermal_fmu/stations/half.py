@@ -151,7 +151,8 @@ class StationHalf:
 
 def _variables(scene: StationScene) -> tuple[Variable, ...]:
     n = len(scene.interface.nodes)
-    melts = (Variable("f_s", (n,), description="solid fraction at the end of the substep"),) if scene.melting else ()
+    f_s = Variable("f_s", (n,), description="solid fraction at the end of the substep", on="nodes")
+    melts = (f_s,) if scene.melting else ()
     return (*face_variables(scene.interface, scene.model), *melts)
 
 
