@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.dynamics import Motion
+from mechanical_fmu.dynamics import BodyMotion
 from mechanical_fmu.loads import edge_shares
 from mechanical_fmu.newton import NoEquilibriumError
-from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.volume import Step
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.volume import PointStep
 
 Floats = NDArray[np.float64]
 
@@ -41,15 +41,15 @@ class Flight:
     last : the step of the points in the last piece.
     """
 
-    motion: Motion
-    balance: Balance
+    motion: BodyMotion
+    balance: ForceBalance
     heat: Floats
     pieces: int
     dt_stable: float
-    last: Step
+    last: PointStep
 
 
-def fly(system: System, start: Motion, history: Floats, dt: float,
+def fly(system: System, start: BodyMotion, history: Floats, dt: float,
         loading_at: Callable[[float, float, Floats], Loading]) -> Flight:
     """The motion dt [s] later.  loading_at : (share of the step, piece [s], history) -> loading.
 
@@ -57,7 +57,7 @@ def fly(system: System, start: Motion, history: Floats, dt: float,
     """
     now, heat, share, pieces = start, np.empty(0), 0.0, 0
     m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
-    limit, balance, drift, largest, last = 0.0, None, 0.0, float(np.finfo(float).tiny), Step()
+    limit, balance, drift, largest, last = 0.0, None, 0.0, float(np.finfo(float).tiny), PointStep()
     while share < 1.0:
         if pieces % RECHECK == 0:
             limit = stable_step(system, now.u, loading_at(share, 0.0, history))
@@ -80,7 +80,7 @@ def fly(system: System, start: Motion, history: Floats, dt: float,
     return Flight(now, balance, heat, pieces, limit, last)
 
 
-def _piece(system: System, now: Motion, loading: Loading, h: float) -> tuple[Motion, Balance]:
+def _piece(system: System, now: BodyMotion, loading: Loading, h: float) -> tuple[BodyMotion, ForceBalance]:
     fixed, free = system.constraints.fixed, system.constraints.free.reshape(-1, 2)
     u = now.u + h * now.v + 0.5 * h * h * now.a
     u.ravel()[fixed] = loading.target
@@ -92,7 +92,7 @@ def _piece(system: System, now: Motion, loading: Loading, h: float) -> tuple[Mot
     #   mechanical_fmu/test_solution_dynamics
     v = now.v + 0.5 * h * (now.a + a)
     v.ravel()[fixed] = (u - now.u).ravel()[fixed] / h
-    return Motion(u, v, a, balance.r), balance
+    return BodyMotion(u, v, a, balance.r), balance
 
 
 def stable_step(system: System, u: Floats, loading: Loading) -> float:

@@ -10,9 +10,18 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
-from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.tangent import Anchor, finish, fresh_direction, held, refuse_loose, right_side, stiffness, symmetric
-from mechanical_fmu.volume import InvertedCellError
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import (
+    StiffnessAnchor,
+    constrained,
+    finish,
+    fresh_direction,
+    refuse_loose,
+    right_side,
+    stiffness,
+    symmetric,
+)
+from mechanical_fmu.volume import CellInversionError
 
 # Where to search next: full and modified Newton, and BFGS, on one tangent or many.
 #
@@ -39,11 +48,11 @@ class Directions(Protocol):
 
     fresh: bool
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         """d : (2 n,) [m] at a balance."""
         ...
 
-    def learn(self, before: Balance, after: Balance, errors: tuple[float, float]) -> None:
+    def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
         """What the last direction led to.  errors : relative residual before and after it."""
         ...
 
@@ -51,17 +60,25 @@ class Directions(Protocol):
 class Newton:
     """A fresh tangent in every iteration, or an anchor's as long as it serves."""
 
-    def __init__(self, system: System, loading: Loading, anchor: Anchor | None) -> None:
+    def __init__(self, system: System, loading: Loading, anchor: StiffnessAnchor | None) -> None:
         self.system, self.loading, self.anchor, self.poor, self.fresh = system, loading, anchor, 0, False
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         if self.anchor is not None and self.poor < MOST_POOR:
             return self.anchor.direction(balance, gap)
         self.fresh = True
         return fresh_direction(self.system, with_tangent(self.system, balance, self.loading), self.loading, gap)
 
-    def learn(self, before: Balance, after: Balance, errors: tuple[float, float]) -> None:
+    def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
         self.poor += errors[1] > POOR * errors[0]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factored tangent, and the balance it was taken at."""
+
+    solve: Solve
+    taken: ForceBalance
 
 
 class Modified:
@@ -69,26 +86,26 @@ class Modified:
 
     def __init__(self, system: System, loading: Loading, pairs: int) -> None:
         self.system, self.loading, self.most, self.fresh = system, loading, pairs, True
-        self.factor: tuple[Solve, Balance] | None = None
+        self.factor: Factor | None = None
         self.pairs: list[tuple[Floats, Floats]] = []
         self.slow = 0
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         if self.factor is None or self.slow >= MOST_SLOW:
             if self.loading.inertia is None:
                 refuse_loose(self.system, balance)
             taken = with_tangent(self.system, balance, self.loading)
             K = stiffness(self.system, taken, self.loading)
-            self.factor, self.pairs, self.slow = (self._factor(K, taken), taken), [], 0
+            self.factor, self.pairs, self.slow = Factor(self._solver(K, taken), taken), [], 0
             if gap.any():
-                return finish(self.system, balance, self.factor[0](right_side(self.system, balance, K, gap)), gap)
-        solve, taken = self.factor
+                return finish(self.system, balance, self.factor.solve(right_side(self.system, balance, K, gap)), gap)
+        solve, taken = self.factor.solve, self.factor.taken
         if gap.any():
             b = right_side(self.system, balance, stiffness(self.system, taken, self.loading), gap)
             return finish(self.system, balance, solve(b), gap)
         return finish(self.system, balance, self._corrected(solve, -balance.r.ravel()), gap)
 
-    def learn(self, before: Balance, after: Balance, errors: tuple[float, float]) -> None:
+    def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
         self.slow = self.slow + 1 if errors[1] > SLOW * errors[0] else 0
         free = self.system.constraints.free
         s = (after.u - before.u).ravel() * free
@@ -98,8 +115,8 @@ class Modified:
             # fault: BFGS that learns nothing -> self.pairs = [] | mechanical_fmu/test_solution_methods
             self.pairs = [*self.pairs, (s, y)][-self.most :]
 
-    def _factor(self, K: csr_matrix, taken: Balance) -> Solve:
-        return factorise(held(self.system, K), symmetric(self.system, taken, self.loading))
+    def _solver(self, K: csr_matrix, taken: ForceBalance) -> Solve:
+        return factorise(constrained(self.system, K), symmetric(self.system, taken, self.loading))
 
     def _corrected(self, solve: Solve, b: Floats) -> Floats:
         free = self.system.constraints.free
@@ -113,14 +130,14 @@ class Modified:
         return d
 
 
-def directions(method: str, system: System, loading: Loading, anchor: Anchor | None) -> Directions:
+def directions(method: str, system: System, loading: Loading, anchor: StiffnessAnchor | None) -> Directions:
     """The search of a step by a method of METHODS."""
     if method == "newton":
         return Newton(system, loading, anchor)
     return Modified(system, loading, MOST_PAIRS if method == "bfgs" else 0)
 
 
-def with_tangent(system: System, balance: Balance, loading: Loading) -> Balance:
+def with_tangent(system: System, balance: ForceBalance, loading: Loading) -> ForceBalance:
     """The balance with the entries of its tangent."""
     return balance if balance.entries is not None else system.balance(balance.u, loading, tangent=True)
 
@@ -137,7 +154,7 @@ class NoEquilibriumError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Settings:
+class SolverSettings:
     """tolerance : of the residual of each body, relative to the forces on it.  max_iterations : of one step.
 
     adopt : drift of the stiffness over a step up to which its factor is kept for the next steps; negative: never.
@@ -163,7 +180,7 @@ class Equilibrium:
     iterations : directions computed.  fresh : whether a tangent had to be taken anew.
     """
 
-    balance: Balance
+    balance: ForceBalance
     residual: float
     history: tuple[float, ...]
     fresh: bool
@@ -173,11 +190,20 @@ class Equilibrium:
         return len(self.history) - 1
 
 
-def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | None, settings: Settings) -> Equilibrium:
-    """The equilibrium nearest to start.
+@dataclass(frozen=True)
+class Iterate:
+    """A trial displacement.  error : (n_bodies,) relative residual of each body there."""
+
+    balance: ForceBalance
+    error: Floats
+
+
+def solve(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
+          settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to start.
 
     anchor : whose factor to use as long as it serves, None for a fresh tangent in every iteration.
-    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
     """
     floor = system.floor(loading, settings.tolerance)
     balance, error = start, system.error(start, floor)
@@ -189,7 +215,8 @@ def solve(system: System, loading: Loading, start: Balance, anchor: Anchor | Non
         if len(history) > settings.most:
             break
         d, before = search.direction(balance, gap), balance
-        balance, error = line_search(system, loading, (balance, error), d, floor, settings.tolerance)
+        found = line_search(system, loading, Iterate(balance, error), d, floor, settings.tolerance)
+        balance, error = found.balance, found.error
         history.append(float(error.max()))
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
@@ -207,13 +234,13 @@ def jumps_text(system: System) -> str:
             "equilibrium may lie between: form: edges has no jump") if pairs else ""
 
 
-def line_search(system: System, loading: Loading, start: tuple[Balance, Floats], d: Floats, floor: Floats,
-            tolerance: float) -> tuple[Balance, Floats]:
-    """Balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
+def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: Floats,
+                tolerance: float) -> Iterate:
+    """Find balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """
-    balance, before = start
+    balance, before = start.balance, start.error
     pull = d * system.constraints.free
     driven = bool(d[system.constraints.fixed].any())
     work = float(np.dot(pull, balance.r.ravel()))
@@ -221,16 +248,16 @@ def line_search(system: System, loading: Loading, start: tuple[Balance, Floats],
     for _ in range(MOST_CUTS):
         try:
             trial = system.balance(_moved(system, loading, balance.u, d, s), loading)
-        except InvertedCellError as exc:
+        except CellInversionError as exc:
             inverted, s = exc, 0.5 * s
             continue
         after = system.error(trial, floor)
         left = float(np.dot(pull, trial.r.ravel()))
         smaller = after.max() <= max(tolerance, 0.5 * before.max())
         if driven or smaller or work >= 0.0 or left <= SLACK * abs(work):
-            return trial, after
-        if best is None or after.max() < best[1].max():
-            best = trial, after
+            return Iterate(trial, after)
+        if best is None or after.max() < best.error.max():
+            best = Iterate(trial, after)
         s *= float(np.clip(work / (work - left), 0.1, 0.5))
     if best is None:
         raise inverted or AssertionError("a search tries at least once")

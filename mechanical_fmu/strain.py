@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import inner
+from mechanical_fmu.laws.law import Points
 from mechanical_fmu.point import update
 
 Floats = NDArray[np.float64]
@@ -181,8 +182,11 @@ LONGEST_THICKNESS = 1.0
 NO_THICKNESS = 100
 
 
-class Law(NamedTuple):
-    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).  p, tables : as points.update asks."""
+class CellMaterials(NamedTuple):
+    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).
+
+    p : (n_e,) records of POINT (laws/catalogue.py).  tables : (n_t,) of hardening curves.
+    """
 
     kind: int
     plane_stress: bool
@@ -190,12 +194,12 @@ class Law(NamedTuple):
     mu: Floats
     kappa: Floats
     e_th: Floats
-    p: Floats
+    p: Points
     tables: Floats
     dt: float
 
 
-class Work(NamedTuple):
+class PointScratch(NamedTuple):
     """Room for one point's logarithmic strain: E, S : (4,), L : (4, 5), D : (4, 4).  tangent : whether A is wanted."""
 
     E: Floats
@@ -255,8 +259,8 @@ def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Flo
 
 
 @inner
-def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
-            work: Work) -> tuple[int, float]:
+def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
+            work: PointScratch) -> tuple[int, float]:
     """Fill P, A and the history of a point of cell e at F; returns (code, heat) of points.update.
 
     In plane stress F33 is found first, from the ln F33 that ends h_n, and ends h and F.
@@ -302,7 +306,7 @@ def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: F
 
 
 @inner
-def hyperelastic(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
+def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
     """`respond` of kind 0; returns the code."""
     kappa = 0.0 if law.mean else law.kappa[e]
     if not law.plane_stress:
@@ -359,8 +363,15 @@ def mode_count(axisymmetric: bool) -> int:
     return 5 if axisymmetric else 4
 
 
-def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
-    """Gradients (n_e, 4, n_m, 2) and hoop parts (n_e, 4, n_m) [1/m] of the modes, as if they were nodes.
+class Modes(NamedTuple):
+    """Modes of enhanced strain, as if they were nodes: gradients (n_e, nq, n_m, 2), hoop (n_e, nq, n_m) [1/m]."""
+
+    gradients: Floats
+    hoop: Floats
+
+
+def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> Modes:
+    """Find the gradients and hoop parts of the modes.
 
     X : (n_e, 4, 2) [m].  N : (4, 4) shape functions at the points.  det : (n_e, 4) Jacobians there, of the unit square.
     n_m is 2, or 3 about an axis; of the third only its first component counts.
@@ -379,7 +390,7 @@ def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tup
     if axisymmetric:
         gradients = np.concatenate([gradients, np.zeros((*det.shape, 1, 2))], axis=2)
         hoop = np.concatenate([hoop, (scale * xi[:, 0] * xi[:, 1] / R_0)[:, :, None]], axis=2)
-    return gradients, hoop
+    return Modes(gradients, hoop)
 
 
 @inner

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from contact.codec import REQUESTS
-from contact.rpc.calls import lines
+from contact.rpc.calls import report_lines
 from contact.rpc.child import become_child, keep_freed_memory
 from contact.rpc.link import Handler
 from contact.rpc.server import Server
@@ -34,7 +34,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
 
     def end() -> None:
         """What is done when the parent is gone, on another thread than the one that may be deep in its work."""
-        log_tally(served)
+        log_call_stats(served)
         close_all_sessions()
 
     if options.child:
@@ -46,7 +46,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
     try:
         _serve(handle, session, options.run, say, stoppable=not options.child, served=served)
     finally:
-        log_tally(served)
+        log_call_stats(served)
         close_session(session)
     if options.child:
         # Nothing is left to do, and an interpreter with native threads does not always end quietly.
@@ -55,10 +55,10 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
     return 0
 
 
-def log_tally(served: list[Server]) -> None:
-    """Say once, in the log, what the server was asked; it is forgotten then."""
+def log_call_stats(served: list[Server]) -> None:
+    """Write the statistics of the server's calls to the log, once."""
     while served:
-        for line in lines(served.pop().tally.told()):
+        for line in report_lines(served.pop().counter.snapshot()):
             print(line, file=sys.stderr, flush=True)
 
 

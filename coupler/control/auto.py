@@ -1,20 +1,21 @@
-"""The scheme `auto`: the cheapest that is safe, window by window, from what iterates already computed tell.
+"""`auto`: the cheapest scheme that is safe, window by window, from what iterates already computed tell.
 
 With rho, what plain iteration multiplies a difference by in one window, and R, what is left of a temperature after
-one window on a geometry held still, a zigzag from window to window is multiplied by R - 2 rho f in windows solved once,
-where f is how often the thermal half sees it (coupler.schemes.schemes).  So it dies where
+one window with the geometry held, an alternation from window to window is multiplied by R - 2 rho f in windows solved
+once, where f is how often the thermal half sees it (coupler.schemes.extrapolation, alternating_gain).  So it dies where
 
-    2 rho f < 1 + R.
+    2 rho f < 1 + R          (docs/theory.md, limits of stability).
 
 rho is measured: by every window that is iterated.  R is not: it is at least 0 for backward Euler, and then rho f < 1/2
-is enough.  The closest drawing of x and t_N that keeps this is taken; where none does, the window is iterated.  In
-windows beyond 1/a R may be below 0 (-.2 with sdirk2, -1 with the midpoint rule): then a zigzag that does not die is
-seen by the misses of the prediction, and windows are iterated from there on.
+is enough.  The most accurate extrapolation of x and t_N that keeps this is taken; where none does, the window is
+iterated.  In windows beyond 1/a R may be below 0 (-0.2 with sdirk2, -1 with the midpoint rule): then an alternation
+that does not die is seen by the misses of the prediction, and windows are iterated from there on.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,20 +23,42 @@ from numpy.typing import NDArray
 
 from coupler.control.error_estimate import front_moves
 from coupler.scenario.options import Iteration, Scheme, Seen, Tolerances
-from coupler.schemes.schemes import STEADIEST, closest, zigzag
-from coupler.schemes.state import CoupledState, Course, Solved, predicted
+from coupler.schemes.extrapolation import DAMPED, alternating_gain, closest
+from coupler.schemes.scheme import CouplingScheme
+from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved, predicted
+from coupler.schemes.table import scheme_of
 
 Array = NDArray[np.float64]
 
-# On the steadiest way rho f is held below this: the 1/2 of R = 0 and a tenth of it, for where the exchange moves much R
-# is well above 0.
-SAFE = 0.55
-# A closer way must leave at most this share of a zigzag in a window, whatever R >= 0 is: 2 rho f < HOLDS.
-HOLDS = 0.8
-# The adiabatic split takes care of what heat of squeezing feeds back, delta/2 at most.  Mechanics go first in it, so a
-# zigzag of what else is fed back is seen once at most: 2 rho < HOLDS.
-# fault: auto freezes entropy only where little is fed back -> SPLITS = 0.25 | stability/test_atlas
-SPLITS = 0.5 * HOLDS
+# The schemes it chooses from.
+CANDIDATES = (Scheme.ITERATED, Scheme.EXTRAPOLATED, Scheme.STAGGERED, Scheme.ADIABATIC)
+
+
+def chooses(name: Scheme) -> bool:
+    """Whether the scheme of each window is chosen."""
+    return name is Scheme.AUTO
+
+
+def schemes_under(name: Scheme) -> tuple[CouplingScheme, ...]:
+    """The schemes by which windows may be solved where the settings name this one: itself, or all that are chosen from.
+    """
+    return tuple(scheme_of(each) for each in (CANDIDATES if chooses(name) else (name,)))
+
+
+# Limits of rho f (docs/theory.md), chosen on the cases of tests/stability and looked at again on others
+# (docs/coupling.md, where `auto` was not tuned; benchmarks/auto_unseen.py).
+#
+# The largest rho f at which a window is solved once at all, by the damped extrapolation: the 1/2 of R = 0 and a tenth
+# of it, for where the exchange moves much R is well above 0.
+MAX_GAIN = 0.55
+# By a more accurate extrapolation an alternation must be damped in every window to this part at most, whatever R >= 0
+# is: 2 rho f < 0.8.
+MAX_GAIN_DAMPED = 0.8
+# Of the adiabatic split rho is at most 0.4: it takes care of what heat of squeezing feeds back, delta/2 at most, and
+# mechanics go first in it, so an alternation of anything else is seen once at most: 2 rho < 0.8.  With 0.25 case E1 at
+# 3 limits was not solved by it and missed its rest by 0.026; with 0.4 by 0.0067.
+# fault: auto freezes entropy only where little is fed back -> MAX_GAIN_SPLIT = 0.25 | stability/test_atlas
+MAX_GAIN_SPLIT = 0.5 * MAX_GAIN_DAMPED
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
 # A ratio below 0 by less than this share of the largest is none that turns round.
@@ -54,22 +77,32 @@ LOWERS = 0.5
 LONGER = 2.0
 # Part of the points that touch may change before rho is measured anew: blocks that slide change a few in every window.
 OTHER_TOUCH = 0.25
-# Misses of the prediction that turn round so many times on end and are at least HOLDS times as long each time, above
-# LEAST_MISS [K], are a zigzag that hardly dies: rho is measured at once.
+# Misses of the prediction that turn round so many times on end and are at least MAX_GAIN_DAMPED times as long each
+# time, above LEAST_MISS [K], are an alternation that hardly dies: rho is measured at once.
 TURNS, OPPOSITE, LEAST_MISS = 3, 0.5, 1e-4
-# Below this share of what a window changes they are not counted: a zigzag of z is missed by 4 z.
-# fault: auto counts misses far smaller than the change -> SHOWS = 0.0 | coupler/test_auto
-SHOWS = 0.5
+# Below this part of what a window changes they are not counted: an alternation of z is missed by 4 z, so what is less
+# than an eighth of the change is left alone.
+# fault: auto counts misses far smaller than the change -> MIN_VISIBLE = 0.0 | coupler/test_auto
+MIN_VISIBLE = 0.5
 # If rho had not been too large, the model does not hold in windows of this size, nor in those longer than this share.
 WARY_FROM = 0.5
-# Where the exchange feeds back less of a zigzag than this, it is the half's own, or a front goes from node to node:
-# iterating would not end it.  Twice as many turns are waited for then, in case rho has drifted.  So much, and no more,
-# may it feed back where windows were found not to follow the model.
-FEEDS = 0.05
+# Where rho f is below this an alternation does not come from the exchange but from one half, or from a front that goes
+# from node to node: iterating would not end it.  Twice as many turns are waited for then, in case rho has drifted.  So
+# much, and no more, may rho f be where windows were found not to follow the model.
+MIN_COUPLING_GAIN = 0.05
 # Iterates of a window that only measures need not agree better than windows solved once do.
 LOOSE = 0.3
 # The first window of a run is as long as those solved once after it, and they miss more than this share of a change.
 BEGINS = 0.01
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How far a window went, at most over all nodes.  T [K], x [m], t_N [Pa]."""
+
+    T: float = 0.0
+    x: float = 0.0
+    t_N: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,9 +112,9 @@ class Memory:
     rho : contraction of plain iteration in windows of H seconds, nan: not known.  driven : what changes drives itself
     on, instead of turning round.  growth : of ln rho, a window.
     rest : windows until it is measured again, `since` of them over, each counted as far as it moved.  longest : steps
-    of T, x and t_N in a window [K, m, Pa].  touching : points that touched when it was measured.
+    in a window.  touching : points that touched when it was measured.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
-    zigzag : how often that window saw one.  wary [s] : windows so long did what rho does not foretell; 0: none did.
+    alternating_gain : f of that window.  wary [s] : windows so long did what rho does not foretell; 0: none did.
     """
 
     rho: float = math.nan
@@ -90,24 +123,24 @@ class Memory:
     growth: float = 0.0
     rest: int = FIRST_REST
     since: float = 0.0
-    longest: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    longest: Steps = Steps()
     touching: float = 0.0
     miss: Array = field(default_factory=lambda: np.zeros(0))
     turns: int = 0
-    zigzag: float = 0.0
+    alternating_gain: float = 0.0
     wary: float = 0.0
 
 
 @dataclass(frozen=True)
 class Choice:
-    """scheme : of the next window.  reason : in words.  curve : how x and t_N are drawn on (coupler.schemes.schemes).
+    """scheme : of the next window.  reason : in words.  extrapolation : of x and t_N (coupler.schemes.extrapolation).
 
     loose : the share of a change in which iterates need only agree; 0: as the user said.
     """
 
     scheme: Scheme
     reason: str
-    curve: float = 0.0
+    extrapolation: float = 0.0
     loose: float = 0.0
 
 
@@ -117,41 +150,42 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False)
         return Choice(Scheme.ITERATED, "the contraction is not known yet", loose=BEGINS)
     rho = rho_at(memory, H)
     wary = 0.0 < WARY_FROM * memory.wary < H
-    if freezes and _makes_heat(state) and rho < SPLITS:
+    if freezes and _makes_heat(state) and rho < MAX_GAIN_SPLIT:
         return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
-    if memory.driven and rho > SAFE and memory.since < memory.rest:
+    if memory.driven and rho > MAX_GAIN and memory.since < memory.rest:
         return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
-    curve = _way_on(memory, _times(state), state.now.t + H, wary)
-    if curve is None and wary:
+    extrapolation = _extrapolation(memory, _times(state), state.now.t + H, wary)
+    if extrapolation is None and wary:
         return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
-    if curve is None and H > LONGER * memory.H:
+    if extrapolation is None and H > LONGER * memory.H:
         return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
-    if curve is None:
+    if extrapolation is None:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
-    if memory.turns >= (TURNS if memory.rho * memory.zigzag > FEEDS else 2 * TURNS):
+    if memory.turns >= (TURNS if memory.rho * memory.alternating_gain > MIN_COUPLING_GAIN else 2 * TURNS):
         return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
         return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=LOOSE)
-    # fault: auto holds a front that has just begun -> if curve < 0.0 and False: | coupler/test_auto
-    if curve < 0.0 and len(state.past) == 1 and front_moves(state):
+    # fault: auto holds a front that has just begun -> if extrapolation < 0.0 and False: | coupler/test_auto
+    if extrapolation < 0.0 and len(state.past) == 1 and front_moves(state):
         # A front is fastest at first, and what is steady enough with one level behind holds where it has gone.
         return Choice(Scheme.ITERATED, f"a front moves, and contraction {rho:.2g} lets x only be held", loose=LOOSE)
-    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s", curve)
+    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s",
+                  extrapolation)
 
 
-def _way_on(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:
-    """How x and t_N are drawn on to `end` [s]; None where no way is steady enough."""
+def _extrapolation(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:
+    """How x and t_N are extrapolated to `end` [s]; None where no way is damped enough."""
     rho = rho_at(memory, end - times[0])
     if rho == 0.0:
         return closest(times, end, math.inf)
     if wary:
-        # fault: a wary auto draws on as closely as ever -> return closest(times, end, 0.5 * HOLDS / rho) |
+        # fault: a wary auto extrapolates as far as ever -> return closest(times, end, 0.5 * MAX_GAIN_DAMPED / rho) |
         #   coupler/test_auto
-        return closest(times, end, FEEDS / rho)
-    curve = closest(times, end, 0.5 * HOLDS / rho)
-    # fault: auto believes twice the contraction -> return STEADIEST if curve is None and zigzag(times, end, STEADIEST)
-    #   * rho <= 2.0 * SAFE else curve | coupler/test_auto
-    return STEADIEST if curve is None and zigzag(times, end, STEADIEST) * rho <= SAFE else curve
+        return closest(times, end, MIN_COUPLING_GAIN / rho)
+    extrapolation = closest(times, end, 0.5 * MAX_GAIN_DAMPED / rho)
+    # fault: auto believes twice the contraction -> return DAMPED if extrapolation is None and alternating_gain(times,
+    #   end, DAMPED) * rho <= 2.0 * MAX_GAIN else extrapolation | coupler/test_auto
+    return DAMPED if extrapolation is None and alternating_gain(times, end, DAMPED) * rho <= MAX_GAIN else extrapolation
 
 
 def _times(state: CoupledState) -> list[float]:
@@ -169,21 +203,37 @@ def rho_at(memory: Memory, H: float) -> float:
 
 def stable_window(memory: Memory) -> float:
     """The largest window [s] that can be solved once, as far as is known; nan: unknown.  rho grows by at most H."""
-    return memory.H * SAFE / memory.rho if memory.rho > 0.0 else math.nan if math.isnan(memory.rho) else math.inf
+    return memory.H * MAX_GAIN / memory.rho if memory.rho > 0.0 else math.nan if math.isnan(memory.rho) else math.inf
 
 
-def runs_away(course: Course | None) -> bool:
+def runs_away(history: IterationHistory | None) -> bool:
     """Whether an iterated window lies past where implicit steps follow what drives itself on."""
-    # fault: auto iterates past the unstable rest -> return course is not None and _drives_on(course) and
-    #   course.contraction > 1e9 | coupler/test_auto
-    return course is not None and _drives_on(course) and course.contraction > DRIVEN
+    # fault: auto iterates past the unstable rest -> return history is not None and _drives_on(history) and
+    #   history.contraction > 1e9 | coupler/test_auto
+    return history is not None and _drives_on(history) and history.contraction > DRIVEN
+
+
+def can_freeze(halves: Halves, substeps: Mapping[str, int]) -> bool:
+    """Whether the halves can be run by the scheme `adiabatic`."""
+    return scheme_of(Scheme.ADIABATIC).lacking(halves.thermal, halves.mechanical, substeps) is None
+
+
+def instead(solved: Solved, freezes: bool, seen: Seen) -> Scheme | None:
+    """The scheme by which an iterated window is to be solved once more; None: it stays.
+
+    Where its iterates show that what changes drives itself on: `staggered`; where they show that heat of squeezing is
+    all that acts back: `adiabatic`.  freezes : the halves can be run by that.  seen : as of `learn`.
+    """
+    if runs_away(solved.history):
+        return Scheme.STAGGERED
+    return Scheme.ADIABATIC if freezes and squeezes(solved, seen) else None
 
 
 def squeezes(solved: Solved, seen: Seen) -> bool:
     """Whether an iterated window says that the adiabatic split does as well.  seen : as of `learn`."""
-    if solved.course is None or not _makes_heat(solved.state):
+    if solved.history is None or not _makes_heat(solved.state):
         return False
-    return Measure.of(solved.course, seen, math.nan).rho < SPLITS
+    return Measure.of(solved.history, seen, math.nan).rho < MAX_GAIN_SPLIT
 
 
 def _makes_heat(state: CoupledState) -> bool:
@@ -192,9 +242,9 @@ def _makes_heat(state: CoupledState) -> bool:
     return any(account.made != 0.0 for account in state.accounts.values())
 
 
-def _drives_on(course: Course) -> bool:
+def _drives_on(history: IterationHistory) -> bool:
     """Whether no iterate turned round.  Where fronts move some do and some do not: nothing is to be learnt there."""
-    return min(course.ratios, default=-1.0) > -ALONG * course.contraction
+    return min(history.ratios, default=-1.0) > -ALONG * history.contraction
 
 
 def loosened(how: Iteration, share: float) -> Iteration:
@@ -205,7 +255,7 @@ def loosened(how: Iteration, share: float) -> Iteration:
 
 
 def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: Seen = Seen.MIDDLE) -> Memory:
-    """The memory after a window was taken.  solved.scheme, solved.course : how it was solved.
+    """The memory after a window was taken.  solved.scheme, solved.history : how it was solved.
 
     seen : of which time iterates gave x to the thermal half.  At the end of the window it feels twice as much of it.
     """
@@ -213,8 +263,8 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
         H *= 0.5  # the window was solved in two, and that answer taken
     touching = solved.monitors.get("touching", 0.0)
     memory, moved = _moved(memory, start, solved)
-    if solved.course is not None:
-        return _measured(memory, Measure.of(solved.course, seen, rho_at(memory, H)), H, (moved, touching))
+    if solved.history is not None:
+        return _measured(memory, Measure.of(solved.history, seen, rho_at(memory, H)), H, Change(moved, touching))
     memory = _watched(memory, start, solved)
     if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
         return replace(memory, rho=math.nan, rest=FIRST_REST)
@@ -225,11 +275,12 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
 
 def _moved(memory: Memory, start: CoupledState, solved: Solved) -> tuple[Memory, float]:
     """What the window moved: the largest share of the longest step, of T, x or t_N."""
-    a, b = start.now, solved.state.now
-    steps = [float(np.abs(new - old).max(initial=0.0)) for new, old in ((b.T, a.T), (b.x, a.x), (b.t_N, a.t_N))]
-    T, x, t_N = (max(step, most) for step, most in zip(steps, memory.longest, strict=True))
-    shares = [step / most for step, most in zip(steps, (T, x, t_N), strict=True) if most > 0.0]
-    return replace(memory, longest=(T, x, t_N)), max(shares, default=0.0)
+    a, b, known = start.now, solved.state.now, memory.longest
+    step = Steps(*(float(np.abs(new - old).max(initial=0.0)) for new, old in ((b.T, a.T), (b.x, a.x), (b.t_N, a.t_N))))
+    longest = Steps(max(step.T, known.T), max(step.x, known.x), max(step.t_N, known.t_N))
+    shares = [one / most for one, most in ((step.T, longest.T), (step.x, longest.x), (step.t_N, longest.t_N))
+              if most > 0.0]
+    return replace(memory, longest=longest), max(shares, default=0.0)
 
 
 def forgotten(memory: Memory) -> Memory:
@@ -252,23 +303,28 @@ class Measure:
     single: bool = False
 
     @staticmethod
-    def of(course: Course, seen: Seen, known: float) -> Measure:
-        """course : of the window.  seen : as of `learn`.  known : rho of windows so long, as far as was known."""
-        if math.isnan(course.contraction):
+    def of(history: IterationHistory, seen: Seen, known: float) -> Measure:
+        """history : of the window.  seen : as of `learn`.  known : rho of windows so long, as far as was known."""
+        if math.isnan(history.contraction):
             return Measure()
         felt = 0.5 if seen is Seen.END else 1.0
-        told = [abs(ratio) for ratio in course.ratios] or [course.contraction]
+        told = [abs(ratio) for ratio in history.ratios] or [history.contraction]
         settled = any(abs(told[-1] - other) <= SETTLED * told[-1] for other in (*told[-2:-1], known / felt))
-        rho = told[-1] if settled else course.contraction
-        return Measure(rho * felt, _drives_on(course), rho > ROUGH * told[-1], len(told) == 1)
+        rho = told[-1] if settled else history.contraction
+        return Measure(rho * felt, _drives_on(history), rho > ROUGH * told[-1], len(told) == 1)
 
 
-def _measured(memory: Memory, measure: Measure, H: float, window: tuple[float, float]) -> Memory:
-    """The memory after a window that was iterated; one whose first iterate agrees measures nothing.
+@dataclass(frozen=True)
+class Change:
+    """What a window did.  moved : share of the longest step.  touching : points that touch at its end."""
 
-    window : what it moved, and how many points touch.
-    """
-    rho, (moved, touching) = measure.rho, window
+    moved: float
+    touching: float
+
+
+def _measured(memory: Memory, measure: Measure, H: float, change: Change) -> Memory:
+    """The memory after a window that was iterated; one whose first iterate agrees measures nothing."""
+    rho, moved, touching = measure.rho, change.moved, change.touching
     if math.isnan(rho):
         return replace(memory, since=0.0, turns=0, miss=np.zeros(0), touching=touching)
     known, apart = memory.rho, memory.since + moved
@@ -277,12 +333,12 @@ def _measured(memory: Memory, measure: Measure, H: float, window: tuple[float, f
     same = apart > 0.0 and math.isclose(H, memory.H)
     growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and same else 0.0
     rest = ROUGH_REST if measure.rough else FIRST_REST if math.isnan(known) else min(2 * memory.rest, LONGEST_REST)
-    if growth > 0.0 and rho < SAFE:
+    if growth > 0.0 and rho < MAX_GAIN:
         # Half of the windows until rho is too large, if it goes on so.
-        rest = max(1, min(rest, int(0.5 * math.log(SAFE / rho) / growth)))
-    # fault: auto wary of what the exchange does not feed -> wary = H if memory.turns >= TURNS and rho * memory.zigzag <
-    #   SAFE else memory.wary | coupler/test_auto
-    wary = H if memory.turns >= TURNS and FEEDS < rho * memory.zigzag < SAFE else memory.wary
+        rest = max(1, min(rest, int(0.5 * math.log(MAX_GAIN / rho) / growth)))
+    # fault: auto wary of what the exchange does not feed -> wary = H if memory.turns >= TURNS and rho *
+    #   memory.alternating_gain < MAX_GAIN else memory.wary | coupler/test_auto
+    wary = H if memory.turns >= TURNS and MIN_COUPLING_GAIN < rho * memory.alternating_gain < MAX_GAIN else memory.wary
     return replace(memory, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, since=0.0, touching=touching,
                    turns=0, miss=np.zeros(0), wary=wary)
 
@@ -292,13 +348,13 @@ def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:
     if start.before is None or solved.scheme is not Scheme.EXTRAPOLATED:
         return memory
     now = solved.state.now
-    memory = replace(memory, zigzag=zigzag(_times(start), now.t, solved.curve))
+    memory = replace(memory, alternating_gain=alternating_gain(_times(start), now.t, solved.extrapolation))
     miss, last = now.T - predicted(start.now, start.before, now.t).T, memory.miss
     if last.size != miss.size:
         return replace(memory, miss=miss)
     a2, b2, along = float(last @ last), float(miss @ miss), float(last @ miss)
-    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
-    least = max(LEAST_MISS, SHOWS * float(np.abs(now.T - start.now.T).max()))
+    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= MAX_GAIN_DAMPED**2 * a2
+    least = max(LEAST_MISS, MIN_VISIBLE * float(np.abs(now.T - start.now.T).max()))
     # fault: auto never sees misses turn round -> turns = 0 if turned and float(np.abs(miss).max()) > least else 0 |
     #   coupler/test_auto
     turns = memory.turns + 1 if turned and float(np.abs(miss).max()) > least else 0

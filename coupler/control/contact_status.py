@@ -1,4 +1,4 @@
-"""What is to be seen of contact at one time: the status of every pair as a whole, and how far it is from changing.
+"""Contact status of each pair (open, closed, stick, slip), and the margins whose zeros change it.
 
 A pair is open while no node of it is under pressure, else closed.  Where there is friction all pairs together stick,
 slip in part, or slip.  Single nodes are not looked at: the edge of a pair that slides changes nodes all the time.
@@ -39,7 +39,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class Place:
+class PairNodes:
     """A pair: nodes : indices s of the surface nodes that tell of it alone.  gap_max [m].
 
     floor [Pa], touch [m] : pressures and gaps up to them are round-off.
@@ -53,20 +53,21 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Sight:
-    """At t [s]: status of every pair, then of friction, and what is left of each until that changes.
+class ContactStatus:
+    """At t [s]: status of every pair, then of friction, and the margins of each until that changes.
 
-    left : for each status several quantities > 0 of any unit, the first of which to reach 0 changes it; empty: unknown.
+    margins : for each status several quantities > 0 of any unit, the first of which to reach 0 changes it; empty:
+    unknown.
     OPEN: least gap [m], 0 where that is round-off.  CLOSED: largest pressure [Pa], share of the surface that faces
     something.  STICKS: 1 - largest |t_T|/(mu p_N).
     """
 
     t: float
     status: tuple[Status, ...]
-    left: tuple[tuple[float, ...], ...]
+    margins: tuple[tuple[float, ...], ...]
 
 
-def places_of(interface: Interface) -> tuple[Place, ...]:
+def pair_nodes_of(interface: Interface) -> tuple[PairNodes, ...]:
     """The pairs of a scene.  A node of several pairs tells of none of them, unless a pair has no other."""
     index = {p.name: _nodes(interface, p) for p in interface.pairs}
     size = float(np.ptp(interface.nodes, axis=0).max())
@@ -74,12 +75,12 @@ def places_of(interface: Interface) -> tuple[Place, ...]:
     for pair in interface.pairs:
         others = [nodes for name, nodes in index.items() if name != pair.name]
         own = np.setdiff1d(index[pair.name], np.concatenate(others)) if others else index[pair.name]
-        found.append(Place(pair.name, own if own.size else index[pair.name], pair.gap_max,
-                           pair.eps_N * ROUND_OFF * size, ROUND_OFF * size))
+        found.append(PairNodes(pair.name, own if own.size else index[pair.name], pair.gap_max,
+                               pair.eps_N * ROUND_OFF * size, ROUND_OFF * size))
     return tuple(found)
 
 
-def looked_at(interface: Interface) -> tuple[str, ...]:
+def status_monitors(interface: Interface) -> tuple[str, ...]:
     """Monitors to ask for besides what is exchanged."""
     return (SLIPPING,) if any(pair.mu > 0.0 for pair in interface.pairs) else ()
 
@@ -89,23 +90,27 @@ def _nodes(interface: Interface, pair: Pair) -> Indices:
     return np.unique(np.searchsorted(interface.contact_nodes, nodes)).astype(np.intp)
 
 
-def seen(places: tuple[Place, ...], level: Level, monitors: Mapping[str, float]) -> Sight:
-    """monitors : touching, mechanical.contact.slipping (points), grip (1 - largest |t_T|/(mu p_N)), where told."""
-    pairs = [_pair(place, level) for place in places]
+def contact_status(nodes: tuple[PairNodes, ...], level: Level, monitors: Mapping[str, float]) -> ContactStatus:
+    """Returns the status of the pairs, then of friction, at a level.
+
+    monitors : touching, mechanical.contact.slipping (points), grip (1 - largest |t_T|/(mu p_N)), where told.
+    """
+    pairs = [_pair(pair, level) for pair in nodes]
     friction = _friction(monitors)
-    return Sight(level.t, (*(s for s, _ in pairs), friction[0]), (*(left for _, left in pairs), friction[1]))
+    return ContactStatus(level.t, (*(s for s, _ in pairs), friction[0]),
+                         (*(margins for _, margins in pairs), friction[1]))
 
 
-def _pair(place: Place, level: Level) -> tuple[Status, tuple[float, ...]]:
-    covered = level.covered[place.nodes]
+def _pair(pair: PairNodes, level: Level) -> tuple[Status, tuple[float, ...]]:
+    covered = level.covered[pair.nodes]
     told = bool(covered.any())  # a half that does not tell gives zeros
-    p = -level.t_N[place.nodes].min(initial=0.0)
-    if p > place.floor:
+    p = -level.t_N[pair.nodes].min(initial=0.0)
+    if p > pair.floor:
         return Status.CLOSED, (float(p), float(covered.sum())) if told else (float(p),)
-    gap = level.gap[place.nodes]
-    facing = gap[np.isfinite(gap) & (gap < place.gap_max) & ((covered > 0.0) | (not told))]
+    gap = level.gap[pair.nodes]
+    facing = gap[np.isfinite(gap) & (gap < pair.gap_max) & ((covered > 0.0) | (not told))]
     least = float(facing.min(initial=np.inf))
-    return Status.OPEN, (least if least > place.touch else 0.0,) if facing.size else ()
+    return Status.OPEN, (least if least > pair.touch else 0.0,) if facing.size else ()
 
 
 def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]:
@@ -120,7 +125,7 @@ def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]
     return Status.STICKS, () if np.isnan(grip) else (float(grip),)
 
 
-def changed(before: Sight, now: Sight) -> list[int]:
+def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
     """Which statuses differ.  Friction that begins or ends with touch is the pair's event, not one of its own."""
     return [i for i, (a, b) in enumerate(zip(before.status, now.status, strict=True))
             if a is not b and Status.APART not in (a, b)]
@@ -141,9 +146,9 @@ GAPS = ("d_cut", "d_full", "d_near", "d_far")
 
 @dataclass(frozen=True)
 class Branch:
-    """place : the pair.  at : where a law bends; a pressure [Pa] where `pressure`, else a gap [m]."""
+    """pair : whose.  at : where a law bends; a pressure [Pa] where `pressure`, else a gap [m]."""
 
-    place: Place
+    pair: PairNodes
     at: float
     pressure: bool = False
 
@@ -151,21 +156,22 @@ class Branch:
     def name(self) -> str:
         """In words."""
         what, unit = ("pressure", "Pa") if self.pressure else ("gap", "m")
-        return f"{what} {self.at:g} {unit} of pair {self.place.name}"
+        return f"{what} {self.at:g} {unit} of pair {self.pair.name}"
 
 
-def branches_of(thermal: Mapping[str, Any], pairs: tuple[Pair, ...], places: tuple[Place, ...]) -> tuple[Branch, ...]:
-    """Those of the model of a thermal half, each once.  places : of the pairs, in their order."""
+def branches_of(thermal: Mapping[str, Any], pairs: tuple[Pair, ...],
+                nodes: tuple[PairNodes, ...]) -> tuple[Branch, ...]:
+    """Those of the model of a thermal half, each once.  nodes : of the pairs, in their order."""
     found: list[Branch] = []
-    for pair, place in zip(pairs, places, strict=True):
+    for pair, own in zip(pairs, nodes, strict=True):
         model = thermal.get("pairs", {}).get(pair.name, {})
         films = [b for b in thermal.get("boundary", ()) if b.get("on") in (pair.slave, pair.master)]
         gaps = {float(law[n]) for law in (*films, model.get("radiation") or {}) for n in GAPS if law.get(n) is not None}
         # A gap of zero is the touch.
         for at in sorted(gaps - {0.0}):
-            found.append(Branch(place, at))
+            found.append(Branch(own, at))
         for at in sorted(set(_pressures(model.get("closed")))):
-            found.append(Branch(place, at, pressure=True))
+            found.append(Branch(own, at, pressure=True))
     return tuple(found)
 
 
@@ -181,12 +187,12 @@ def _pressures(law: Mapping[str, Any] | None) -> Iterator[float]:
 
 def side(branch: Branch, level: Level) -> tuple[Status, tuple[float, ...]]:
     """On which side of a branch its pair is, and how far from it [Pa or m]; APART where a gap faces nothing."""
-    nodes = branch.place.nodes
+    nodes = branch.pair.nodes
     if branch.pressure:
         value = -float(level.t_N[nodes].min(initial=0.0))
     else:
         gap, covered = level.gap[nodes], level.covered[nodes]
-        facing = gap[np.isfinite(gap) & (gap < branch.place.gap_max) & ((covered > 0.0) | (not covered.any()))]
+        facing = gap[np.isfinite(gap) & (gap < branch.pair.gap_max) & ((covered > 0.0) | (not covered.any()))]
         if not facing.size:
             return Status.APART, ()
         value = float(facing.min())

@@ -19,9 +19,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
-from coupler.control.contact_status import Sight, Status, changed
+from coupler.control.auto import schemes_under
+from coupler.control.contact_status import ContactStatus, Status, changed
 from coupler.control.plan import Plan
 from coupler.scenario.options import Scheme
+from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.state import CoupledState, Level, Solved, Span
 
 # Where a quantity that falls towards zero will reach it, from a few of its values, and how sure that is.
@@ -33,14 +35,14 @@ DOUBT = 0.1
 
 
 @dataclass(frozen=True)
-class Crossing:
+class Root:
     """t : where zero is reached.  doubt >= 0 : how far off that may be, in the same unit."""
 
     t: float
     doubt: float
 
 
-def crossing(t: Sequence[float], left: Sequence[float]) -> Crossing | None:
+def root(t: Sequence[float], left: Sequence[float]) -> Root | None:
     """Zero of a quantity by inverse interpolation (Neville's scheme for t as a function of what is left, at 0).
 
     t, left : times ascending and what was left then.  None where it is not falling or not above zero at the last one.
@@ -63,10 +65,10 @@ def crossing(t: Sequence[float], left: Sequence[float]) -> Crossing | None:
         answers.append(column[0])
     last = times[0]
     linear = answers[1]
-    best = Crossing(linear, DOUBT * (linear - last))
+    best = Root(linear, DOUBT * (linear - last))
     for older, newer in pairwise(answers[1:]):
         if abs(newer - older) < best.doubt and newer > last:
-            best = Crossing(newer, abs(newer - older))
+            best = Root(newer, abs(newer - older))
     return best
 
 
@@ -84,7 +86,7 @@ class Reach:
     """Of a window.  must_end : the tick of the next kink.  t0, t1 : its start and its farthest end tried [s].
 
     tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
-    end what is the kink's own.  scheme : by which it is solved; auto: not known yet.
+    end what is the kink's own.  schemes : by which it is solved, or may be.
     """
 
     span: Span
@@ -94,18 +96,18 @@ class Reach:
     tolerance: float
     least: float
     near: float
-    scheme: Scheme | None
+    schemes: tuple[CouplingScheme, ...]
 
     @property
     def behind(self) -> bool:
         """Whether the window is to end just behind its event, or just before."""
         # fault: a window ends before its event whatever the scheme -> return False | coupler/test_events
-        return self.scheme not in (Scheme.ITERATED, Scheme.AUTO)
+        return all(scheme.ends_behind_event for scheme in self.schemes)
 
     @property
     def holds(self) -> bool:
         """Whether mechanics sees the T of the start."""
-        return self.scheme in (Scheme.MECHANICAL_FIRST, Scheme.PARALLEL)
+        return all(scheme.sees_start_T for scheme in self.schemes)
 
     @property
     def end(self) -> float:
@@ -118,17 +120,17 @@ class Search:
     """Of status i.  trail : at the ends of windows, the last at the start of this one.  tried : at ends tried since."""
 
     i: int
-    trail: tuple[Sight, ...]
-    tried: tuple[Sight, ...]
+    trail: tuple[ContactStatus, ...]
+    tried: tuple[ContactStatus, ...]
     reach: Reach
 
     @cached_property
-    def behind(self) -> list[Sight]:
+    def behind(self) -> list[ContactStatus]:
         """Ends tried that lie behind the event, the nearest first."""
         return sorted((s for s in self.tried if s.status[self.i] is not self._status), key=lambda s: s.t)
 
     @cached_property
-    def before(self) -> list[Sight]:
+    def before(self) -> list[ContactStatus]:
         """Ends known before it, in order of time."""
         first = self.behind[0].t if self.behind else float("inf")
         own = [s for s in self.tried if s.status[self.i] is self._status and s.t < first]
@@ -144,7 +146,7 @@ class Search:
             hi = self.behind[0].t
             if r.end == hi and hi - r.t0 <= 1.01 * r.least:
                 return True
-            blind = not any(s.left[self.i] for s in (self.before[-1], self.behind[0]))
+            blind = not any(s.margins[self.i] for s in (self.before[-1], self.behind[0]))
             enough = max(r.tolerance, BLIND * (r.t1 - r.t0)) if blind else r.tolerance
             if r.end == (hi if r.behind else lo) and (hi - lo <= enough or self._neighbours):
                 return True
@@ -163,17 +165,17 @@ class Search:
             return found.doubt <= r.tolerance and found.t - lo <= r.tolerance
         return False
 
-    def ahead(self) -> Crossing | None:
+    def ahead(self) -> Root | None:
         """Where what is left of the status runs out; of several quantities the first.
 
         From all ends known before it, or from those tried in this window alone where that is surer: where a half rings
         from window to window the former lie on no one curve.
         """
         found = []
-        for j in range(min((len(s.left[self.i]) for s in self.before), default=0)):
-            all_ = [(s.t, s.left[self.i][j]) for s in self.before]
+        for j in range(min((len(s.margins[self.i]) for s in self.before), default=0)):
+            all_ = [(s.t, s.margins[self.i][j]) for s in self.before]
             own = [p for p in all_ if p[0] > self.reach.t0]
-            known = [c for c in (_crossing(all_), _crossing(own)) if c is not None]
+            known = [c for c in (_root(all_), _root(own)) if c is not None]
             found += [min(known, key=lambda c: c.doubt)] if known else []
         return min(found, key=lambda c: c.t) if found else None
 
@@ -204,13 +206,13 @@ class Search:
             end = 0.5 * (lo + min(hi, found.t if found.t > lo else hi))
         return max(end, r.t0 + r.least)
 
-    def _back(self) -> Crossing | None:
+    def _back(self) -> Root | None:
         """Where the new status began, from what was left of it at two tries or more."""
         late = self.behind[::-1]
-        if len(late) < 2 or not all(s.left[self.i] for s in late):
+        if len(late) < 2 or not all(s.margins[self.i] for s in late):
             return None
-        c = crossing([-s.t for s in late], [s.left[self.i][0] for s in late])
-        return None if c is None else Crossing(-c.t, c.doubt)
+        c = root([-s.t for s in late], [s.margins[self.i][0] for s in late])
+        return None if c is None else Root(-c.t, c.doubt)
 
     @property
     def _status(self) -> object:
@@ -219,15 +221,15 @@ class Search:
     @property
     def _stands(self) -> bool:
         """Whether the end of the window does not matter, because mechanics sees only the T of its start."""
-        late = [s.left[self.i] for s in self.behind[:2]]
+        late = [s.margins[self.i] for s in self.behind[:2]]
         return self.reach.holds and len(late) == 2 and late[0] == late[1] != ()
 
     @property
     def _at_round_off(self) -> bool:
         """Whether nothing was left at the end of this try, where something was at the start of the window: it is here,
         on either side of the event as far as numbers tell."""
-        return any(v <= 0.0 for v in self.before[-1].left[self.i]) and all(
-            v > 0.0 for v in self.trail[-1].left[self.i])
+        return any(v <= 0.0 for v in self.before[-1].margins[self.i]) and all(
+            v > 0.0 for v in self.trail[-1].margins[self.i])
 
     @property
     def _neighbours(self) -> bool:
@@ -236,8 +238,8 @@ class Search:
         return clock.ticks(self.behind[0].t) - clock.ticks(self.before[-1].t) <= 1
 
 
-def _crossing(points: list[tuple[float, float]]) -> Crossing | None:
-    return crossing([t for t, _ in points], [v for _, v in points]) if len(points) > 1 else None
+def _root(points: list[tuple[float, float]]) -> Root | None:
+    return root([t for t, _ in points], [v for _, v in points]) if len(points) > 1 else None
 
 
 # An event is located to this share of its window where the scenario does not say: of what the most exact scheme leaves
@@ -271,9 +273,9 @@ class Memory:
     flutters : how often each turned back in the window after it turned; stayed : for how many windows it did not turn.
     """
 
-    trail: tuple[Sight, ...] = ()
+    trail: tuple[ContactStatus, ...] = ()
     rates: tuple[tuple[float, ...], ...] = ()
-    tried: tuple[Sight, ...] = ()
+    tried: tuple[ContactStatus, ...] = ()
     turned: tuple[float, ...] = ()
     aim: int = 0
     due: tuple[int, ...] = ()
@@ -304,9 +306,9 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
     are put back and the next try ends at `tick`.  The memory is kept whatever is done with the window.
     """
     before = _at(memory, start, plan)
-    sight = plan.locate.seen(solved.state.now, solved.monitors)
-    memory = replace(before, tried=(*before.tried, sight), aim=0, coming=())
-    flipped = changed(memory.trail[-1], sight)
+    contact = plan.locate.status(solved.state.now, solved.monitors)
+    memory = replace(before, tried=(*before.tried, contact), aim=0, coming=())
+    flipped = changed(memory.trail[-1], contact)
     reach = _reach(before, span, plan, solved.scheme)
     if not flipped:
         return _before(before, memory, reach, plan)
@@ -315,9 +317,9 @@ def met(memory: Memory, start: Level, solved: Solved, span: Span, plan: Plan) ->
     if not fresh:
         back = any(memory.turned[i] == reach.t0 for i in flipped)
         turned = back or any(memory.flutters[i] >= FLUTTERS for i in flipped)
-        text = f"{_told(sight.status, flipped, plan)} again{' within one window' if back else ', and flutters'}"
+        text = f"{_told(contact.status, flipped, plan)} again{' within one window' if back else ', and flutters'}"
         return (Found(span.k1, True, text) if turned else None), memory
-    text = _told(sight.status, fresh, plan)
+    text = _told(contact.status, fresh, plan)
     searches = [s for s in (Search(i, memory.trail, memory.tried, reach) for i in fresh) if not s.done]
     if not searches or len(memory.tried) >= MAX_TRIES:
         return Found(span.k1, True, text), memory
@@ -337,15 +339,15 @@ def expected(memory: Memory, state: CoupledState, span: Span, plan: Plan, scheme
 
 def settled(memory: Memory, start: Level, solved: Solved) -> Memory:
     """The memory after a window was taken."""
-    sight = next((s for s in memory.tried if s.t == solved.state.now.t), None)
-    if sight is None or not memory.trail:
+    contact = next((s for s in memory.tried if s.t == solved.state.now.t), None)
+    if contact is None or not memory.trail:
         return Memory()
-    flipped, n = changed(memory.trail[-1], sight), range(len(memory.turned))
+    flipped, n = changed(memory.trail[-1], contact), range(len(memory.turned))
     back = [i for i in flipped if memory.turned[i] == start.t]
-    turned = tuple(sight.t if i in flipped else memory.turned[i] for i in n)
+    turned = tuple(contact.t if i in flipped else memory.turned[i] for i in n)
     stayed = tuple(0 if i in flipped else memory.stayed[i] + 1 for i in n)
     flutters = tuple(0 if stayed[i] >= STAYS else memory.flutters[i] + (i in back) for i in n)
-    return Memory((*memory.trail, sight)[-MOST:], memory.rates, (), turned, due=memory.coming, flutters=flutters,
+    return Memory((*memory.trail, contact)[-MOST:], memory.rates, (), turned, due=memory.coming, flutters=flutters,
                   stayed=stayed)
 
 
@@ -354,7 +356,7 @@ def forgotten(memory: Memory) -> Memory:
     rates: tuple[tuple[float, ...], ...] = ()
     if len(memory.trail) > 1:
         a, b = memory.trail[-2:]
-        rates = tuple(tuple((u - v) / (b.t - a.t) for u, v in zip(a.left[i], b.left[i], strict=False))
+        rates = tuple(tuple((u - v) / (b.t - a.t) for u, v in zip(a.margins[i], b.margins[i], strict=False))
                       if a.status[i] is b.status[i] else () for i in range(len(b.status)))
     return replace(memory, trail=memory.trail[-1:], rates=rates)
 
@@ -363,17 +365,18 @@ def _at(memory: Memory, start: Level, plan: Plan) -> Memory:
     """The memory with the start of the window at the end of its trail."""
     if memory.trail and memory.trail[-1].t == start.t:
         return memory
-    first = plan.locate.seen(start, {})
+    first = plan.locate.status(start, {})
     n = len(first.status)
     return Memory((first,), turned=(-1.0,) * n, flutters=(0,) * n, stayed=(0,) * n)
 
 
-def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme | None) -> Reach:
+def _reach(memory: Memory, span: Span, plan: Plan, scheme: Scheme) -> Reach:
     t0 = span.clock.seconds(span.k0)
     t1 = max([span.end, *(s.t for s in memory.tried)])
     tolerance = plan.locate.tolerance or TOLERANCE * (t1 - t0)
     near = NEAR * (t1 - t0) if span.k1 in plan.schedule.kinks else 0.0
-    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near, scheme)
+    return Reach(span, plan.must_end(span.k0), t0, t1, tolerance, max(LEAST * (t1 - t0), tolerance), near,
+                 schemes_under(scheme))
 
 
 def _aim(memory: Memory, reach: Reach) -> float | None:
@@ -430,7 +433,7 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
 
     A little later: at a kink, as fast as it went before.  Friction tells nothing; what drives it changes at kinks.
     """
-    left = memory.trail[-1].left[i]
+    left = memory.trail[-1].margins[i]
     if any(v <= 0.0 for v in left):
         return True
     if len(memory.trail) > 1 or not memory.rates:

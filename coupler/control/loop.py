@@ -7,17 +7,17 @@ import time
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 from coupler.control import auto, error_estimate, events
+from coupler.control.accept import Attempt, accept
 from coupler.control.error_estimate import Estimate
-from coupler.control.judge import Facts, judged
 from coupler.control.monitor_values import monitors
 from coupler.control.plan import Plan
-from coupler.control.solve_window import Kept, Way, doubled, solve_once
+from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
 from coupler.control.state import Committed, ControlState, first, opened
 from coupler.rules.engine import Firing
-from coupler.scenario.options import Adaptive, Scheme
-from coupler.schemes.schemes import can_freeze
+from coupler.scenario.options import Adaptive
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
 
 # Where the next window ends, before it has been solved, and why there.
@@ -147,19 +147,19 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     started = time.perf_counter()
     span, reason = _span(at, plan)
     t0 = span.clock.seconds(span.k0)
-    way, why = _way(halves, at, span.end - t0)
+    options, why = _options(halves, at, span.end - t0)
     control = at.control
-    with Kept(halves, t0, control.number + 1) as kept:
-        solved = solve_once(halves, at.state, span, way, kept)
+    with SavedStates(halves, t0, control.number + 1) as saved:
+        solved = solve_once(halves, at.state, span, options, saved)
         if solved.taken and plan.adaptive is not None and error_estimate.wanted(
-                control.estimate, at.state, span, way.scheme, solved.state.now):
-            solved = doubled(halves, at.state, span, way, (kept, solved))
+                control.estimate, at.state, span, options.scheme, solved.state.now):
+            solved = doubled(halves, at.state, span, options, saved, solved)
         if not solved.taken:
-            kept.put_back(solved.message)
-        verdict = judged(Facts(plan, at, span, solved))
+            saved.roll_back(solved.message)
+        verdict = accept(Attempt(plan, at, span, solved))
         # fault: halves not put back where a window is judged not to stand -> if False: | coupler/test_control
         if solved.taken and not verdict.solved.taken:
-            kept.put_back(verdict.solved.message)
+            saved.roll_back(verdict.solved.message)
     state = solved.state if verdict.solved.taken else at.state
     return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
                  Committed(state, verdict.control), control, span, verdict.notes,
@@ -180,14 +180,15 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     return replace(span, k1=tick), "to end where an event is expected"
 
 
-def _way(halves: Halves, at: Committed, H: float) -> tuple[Way, str]:
-    """By which scheme, and why where that was chosen."""
+def _options(halves: Halves, at: Committed, H: float) -> tuple[SolveOptions, str]:
+    """By which scheme and how, and why where that was chosen."""
     settings = at.control.settings
-    if settings.scheme is not Scheme.AUTO:
-        return Way(settings.scheme, settings), ""
-    freezes = can_freeze(halves.thermal, halves.mechanical, settings.substeps)
+    if not auto.chooses(settings.scheme):
+        return SolveOptions(settings.scheme, settings), ""
+    freezes = auto.can_freeze(halves, settings.substeps)
     choice = auto.choose(at.control.choice, at.state, H, freezes)
     if choice.loose:
         settings = replace(settings, iteration=auto.loosened(settings.iteration, choice.loose))
-    way = Way(choice.scheme, settings, choice.curve, may_run_away=True, may_freeze=freezes)
-    return way, f"{choice.scheme.value}: {choice.reason}"
+    instead = partial(auto.instead, freezes=freezes, seen=settings.iteration.level)
+    return (SolveOptions(choice.scheme, settings, choice.extrapolation, instead),
+            f"{choice.scheme.value}: {choice.reason}")

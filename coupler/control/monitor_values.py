@@ -21,15 +21,15 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
     """
     # fault: monitors of a window solved in two halves too are of its second half -> one = solved | coupler/test_rules
     one = solved.whole or solved
-    course, work = one.course, one.work
+    history, work = one.history, one.work
     found = {"t": span.end, "window": span.end - span.clock.seconds(span.k0), "number": float(control.number + 1),
-             "failures": float(control.failures), "iterations": float(len(course.misfits)) if course else 1.0,
+             "failures": float(control.failures), "iterations": float(len(history.misfits)) if history else 1.0,
              **solved.monitors,
              **{n: v for n, v in one.monitors.items() if n.partition(".")[2].startswith(OF_A_SUBSTEP)},
              "thermal.iterations": float(work.thermal_iterations),
              "mechanical.iterations": float(work.mechanical_iterations)}
-    if course is not None and not math.isnan(course.contraction):
-        found["contraction"] = course.contraction
+    if history is not None and not math.isnan(history.contraction):
+        found["contraction"] = history.contraction
     if "mechanical.contact.slipping" in found:
         found["slipping"] = found["mechanical.contact.slipping"]
     if error is not None:
@@ -49,4 +49,4 @@ def failed_monitors(control: ControlState, span: Span, solved: Solved) -> dict[s
     return {"t": t, "window": span.end - t, "number": float(control.number + 1),
             "failures": float(control.failures + 1), "thermal.status": float(gave_up == "thermal"),
             "mechanical.status": float(gave_up == "mechanical"),
-            **({"iterations": float(len(solved.course.misfits))} if solved.course else {})}
+            **({"iterations": float(len(solved.history.misfits))} if solved.history else {})}

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from coupler.control.contact_status import Branch, Place, Sight, seen, side
+from coupler.control.contact_status import Branch, ContactStatus, PairNodes, contact_status, side
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.state import Level, Schedule, Settings
@@ -17,29 +17,29 @@ from coupler.schemes.state import Level, Schedule, Settings
 class Locate:
     """Whether windows are ended where contact opens, closes, sticks or slips.
 
-    tolerance [s]: how nearly; 0: as coupler.control.events says.  places : the pairs that are looked at.
+    tolerance [s]: how nearly; 0: as coupler.control.events says.  pairs : the pairs that are looked at.
     branches : of laws that are looked at too.
     """
 
     on: bool = False
     tolerance: float = 0.0
-    places: tuple[Place, ...] = ()
+    pairs: tuple[PairNodes, ...] = ()
     branches: tuple[Branch, ...] = ()
 
-    def seen(self, level: Level, monitors: Mapping[str, float]) -> Sight:
+    def status(self, level: Level, monitors: Mapping[str, float]) -> ContactStatus:
         """All that is looked at: pairs, branches of laws, friction."""
-        sight = seen(self.places, level, monitors)
+        contact = contact_status(self.pairs, level, monitors)
         # fault: bends are not looked at -> if True: | coupler/test_branches
         if not self.branches:
-            return sight
+            return contact
         sides = [side(branch, level) for branch in self.branches]
-        return Sight(level.t, (*sight.status[:-1], *(s for s, _ in sides), sight.status[-1]),
-                     (*sight.left[:-1], *(left for _, left in sides), sight.left[-1]))
+        return ContactStatus(level.t, (*contact.status[:-1], *(s for s, _ in sides), contact.status[-1]),
+                             (*contact.margins[:-1], *(margins for _, margins in sides), contact.margins[-1]))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of what is seen, in words."""
-        return (*(f"pair {p.name}" for p in self.places), *(b.name for b in self.branches), "contact")
+        """Of each status, in words."""
+        return (*(f"pair {p.name}" for p in self.pairs), *(b.name for b in self.branches), "contact")
 
 
 @dataclass(frozen=True)

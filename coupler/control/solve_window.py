@@ -7,16 +7,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import TracebackType
 
-from coupler.control.auto import runs_away, squeezes
 from coupler.errors import CouplingError
 from coupler.scenario.options import Scheme
-from coupler.schemes.iterate import solve_iterated
-from coupler.schemes.schemes import ONCE, check_adiabatic, extrapolated, solve_along_heat, with_mode
-from coupler.schemes.state import CoupledState, Course, Halves, Settings, Solved, Span
+from coupler.schemes.adiabatic import with_mode
+from coupler.schemes.scheme import WindowTask
+from coupler.schemes.state import CoupledState, Halves, IterationHistory, Settings, Solved, Span
 from coupler.schemes.sweep import DiscardError
+from coupler.schemes.table import scheme_of
 
 
-class Kept:
+class SavedStates:
     """The states of both halves at the start of a window, while the block lasts.
 
     t [s], number (from 1) : of the window, for messages.
@@ -26,11 +26,11 @@ class Kept:
         self._both = (halves.thermal, halves.mechanical)
         self._t, self.number = t, number
 
-    def __enter__(self) -> Kept:
+    def __enter__(self) -> SavedStates:
         self._tokens = [half.save() if half.can_save else None for half in self._both]
         return self
 
-    def put_back(self, why: str) -> None:
+    def roll_back(self, why: str) -> None:
         """Both halves to the start of the window.  Raises CouplingError where one keeps no states."""
         for half, token in zip(self._both, self._tokens, strict=True):
             if token is None:
@@ -47,48 +47,44 @@ class Kept:
                 half.release(token)
 
 
+def keep(solved: Solved) -> Scheme | None:
+    """Returns None: the window stays as it was solved."""
+    return None
+
+
 @dataclass(frozen=True)
-class Way:
+class SolveOptions:
     """How a window is solved.  scheme : never `auto`, which has chosen one.
 
-    curve : how x and t_N are drawn on where the scheme is `extrapolated` (coupler.schemes.schemes).
-    may_run_away : a window whose iterates show that what changes drives itself on is solved by `staggered` instead.
-    may_freeze : one whose iterates show that heat of squeezing is all that acts back, by `adiabatic`.
+    extrapolation : of x and t_N, where the scheme extrapolates them (coupler.schemes.extrapolation).
+    instead : from the window as solved, the scheme by which it is to be solved once more; None: it stays.
     """
 
     scheme: Scheme
     settings: Settings
-    curve: float = 0.0
-    may_run_away: bool = False
-    may_freeze: bool = False
+    extrapolation: float = 0.0
+    instead: Callable[[Solved], Scheme | None] = keep
 
 
-def solve_once(halves: Halves, state: CoupledState, span: Span, way: Way, kept: Kept) -> Solved:
-    """The window by a scheme; after a discard the halves are where the discard left them."""
-    if way.scheme is Scheme.ADIABATIC:
-        check_adiabatic(halves.thermal, halves.mechanical, span.substeps)
-    if inputs := with_mode(way.settings.inputs, halves.mechanical, way.scheme):
-        halves = replace(halves, inputs=inputs)
+def solve_once(halves: Halves, state: CoupledState, span: Span, options: SolveOptions, saved: SavedStates) -> Solved:
+    """The window by a scheme; after a discard the halves are where the discard left them.  Raises HalfError."""
+    scheme = scheme_of(options.scheme)
+    if (lack := scheme.lacking(halves.thermal, halves.mechanical, span.substeps)) is not None:
+        raise lack
+    given = halves
+    if inputs := with_mode(options.settings.inputs, halves.mechanical, scheme.frozen_entropy):
+        given = replace(halves, inputs=inputs)
     try:
-        if way.scheme is Scheme.ITERATED:
-            solved = solve_iterated(halves, state, span, way.settings.iteration,
-                                    lambda: kept.put_back("a window is to be iterated"))
-            if way.may_run_away and runs_away(solved.course):
-                kept.put_back("a window is to be solved once")
-                followed = ONCE[Scheme.STAGGERED](halves, state, span).solved(state, Scheme.STAGGERED, solved.course)
-                return replace(followed, work=solved.work.plus(followed.work))
-            if way.may_freeze and squeezes(solved, way.settings.iteration.level):
-                kept.put_back("a window is to be solved once")
-                split = solve_once(halves, state, span, replace(way, scheme=Scheme.ADIABATIC), kept)
-                return replace(split, work=solved.work.plus(split.work), course=solved.course)
-            return solved
-        if way.scheme is Scheme.ALONG_HEAT:
-            return solve_along_heat(halves, state, span, lambda: kept.put_back("a first window is solved again"))
-        swept = ONCE[way.scheme](halves, state, span) if way.curve == 0.0 else extrapolated(halves, state, span,
-                                                                                            way.curve)
-        return swept.solved(state, way.scheme, curve=way.curve)
+        solved = scheme.solve(WindowTask(given, state, span, options.settings.iteration, saved.roll_back,
+                                         options.extrapolation))
     except DiscardError as discard:
-        return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=way.scheme)
+        return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=options.scheme)
+    other = options.instead(solved)
+    if other is None:
+        return solved
+    saved.roll_back("a window is to be solved once")
+    again = solve_once(halves, state, span, replace(options, scheme=other, instead=keep), saved)
+    return replace(again, work=solved.work.plus(again.work), history=solved.history)
 
 
 # The same window in two halves: what a window's error is, measured where nothing else tells it.
@@ -102,19 +98,19 @@ def solve_once(halves: Halves, state: CoupledState, span: Span, way: Way, kept: 
 Solve = Callable[[CoupledState, Span], Solved]
 
 
-def doubled(halves: Halves, state: CoupledState, span: Span, way: Way, window: tuple[Kept, Solved]) -> Solved:
-    """The answer of a window's two halves, with that of the window itself in `whole`.
+def doubled(halves: Halves, state: CoupledState, span: Span, options: SolveOptions, saved: SavedStates,
+            whole: Solved) -> Solved:
+    """The answer of a window's two halves, with that of the window in one in `whole`; the work is that of all three.
 
-    window : the states of both halves at its start, and its outcome; the work is that of all three.
+    saved : the states of both halves at the start of the window.  whole : its outcome in one.
     """
-    kept, whole = window
-    number = kept.number
+    number = saved.number
 
     def solve(at: CoupledState, piece: Span) -> Solved:
-        with Kept(halves, at.now.t, number) as here:
-            return solve_once(halves, at, piece, way, here)
+        with SavedStates(halves, at.now.t, number) as here:
+            return solve_once(halves, at, piece, options, here)
 
-    kept.put_back("a window is to be solved in two halves too")
+    saved.roll_back("a window is to be solved in two halves too")
     found = in_two(solve, state, span)
     # fault: the work of the window in one is forgotten -> return replace(found, whole=whole, work=found.work) |
     #   coupler/test_estimate
@@ -145,13 +141,13 @@ def in_two(solve: Solve, state: CoupledState, span: Span) -> Solved:
     #   | coupler/test_estimate
     end = replace(second.state, past=(state.now, *state.past)[:3])
     return replace(second, state=end, terms=(*first.terms, *second.terms), work=first.work.plus(second.work),
-                   course=_course(first.course, second.course))
+                   history=_course(first.history, second.history))
 
 
-def _course(first: Course | None, second: Course | None) -> Course | None:
+def _course(first: IterationHistory | None, second: IterationHistory | None) -> IterationHistory | None:
     """Of both: all iterates, the larger contraction."""
     if first is None or second is None:
         return second
     known = [c.contraction for c in (first, second) if not math.isnan(c.contraction)]
     factors = (*first.factors, math.nan, *second.factors)  # no step led from the one to the other
-    return Course((*first.misfits, *second.misfits), factors, max(known, default=math.nan))
+    return IterationHistory((*first.misfits, *second.misfits), factors, max(known, default=math.nan))

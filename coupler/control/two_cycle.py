@@ -14,8 +14,8 @@ from coupler.schemes.state import Level, Settings
 
 Array = NDArray[np.float64]
 
-# A turn: the increment points against the one before (cosine below -OPPOSITE) and is at least HOLDS times as long.
-OPPOSITE, HOLDS = 0.9, 0.8
+# A turn: the increment points against the one before (cosine below -0.9) and is at least 0.8 times as long.
+OPPOSITE, MIN_RATIO = 0.9, 0.8
 # So many turns on end are a cycle if none of them shrinks: two are a transient that overshoots, and a swing of physics
 # in windows of nearly half its period beats.
 # fault: a swing of two turns is a cycle -> GROWING = 1 | coupler/test_cycle_action
@@ -101,7 +101,7 @@ def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
     a2, b2 = float(last.increment @ last.increment), float(increment @ increment)
     # fault: what dies by itself called a cycle -> turned = along < -OPPOSITE * math.sqrt(a2 * b2) |
     #   coupler/test_schemes
-    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= HOLDS**2 * a2
+    turned = along < -OPPOSITE * math.sqrt(a2 * b2) and b2 >= MIN_RATIO**2 * a2
     if not turned or float(np.abs(increment).max()) <= floor:
         return Swing(increment)
     # fault: cycles not noticed -> return Swing(increment, 0, (*last.ratios, math.sqrt(b2 / a2))[-TURNS:]) |
@@ -147,7 +147,7 @@ HALVINGS = 6
 
 
 @dataclass(frozen=True)
-class Shown:
+class WindowSummary:
     """A window that may be taken.  number : from 1.  t [s]: its end.  H [s].  may_cut : whether it may be halved.
 
     contraction : of plain iteration, as measured in it; nan: unknown.
@@ -161,7 +161,7 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Acted:
+class CycleAction:
     """settings : of the next window, or of the next try where the window is put back (`cut`)."""
 
     watch: Watch
@@ -170,32 +170,32 @@ class Acted:
     cut: bool = False
 
 
-def acted(watch: Watch, settings: Settings, on: OnCycle, shown: Shown) -> Acted:
+def act(watch: Watch, settings: Settings, on: OnCycle, window: WindowSummary) -> CycleAction:
     """What is done about what the watch has seen."""
     # At rest nothing tells a contraction (nan), and an iterated window is one iterate.
-    if watch.home and not math.isnan(shown.contraction):
+    if watch.home and not math.isnan(window.contraction):
         # fault: back from iterating at once -> watch = replace(watch, calm= watch.calm + 1) | coupler/test_cycle_action
-        watch = replace(watch, calm=0 if shown.contraction > CALM else watch.calm + 1)
+        watch = replace(watch, calm=0 if window.contraction > CALM else watch.calm + 1)
         if watch.calm >= CALM_WINDOWS:
-            told = (f"window {shown.number} (to t = {shown.t:.6g} s): plain iteration has contracted by {CALM:g} or "
+            told = (f"window {window.number} (to t = {window.t:.6g} s): plain iteration has contracted by {CALM:g} or "
                     f"better for {CALM_WINDOWS} windows; on with scheme {watch.home}")
-            return Acted(Watch(), home(watch, settings), (told,))
+            return CycleAction(Watch(), home(watch, settings), (told,))
     if not watch.cycling:
-        return Acted(watch, settings)
-    text = note(watch, shown.number, shown.t)
-    if on is OnCycle.CUT and shown.may_cut and watch.halved < HALVINGS:
+        return CycleAction(watch, settings)
+    text = note(watch, window.number, window.t)
+    if on is OnCycle.CUT and window.may_cut and watch.halved < HALVINGS:
         cap = watch.cap if watch.halved else settings.window_cap
-        settings = replace(settings, window_cap=min(settings.window_cap, 0.5 * shown.H))
+        settings = replace(settings, window_cap=min(settings.window_cap, 0.5 * window.H))
         text = f"{text}; no window is longer than {settings.window_cap:.3g} s up to the next kink"
-        return Acted(Watch(home=watch.home, cap=cap, halved=watch.halved + 1), settings, (text,), cut=True)
+        return CycleAction(Watch(home=watch.home, cap=cap, halved=watch.halved + 1), settings, (text,), cut=True)
     # What one half does alone is there whatever the other is told.
     if on is OnCycle.ITERATE and len(watch.cycling) > 1 and settings.scheme is not Scheme.ITERATED:
         text = f"{text}; windows are iterated from here on"
         watch = replace(watch.tell(), home=settings.scheme.value, calm=0)
-        # fault: a cycle is told and nothing follows -> return Acted(watch, settings, (text,)) |
+        # fault: a cycle is told and nothing follows -> return CycleAction(watch, settings, (text,)) |
         #   coupler/test_cycle_action
-        return Acted(watch, replace(settings, scheme=Scheme.ITERATED), (text,))
-    return Acted(watch.tell(), settings, (text,))
+        return CycleAction(watch, replace(settings, scheme=Scheme.ITERATED), (text,))
+    return CycleAction(watch.tell(), settings, (text,))
 
 
 def home(watch: Watch, settings: Settings) -> Settings:

@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.control.solve_window import Kept
-from coupler.schemes.schemes import mechanical_first
+from coupler.control.solve_window import SavedStates
+from coupler.scenario.options import Scheme
 from coupler.schemes.state import CoupledState, Halves, Level, Span, exchanged, predicted
+from coupler.schemes.sweep import mechanical_first
+from coupler.schemes.table import scheme_of
 
 Array = NDArray[np.float64]
 
@@ -49,15 +51,27 @@ class Limits:
 
 
 def limits(feedback: Feedback, method: str) -> Limits:
-    """The limits for a method of the thermal half; for others than backward Euler those of the midpoint rule.
+    """Returns the limits for a method of the thermal half."""
+    staggered, extrapolated = (longest(feedback, method, _gain(n)) for n in (Scheme.STAGGERED, Scheme.EXTRAPOLATED))
+    return Limits(staggered, extrapolated, _least(1.0, abs(feedback.b) / 2.0 - max(feedback.damping, 0.0)))
 
-    2 rho f = 1 + R with R = (1 - a H/2)/(1 + a H/2) or 1/(1 + a H), f = 1 (staggered) or 2 (extrapolated).
-    Methods between the two, sdirk2 too, are stable for somewhat longer than the midpoint rule.
+
+def longest(feedback: Feedback, method: str, gain: float) -> float:
+    """Returns the longest stable window [s] of a scheme that solves each half once; inf: any.
+
+    gain : f, how often the thermal half sees what alternates (CouplingScheme.alternating_gain).
+    2 rho f = 1 + R with R = (1 - a H/2)/(1 + a H/2) or, of backward Euler, 1/(1 + a H).  Of any other method that of
+    the midpoint rule: those between the two, sdirk2 too, are stable for somewhat longer.
     """
-    b, d = feedback.b, max(feedback.damping, 0.0)
-    # fault: predicted damping lost -> damped = 0.0 * d if method == "backward_euler" else 0.0 | coupler/test_predict
-    damped = d if method == "backward_euler" else 0.0
-    return Limits(_least(2.0, b - damped), _least(2.0, 2.0 * b - damped), _least(1.0, abs(b) / 2.0 - d))
+    # fault: predicted damping lost -> damped = 0.0 | coupler/test_predict
+    damped = max(feedback.damping, 0.0) if method == "backward_euler" else 0.0
+    return _least(2.0, gain * feedback.b - damped)
+
+
+def _gain(name: Scheme) -> float:
+    gain = scheme_of(name).alternating_gain
+    assert gain is not None, f"{name.value} has a limit in closed form"
+    return gain
 
 
 def _least(over: float, rate: float) -> float:
@@ -99,7 +113,7 @@ def _slope(halves: Halves, state: CoupledState, span: Span) -> float:
 
 def _outcome(halves: Halves, state: CoupledState, span: Span, guess: Level) -> Array:
     """T at the end of a window whose mechanics are given a guess of it."""
-    with Kept(halves, state.now.t, 0) as kept:
+    with SavedStates(halves, state.now.t, 0) as saved:
         T = mechanical_first(halves, state, span, exchanged(guess)).level.T
-        kept.put_back("a window is only looked at")
+        saved.roll_back("a window is only looked at")
     return T

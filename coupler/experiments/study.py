@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from coupler.control.window_limits import limits
+from coupler.control.auto import chooses
+from coupler.control.window_limits import longest
 from coupler.errors import ResultsError, ScenarioError
 from coupler.experiments.grid import PLAIN
 from coupler.experiments.pool import FinishedJob, run_here, run_there
@@ -26,9 +27,8 @@ from coupler.running.pilot import Prediction, is_quick, pilot
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.document import Document, read_document
+from coupler.schemes.table import scheme_of
 
-# Schemes whose limit a pilot run predicts.
-LIMITED = ("staggered", "extrapolated")
 # A pilot of the scenario says nothing of other physics, or of windows of several substeps.
 SAME_SCENE = {"scheme", PLAIN["scheme"], "windows", "coupling.windows"}
 
@@ -62,8 +62,9 @@ def stability_limits(prediction: Prediction, runs: Sequence[PlannedRun],
         # Long windows are cut off at the ends of their ranges; the shortest tell what factor 1 is.
         shortest = min((run for run, _ in on), key=_size)
         scenario = scenario_of(shortest.job)
-        if (scheme := scenario.coupling.scheme.value) in LIMITED:
-            factor = _size(shortest) * _factor(prediction, scenario, scheme)
+        name = scenario.coupling.scheme
+        if not chooses(name) and (gain := scheme_of(name).alternating_gain) is not None:
+            factor = _size(shortest) * _factor(prediction, scenario, gain)
             # fault: predicted limits at the wrong cost -> cost = math.exp(float(np.mean([math.log(f * c) for f, c in
             #   costs]))) * factor | coupler/test_study_run
             cost = math.exp(float(np.mean([math.log(f * c) for f, c in costs]))) / factor
@@ -75,7 +76,8 @@ def _size(run: PlannedRun) -> float:
     return float(run.setting.at.get("windows", math.nan))
 
 
-def _factor(prediction: Prediction, scenario: Scenario, scheme: str) -> float:
+def _factor(prediction: Prediction, scenario: Scenario, gain: float) -> float:
+    """Return the largest stable factor on the windows.  gain : of an alternating error, by the scheme."""
     schedule = plan_of(scenario).schedule
     ends = [schedule.clock.seconds(k) for k in schedule.bounds]
 
@@ -83,8 +85,7 @@ def _factor(prediction: Prediction, scenario: Scenario, scheme: str) -> float:
         k = min(bisect.bisect_right(ends, t * (1 + 1e-9)), len(ends) - 1)
         return ends[k] - ends[k - 1]
 
-    return min((getattr(limits(f, prediction.method), scheme) / size(f.t) for f in prediction.feedbacks),
-               default=math.inf)
+    return min((longest(f, prediction.method, gain) / size(f.t) for f in prediction.feedbacks), default=math.inf)
 
 
 @dataclass(frozen=True)

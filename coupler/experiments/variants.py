@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+from coupler.control.auto import schemes_under
 from coupler.scenario.document import Key
 from coupler.scenario.edits import cells_as, windows_times
+from coupler.scenario.options import Scheme
 
 # Edits of a scenario: values put in and keys taken out, on plain values and on a commented file alike.
 
@@ -190,9 +192,6 @@ def _still(tree: Tree) -> dict[Key, Any]:
     return still if len(still) > 1 else {}
 
 
-# Schemes that solve each half once a window are tried in place of the others.
-ONCE = ("staggered", "extrapolated")
-COSTLY = ("iterated", "auto", "adiabatic")
 LONGER_WINDOWS = (2.0, 4.0)
 HEATS = {"plastic": ("chi", "plastic heat"), "creep": ("heat", "heat of creep"),
          "liquid": ("heat", "viscous heat of the melt")}
@@ -211,11 +210,10 @@ def iterated(tree: Tree) -> Edit:
 
 
 def schemes(tree: Tree) -> Iterator[Simplification]:
-    """Yield schemes that solve each half once a window."""
-    own = at(tree, ("coupling", "scheme")) or "staggered"
-    for scheme in ONCE if own in COSTLY else ONCE[:1]:
-        if scheme != own:
-            yield Simplification(f"scheme {scheme}", Aspect.SCHEME, Edit({("coupling", "scheme"): scheme}))
+    """Yield simpler schemes than the scenario's own."""
+    own = Scheme(at(tree, ("coupling", "scheme")) or "staggered")
+    for name in dict.fromkeys(simpler.value for scheme in schemes_under(own) for simpler in scheme.simpler):
+        yield Simplification(f"scheme {name}", Aspect.SCHEME, Edit({("coupling", "scheme"): name}))
 
 
 def heat(tree: Tree) -> Iterator[Simplification]:

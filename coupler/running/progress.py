@@ -101,6 +101,6 @@ def progress(tried: Tried, status: RunStatus, time_to_go: RemainingTime, notes: 
     return Progress(
         t, status.t_end, done, status.total, solved.verdict.value, solved.message, int(m.get("touching", 0)),
         m.get("max_T", math.nan), m.get("max_p", 0.0), status.ledger.imbalance, status.elapsed,
-        time_to_go.after(fraction, status.elapsed), notes, len(solved.course.misfits) if solved.course else 0,
-        solved.anyway, tried.H, solved.scheme.value if solved.scheme else "", tried.reason, tried.event,
+        time_to_go.after(fraction, status.elapsed), notes, len(solved.history.misfits) if solved.history else 0,
+        solved.anyway, tried.H, solved.scheme.value, tried.reason, tried.event,
         tuple(f"rule {f.rule!r}: {f.text}" for f in tried.fired if not f.driving))

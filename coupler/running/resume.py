@@ -45,7 +45,7 @@ def resumed(out: str | Path, *, processes: bool = False) -> Run:
     path = Path(out)
     journal = _journal(path)
     origin, checkpoint = read_checkpoint(checkpoint_of(path), versions())
-    check_mark(journal, checkpoint.told.mark)
+    check_mark(journal, checkpoint.record.mark)
     return Run(_scenario(journal, origin), path, processes=processes, since=checkpoint)
 
 
@@ -69,7 +69,7 @@ def _scenario(journal: Path, origin: Origin) -> Scenario:
 
     Raises ResultsError if it is another now, ScenarioError if a mesh is missing.
     """
-    text = next(str(meta["scenario"]["text"]) for kind, meta, _ in read_journal(journal) if kind == "run")
+    text = next(str(r.meta["scenario"]["text"]) for r in read_journal(journal) if r.kind == "run")
     scenario = scenario_from(text, Path(origin.file), json.loads(origin.overrides))
     if scenario.hash != origin.scenario:
         raise ResultsError(f"{journal}: belongs to scenario {origin.scenario}, {origin.file} with its meshes is now "

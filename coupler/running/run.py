@@ -19,7 +19,7 @@ from coupler.errors import CouplingError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
 from coupler.record.checkpoint import Checkpoint, Keeper, RunRecord, header_of, put_back
-from coupler.record.observe import Watched, friction, measure, picture_names, pictures
+from coupler.record.observe import ContactWarnings, ExtraOutputs, ProbeReader, friction
 from coupler.record.paths import check_target
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
@@ -79,23 +79,27 @@ class Run:
             self.plan, interface = plan_of(self.scenario), self.scenario.interface
             self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
             check_halves(launched.thermal, launched.mechanical, self.scenario)
+            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
+            self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
+            self.plan = replace(self.plan, probed=self._probes.named)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
-            both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._snapshots = Snapshots(self.halves)
-            self._contact_watch = Watched(interface, self.halves.mechanical_outputs)
+            self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
+            self._outputs = ExtraOutputs(self.halves, interface)
+            self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
             if self._since is not None:
                 self._continue_from(self._since, both)
-            header = {**header_of(self.scenario, self.plan, picture_names(self.halves)),
+            header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about),
                       "processes": self.processes, "notes": self.notes}
             self._recorder = Recorder(self.out, header, interface,
-                                      self._since.told.mark if self._since else None)
-            self._recorder.rows = self._since.told.rows if self._since else 0
+                                      self._since.record.mark if self._since else None)
+            self._recorder.rows = self._since.record.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both)
-            self._committed = self._at, self._record_so_far()
+            self._committed = self._at, self._run_record()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
@@ -152,14 +156,14 @@ class Run:
             tried = self._tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
             if tried.accepted:
-                notes = (*notes, *self._contact_watch.after(self.state.now, tried.solved.state.now))
+                notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now))
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
             # fault: a checkpoint in the middle of a rejected window keeps the record of the try -> self._record(tried);
-            #   self._committed = self._committed[0], self._record_so_far() | coupler/test_resume_in_a_try
+            #   self._committed = self._committed[0], self._run_record() | coupler/test_resume_in_a_try
             self._record(tried)
             if tried.accepted:
                 if self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
@@ -191,14 +195,14 @@ class Run:
         texts = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
         self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
                             + "; ".join(x for x in (texts, "rules" if "rules" in changes else "") if x))
-        self._committed = self._at, self._record_so_far()
+        self._committed = self._at, self._run_record()
 
     def keep(self) -> Snapshot:
         """Take a snapshot to go back to: both halves and the state of the control.
 
         Raises CouplingError where a half cannot save its state.
         """
-        return self._snapshots.take(self._at, self._record_so_far(), self.plan)
+        return self._snapshots.take(self._at, self._run_record(), self.plan)
 
     def rewind(self, to: Snapshot) -> None:
         """Go back to a snapshot: windows after it are taken out of the results, their cost stays counted.
@@ -207,19 +211,19 @@ class Run:
         """
         self._snapshots.restore(to)
         record = to.record
-        # fault: the ledger is not rewound -> self._at, self.plan, self.ledger, self.noticed = to.committed, to.plan,
-        #   self.ledger, list(record.noticed) | coupler/test_interactive
-        self._at, self.plan, self.ledger, self.noticed = to.committed, to.plan, record.ledger, list(record.noticed)
+        self._at, self.plan = to.committed, to.plan
+        # fault: the ledger is not rewound -> self.noticed = list(record.noticed) | coupler/test_interactive
+        self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
-        self._contact_watch.put_back(record.seen, record.said)
+        self._warnings.put_back(record.seen, record.said)
         self._recorder.rewind(to.t, record.rows)
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
-        self._committed = self._at, self._record_so_far()
+        self._committed = self._at, self._run_record()
 
     def _record(self, tried: Tried) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
-        facts["scheme"] = tried.solved.scheme.value if tried.solved.scheme else ""
+        facts["scheme"] = tried.solved.scheme.value
         monitors: dict[str, float] = {}
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
@@ -240,15 +244,15 @@ class Run:
 
     def _commit(self) -> None:
         """Note where the run can be resumed from; write a checkpoint where one is due."""
-        self._committed = self._at, self._record_so_far()
+        self._committed = self._at, self._run_record()
         if self._keeper.due:
             self._keeper.keep(*self._committed)
             if self._keeper.trouble and self._keeper.trouble not in self.noticed:
                 self.noticed.append(self._keeper.trouble)
 
-    def _record_so_far(self) -> RunRecord:
+    def _run_record(self) -> RunRecord:
         """Return what was recorded and reported up to now."""
-        contact, warned = self._contact_watch.memory
+        contact, warned = self._warnings.memory
         return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
                     tuple(self.plan.rules))
@@ -256,7 +260,7 @@ class Run:
     def _continue_from(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Restore everything from a checkpoint."""
         put_back(halves, since, str(self.out))
-        record = since.told
+        record = since.record
         # fault: rules the user changed are forgotten by a resume -> pass |
         #   coupler/test_resume::test_what_a_user_changed_goes_along
         self.plan = replace(self.plan, rules=record.rules)
@@ -272,7 +276,7 @@ class Run:
         # fault: frames that were kept are kept again after a resume -> self._framed, self._begun = record.framed, False
         #   | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
         self._framed, self._begun = record.framed, True
-        self._contact_watch.put_back(record.seen, record.said)
+        self._warnings.put_back(record.seen, record.said)
         number = since.committed.control.number
         t = self.state.now.t
         self._time_to_go = RemainingTime(number / self._total if self._total else t / self.scenario.coupling.end)
@@ -284,20 +288,20 @@ class Run:
         return self._spent + (time.perf_counter() - self._started)
 
     def _probed(self) -> Array:
-        return measure(self.scenario.probes, self.scenario.interface, self.state.now)
+        return self._probes.values(self.state.now)
 
     def _frame(self) -> None:
         """Record the fields as they are now, once."""
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        self._recorder.frame(self.state.now, pictures(self.halves))
+        self._recorder.frame(self.state.now, self._outputs.read())
 
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
-                "notes": [*self._contact_watch.at_end(self.state.now), *self.noticed],
+                "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}

@@ -8,24 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.control.contact_status import branches_of, looked_at, places_of
+from coupler.control.auto import chooses, schemes_under
+from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import Launched
-from coupler.record.observe import measure
 from coupler.rules.engine import wanted
 from coupler.rules.fit import schemes_of, unfit
 from coupler.scenario import Scenario
-from coupler.scenario.options import Scheme
 from coupler.scenario.rule_model import outputs
-from coupler.schemes.schemes import check_adiabatic
 from coupler.schemes.state import HEATS, CoupledState, EnergyAccount, Halves, Level, schedule, wanted_outputs
+from coupler.schemes.table import scheme_of
 
 Array = NDArray[np.float64]
-
-# Schemes that solve a window more than once.
-NEED_STATES = frozenset({Scheme.ITERATED, Scheme.AUTO, Scheme.ALONG_HEAT})
 
 
 def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
@@ -35,9 +31,10 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
     interface = scenario.interface
     expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
                 "geometry": interface.geometry}
-    schemes = {scenario.coupling.scheme, *schemes_of(scenario.rules)}
-    if Scheme.ADIABATIC in schemes:
-        check_adiabatic(thermal, mechanical, scenario.coupling.substeps)
+    named = {scenario.coupling.scheme, *schemes_of(scenario.rules)}
+    for scheme in (scheme_of(name) for name in sorted(named, key=lambda n: n.value) if not chooses(name)):
+        if (lack := scheme.lacking(thermal, mechanical, scenario.coupling.substeps)) is not None:
+            raise lack
     for half in (thermal, mechanical):
         for name, value in expected.items():
             own = half.strings.get(name, value)
@@ -46,7 +43,7 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
                                 half=half.name)
         if half.can_save:
             continue
-        if schemes & NEED_STATES:
+        if any(scheme.needs_states for name in named for scheme in schemes_under(name)):
             raise HalfError("cannot save its state, so its windows cannot be iterated; give another coupling.scheme",
                             half=half.name)
         if scenario.coupling.adaptive is not None or scenario.coupling.locate:
@@ -56,8 +53,8 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
 
 def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface) -> Halves:
     """Join both halves with the outputs to ask for after every substep: exchanged, recorded, of events and rules."""
-    looked = looked_at(interface) if plan.locate.on else ()
-    return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *looked})
+    more = status_monitors(interface) if plan.locate.on else ()
+    return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *more})
 
 
 def first_state(launched: Launched, halves: Halves, interface: Interface, end: float,
@@ -120,14 +117,9 @@ def _made_by(half: Half) -> list[str]:
 def plan_of(scenario: Scenario) -> Plan:
     """Return the plan of a scenario, from its first window to its last."""
     c = scenario.coupling
-    names = tuple(scenario.probes)
-
-    def probed(level: Level) -> dict[str, float]:
-        return dict(zip(names, measure(scenario.probes, scenario.interface, level).tolist(), strict=True))
-
     interface = scenario.interface
-    places = places_of(interface) if c.locate else ()
-    branches = branches_of(scenario.models["thermal"], interface.pairs, places) if c.locate and c.branches else ()
-    locate = Locate(c.locate, c.event_tolerance, places, branches)
+    nodes = pair_nodes_of(interface) if c.locate else ()
+    branches = branches_of(scenario.models["thermal"], interface.pairs, nodes) if c.locate and c.branches else ()
+    locate = Locate(c.locate, c.event_tolerance, nodes, branches)
     return Plan(schedule(c.end, c.windows, c.kinks, c.bends), c.scheme, c.substeps, c.iteration, c.adaptive, locate,
-                c.on_cycle, c.steady, scenario.rules, probed)
+                c.on_cycle, c.steady, scenario.rules)

@@ -10,16 +10,16 @@ from enum import Enum
 
 
 class Scheme(Enum):
-    """How a window is solved: who goes first, and what each half sees of the other (coupler.schemes.schemes)."""
+    """Names of how a window is solved; what each is: coupler.schemes.table."""
 
-    STAGGERED = "staggered"  # the paper's: thermal first, on the geometry of the start; first order
-    MECHANICAL_FIRST = "mechanical_first"  # mechanics first, with the T of the start; first order
-    PARALLEL = "parallel"  # both see the other as it was at the start; first order
-    EXTRAPOLATED = "extrapolated"  # thermal first, on geometry predicted to the middle of the substep; second order
-    ADIABATIC = "adiabatic"  # mechanics at frozen entropy, then thermal from the T that leaves (see adiabatic.py)
-    AUTO = "auto"  # the cheapest that is safe, window by window (coupler.control.auto)
-    ALONG_HEAT = "along_heat"  # thermal first, on geometry drawn on along the heat stored (see along_heat.py)
-    ITERATED = "iterated"  # mechanics, then thermal, again and again until nothing changes; second order
+    STAGGERED = "staggered"
+    MECHANICAL_FIRST = "mechanical_first"
+    PARALLEL = "parallel"
+    EXTRAPOLATED = "extrapolated"
+    ADIABATIC = "adiabatic"
+    AUTO = "auto"  # no scheme: one of them window by window (coupler.control.auto)
+    ALONG_HEAT = "along_heat"
+    ITERATED = "iterated"
 
 
 class Acceleration(Enum):

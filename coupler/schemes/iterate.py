@@ -9,7 +9,7 @@ heat mechanics made is delivered to the joule in the iterate that made it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,20 +17,18 @@ from numpy.typing import NDArray
 
 from coupler.scenario.options import Iteration, OnMax, Scheme, Seen, Tolerance, Tolerances
 from coupler.schemes.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
-from coupler.schemes.schemes import Swept, mechanical_first
+from coupler.schemes.scheme import BOTH_ENDS, CouplingScheme, Exchange, Exchanged, Sees, WindowTask
 from coupler.schemes.state import (
     NO_WORK,
-    CoupledState,
-    Course,
-    Halves,
+    IterationHistory,
     Level,
     Solved,
-    Span,
     Verdict,
     Work,
     exchanged,
     predicted,
 )
+from coupler.schemes.sweep import Swept, mechanical_first
 
 # Whether a window's iterates agree: one number a quantity, at most 1 where it does.
 
@@ -96,8 +94,8 @@ class _Progress:
     work: Work = NO_WORK
 
     @property
-    def course(self) -> Course:
-        return Course(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR),
+    def history(self) -> IterationHistory:
+        return IterationHistory(self.misfits, self.trail.factors, contraction(self.trail, TOO_NEAR),
                       contractions(self.trail, TOO_NEAR))
 
     @property
@@ -112,26 +110,23 @@ class _Progress:
         return float(np.linalg.norm(self.trail.residual())) <= TOO_NEAR
 
 
-def solve_iterated(halves: Halves, state: CoupledState, span: Span, how: Iteration,
-                   rollback: Callable[[], None]) -> Solved:
-    """Solve a window by iteration.
-
-    rollback : puts both halves back to the start of the window.  Raises DiscardError.
-    """
+def solve_iterated(w: WindowTask) -> Solved:
+    """Solve a window by iteration.  Raises DiscardError."""
+    halves, state, span, how = w.halves, w.state, w.span, w.iteration
     first = predicted(state.now, state.before, span.end)
     so_far = _Progress(first, state.now)
     for k in range(1, how.max_iterations + 1):
         if k > 1:
             so_far = _next(so_far, how, state.memory)
             # fault: an iterate begins where the one before ended -> pass | coupler/test_iterated
-            rollback()
+            w.roll_back("a window is to be iterated")
         # fault: iterated windows give x of the middle whatever is asked -> swept = mechanical_first(halves, state,
         #   span, exchanged(so_far.guess), so_far.work, False) | stability/test_rods
         swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
         so_far = _judged(so_far, state.now, swept, how)
         if so_far.converged and (k >= how.least or so_far.tells_no_more):
             break
-    solved = swept.solved(state, Scheme.ITERATED, so_far.course)
+    solved = swept.solved(state, Scheme.ITERATED, so_far.history)
     # fault: nothing learnt from windows past -> solved = replace(solved, state=replace(solved.state, memory=())) |
     #   coupler/test_iterated
     solved = replace(solved, state=replace(solved.state, memory=remembered(state.memory, so_far.trail, how)))
@@ -185,7 +180,15 @@ def _unpacked(vector: Array, like: Level, how: Iteration) -> Level:
 def _why(so_far: _Progress, how: Iteration) -> str:
     """The message of a window that did not converge."""
     last = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in so_far.misfits[-1].items())
-    ratio = so_far.course.contraction
+    ratio = so_far.history.contraction
     told = f"; plain iteration multiplies a difference by {ratio:.3g} here" if ratio == ratio else ""
     return (f"{how.max_iterations} iterations with acceleration {how.acceleration.value} leave differences of "
             f"{last} tolerances{told}")
+
+
+_END = Exchanged(Sees.END, 1)
+ITERATED = CouplingScheme(Scheme.ITERATED, solve_iterated,
+                          {Seen.MIDDLE: Exchange(BOTH_ENDS, BOTH_ENDS, BOTH_ENDS),
+                           Seen.END: Exchange(_END, BOTH_ENDS, BOTH_ENDS)},
+                          needs_states=True, ends_behind_event=False,
+                          simpler=(Scheme.STAGGERED, Scheme.EXTRAPOLATED))

@@ -344,7 +344,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Course:
+class IterationHistory:
     """How an iterated window went.
 
     misfits : for each iterate quantity -> difference in units of its tolerance.  factors : of the steps between
@@ -362,8 +362,8 @@ class Course:
 class Solved:
     """The outcome of a window.  terms : the heat terms of each thermal substep [J] (empty after a discard).
 
-    course : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
-    large, by request.  scheme : by which it was solved.  curve : how that drew x and t_N on.
+    history : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
+    large, by request.  scheme : by which it was solved.  extrapolation : of x and t_N in it.
     whole : where this is the answer of the window's two halves (coupler.control.solve_window), that of the window in
     one.
     """
@@ -374,10 +374,10 @@ class Solved:
     terms: tuple[Mapping[str, float], ...]
     work: Work
     monitors: Mapping[str, float]
-    course: Course | None = None
+    history: IterationHistory | None = None
     anyway: bool = False
-    scheme: Scheme | None = None
-    curve: float = 0.0
+    scheme: Scheme = field(kw_only=True)
+    extrapolation: float = 0.0
     whole: Solved | None = None
 
     @property

@@ -101,7 +101,10 @@ def _kinds(blocks: Mapping[str, Block]) -> Finding:
 def _shapes(blocks: Mapping[str, Block]) -> Finding:
     wrong = [f"{name} has {len(block.shape)} indices, not {face.rank}" for name, block in blocks.items()
              if (face := face_of(name)) is not None and len(block.shape) != face.rank]
-    for group in SAME_LENGTH:
+    # Arrays of the half's own that its description puts on the same places are as many too.
+    own = [[name for name, block in blocks.items() if block.on == on] for on in sorted({b.on for b in blocks.values()})
+           if on not in ("", "none")]
+    for group in (*SAME_LENGTH, *own):
         lengths = {name: blocks[name].shape[0] for name in group if name in blocks and blocks[name].shape}
         if len(set(lengths.values())) > 1:
             wrong.append("of different length: " + ", ".join(f"{name} {n}" for name, n in lengths.items()))

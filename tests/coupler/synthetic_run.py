@@ -10,6 +10,7 @@ import numpy as np
 from contact.half.interface import Interface, Pair
 from coupler.record.recorder import Recorder
 from coupler.record.results import Results
+from coupler.scenario.options import Scheme
 from coupler.schemes.state import CoupledState, EnergyAccount, Ledger, Level, Solved, Verdict, Work
 
 L, GAP, END = 0.0762, 0.0508, 25000.0
@@ -129,7 +130,8 @@ def record(out: Path, case: Case) -> Recorder:
         facts = {"t": float(t), "H": float(H), "scheme": "extrapolated", "seconds": 0.05}
         state = CoupledState(now, (), 0, {"E_M": EnergyAccount(np.zeros(cells))})
         if case.reject and k % case.reject == 1:
-            no = Solved(Verdict.THERMAL_DISCARD, case.message, state, (), Work(thermal_solves=1), {})
+            no = Solved(Verdict.THERMAL_DISCARD, case.message, state, (), Work(thermal_solves=1), {},
+                        scheme=Scheme.EXTRAPOLATED)
             r.window(no, facts | {"H": float(2 * H)}, ledger, probes_at(now, case.n))
         now = level(scene, float(times[k + 1]))
         if case.ledger:
@@ -137,7 +139,7 @@ def record(out: Path, case: Case) -> Recorder:
         work = Work(1, 1, 4, 3, 0.02, 0.01, 0.005, 1000)
         monitors = {"touching": 5.0, "max_T": float(now.T.max()), "max_p": float(-now.t_N.min())}
         state = CoupledState(now, (), 0, state.accounts)
-        yes = Solved(Verdict.ACCEPTED, "", state, (TERMS,), work, monitors)
+        yes = Solved(Verdict.ACCEPTED, "", state, (TERMS,), work, monitors, scheme=Scheme.EXTRAPOLATED)
         r.window(yes, facts, ledger, probes_at(now, case.n)[: len(header(case)["probes"])])
         if k + 1 in at:
             stress = np.full(cells, -float(now.t_N.min())) * (1 + 0.1 * np.arange(cells))

@@ -11,7 +11,7 @@ import pytest
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
 from coupler.scenario.options import Scheme
-from coupler.schemes.schemes import with_mode
+from coupler.schemes.adiabatic import with_mode
 from coupler.schemes.state import CoupledState, EnergyAccount, Level
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -68,10 +68,10 @@ def test_what_the_halves_are_given():
 def test_the_mode_goes_back_with_another_scheme():
     mechanical = moving_bar(np.ones(1), np.zeros(1), np.zeros(1))
     given = {"thermal": {"a": 1.0}, "mechanical": {"control.mode": 1.0, "load.p": 2.0}}
-    assert with_mode({}, mechanical, Scheme.STAGGERED) == {"mechanical": {"control.mode": 0.0}}
-    assert with_mode(given, mechanical, Scheme.STAGGERED) == given
-    assert with_mode({}, mechanical, Scheme.ADIABATIC) == {"mechanical": {"control.mode": 1.0}}
-    assert with_mode(given, shrinking(900.0), Scheme.ADIABATIC) is given
+    assert with_mode({}, mechanical, False) == {"mechanical": {"control.mode": 0.0}}
+    assert with_mode(given, mechanical, False) == given
+    assert with_mode({}, mechanical, True) == {"mechanical": {"control.mode": 1.0}}
+    assert with_mode(given, shrinking(900.0), True) is given
 
 
 def test_halves_that_cannot_are_named():

@@ -13,10 +13,20 @@ import pytest
 
 from contact.codec import decode, encode, kinds_of
 from coupler.control import auto
-from coupler.control.auto import FEEDS, LOOSE, SAFE, Memory, choose, forgotten, learn, runs_away, stable_window
+from coupler.control.auto import (
+    LOOSE,
+    MAX_GAIN,
+    MIN_COUPLING_GAIN,
+    Memory,
+    choose,
+    forgotten,
+    learn,
+    runs_away,
+    stable_window,
+)
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
-from coupler.schemes.schemes import STEADIEST, zigzag
-from coupler.schemes.state import Course, Solved, Verdict, Work
+from coupler.schemes.extrapolation import DAMPED, alternating_gain
+from coupler.schemes.state import IterationHistory, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start
@@ -86,8 +96,8 @@ def test_what_it_measures_is_the_contraction_and_tells_the_stable_window():
     rho = (B_LAG * H / 2) / (1 + A_LAG * H / 2)
     assert memory.rho == pytest.approx(rho, rel=1e-3)
     assert (memory.H, memory.driven) == (pytest.approx(H), False)
-    assert stable_window(memory) == pytest.approx(H * SAFE / rho, rel=1e-3)
-    assert f"contraction {rho:.2g}, stable up to {H * SAFE / rho:.2g} s" in tried[1].reason
+    assert stable_window(memory) == pytest.approx(H * MAX_GAIN / rho, rel=1e-3)
+    assert f"contraction {rho:.2g}, stable up to {H * MAX_GAIN / rho:.2g} s" in tried[1].reason
 
 
 def test_it_measures_anew_after_a_kink_and_less_and_less_often():
@@ -136,16 +146,16 @@ def test_what_drives_itself_on_is_followed_by_windows_solved_once():
     assert float(state.now.T[0]) == pytest.approx(900.0 + 3.0**5)
     assert set(schemes(tried)) == {Scheme.STAGGERED}
     assert tried[0].solved.work.thermal_solves >= 3
-    assert runs_away(Course((), (), 1.5, (1.5, 1.4, -0.1)))
-    assert not runs_away(Course((), (), 1.5, (1.5, -0.4, 1.4)))
-    assert not runs_away(Course((), (), 0.7, (0.7,)))
+    assert runs_away(IterationHistory((), (), 1.5, (1.5, 1.4, -0.1)))
+    assert not runs_away(IterationHistory((), (), 1.5, (1.5, -0.4, 1.4)))
+    assert not runs_away(IterationHistory((), (), 0.7, (0.7,)))
     assert "drives itself on" in tried[1].reason
 
 
-def solved(scheme: Scheme, T: float, course: Course | None = None, touching: float = 0.0) -> Solved:
+def solved(scheme: Scheme, T: float, history: IterationHistory | None = None, touching: float = 0.0) -> Solved:
     """A window of 1 s that ends at T."""
     end = replace(start(T, 0.0).now, t=3.0)
-    return Solved(Verdict.ACCEPTED, "", replace(start(T, 0.0), now=end), (), Work(), {"touching": touching}, course,
+    return Solved(Verdict.ACCEPTED, "", replace(start(T, 0.0), now=end), (), Work(), {"touching": touching}, history,
                   scheme=scheme)
 
 
@@ -161,14 +171,14 @@ def test_misses_that_turn_round_are_measured_and_then_believed_more_than_rho():
         assert choose(memory, state, 1.0).scheme is Scheme.EXTRAPOLATED
         memory = learn(memory, state, solved(Scheme.EXTRAPOLATED, 900.0 + sign), 1.0)
     assert "measured again" in choose(memory, state, 1.0).reason
-    small = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.1, (-0.1,))), 1.0)
+    small = learn(memory, state, solved(Scheme.ITERATED, 900.0, IterationHistory((), (), 0.1, (-0.1,))), 1.0)
     assert (small.wary, choose(small, state, 1.0).scheme) == (1.0, Scheme.ITERATED)
     assert choose(small, state, 0.4).scheme is Scheme.EXTRAPOLATED
     # What the exchange can hardly feed back is solved once, on the steadiest way that is left.
     tiny = choose(replace(small, rho=0.04), state, 1.0)
     assert tiny.scheme is Scheme.EXTRAPOLATED
-    assert 0.04 * zigzag([2.0, 1.0, 0.0], 3.0, tiny.curve) <= FEEDS * (1.0 + 1e-12)
-    large = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.4, (-0.4,))), 1.0)
+    assert 0.04 * alternating_gain([2.0, 1.0, 0.0], 3.0, tiny.extrapolation) <= MIN_COUPLING_GAIN * (1.0 + 1e-12)
+    large = learn(memory, state, solved(Scheme.ITERATED, 900.0, IterationHistory((), (), 0.4, (-0.4,))), 1.0)
     assert (large.wary, choose(large, state, 1.0).scheme) == (0.0, Scheme.EXTRAPOLATED)
     rising = replace(state, past=tuple(replace(level, T=level.T - 10.0 * i) for i, level in enumerate(state.past, 1)))
     beside = Memory(rho=0.1, H=1.0, rest=64)
@@ -189,7 +199,7 @@ def test_what_turns_round_without_the_exchange_does_not_make_auto_wary():
     for sign in (1.0, -1.0, 1.0):
         memory = learn(memory, state, solved(Scheme.EXTRAPOLATED, 900.0 + sign), 1.0)
     assert "measured again" in choose(memory, state, 1.0).reason
-    memory = learn(memory, state, solved(Scheme.ITERATED, 900.0, Course((), (), 0.004, (-0.004,))), 1.0)
+    memory = learn(memory, state, solved(Scheme.ITERATED, 900.0, IterationHistory((), (), 0.004, (-0.004,))), 1.0)
     assert (memory.wary, choose(memory, state, 1.0).scheme) == (0.0, Scheme.EXTRAPOLATED)
 
 
@@ -203,7 +213,7 @@ def test_rho_is_asked_for_where_it_is_not_known():
     assert choose(known, replace(state, past=()), 1.0).scheme is Scheme.ITERATED
     assert choose(forgotten(known), state, 1.0).scheme is Scheme.ITERATED
     assert choose(replace(known, rho=0.6), state, 1.0).scheme is Scheme.ITERATED
-    assert choose(replace(known, rho=0.5), state, 1.0).curve == STEADIEST
+    assert choose(replace(known, rho=0.5), state, 1.0).extrapolation == DAMPED
     touched = learn(known, state, solved(Scheme.EXTRAPOLATED, 900.0, touching=1.0), 1.0)
     assert math.isnan(touched.rho)
     slid = learn(replace(known, touching=20.0), state, solved(Scheme.EXTRAPOLATED, 900.0, touching=19.0), 1.0)
@@ -218,22 +228,22 @@ def test_a_front_that_has_just_begun_is_not_held_where_it_is():
     assert choose(memory, replace(two, now=now, past=(before, two.past[1])), 1.0).scheme is Scheme.EXTRAPOLATED
     assert choose(memory, replace(two, now=now, past=(replace(now, t=1.0),)), 1.0).scheme is Scheme.EXTRAPOLATED
     line = choose(replace(memory, rho=0.1), replace(two, now=now, past=(before,)), 1.0)
-    assert (line.scheme, line.curve) == (Scheme.EXTRAPOLATED, 0.0)
+    assert (line.scheme, line.extrapolation) == (Scheme.EXTRAPOLATED, 0.0)
 
 
 def test_where_rho_grows_it_is_measured_before_it_is_too_large():
-    course = Course((), (), 0.2, (-0.2,))
-    memory = learn(Memory(rho=0.1, H=1.0, since=4.0, rest=32), at_two(), solved(Scheme.ITERATED, 901.0, course), 1.0)
+    history = IterationHistory((), (), 0.2, (-0.2,))
+    memory = learn(Memory(rho=0.1, H=1.0, since=4.0, rest=32), at_two(), solved(Scheme.ITERATED, 901.0, history), 1.0)
     assert memory.growth == pytest.approx(math.log(2.0) / 5)
-    assert memory.rest == int(0.5 * math.log(SAFE / 0.2) / memory.growth)
-    seen_at_end = learn(Memory(), at_two(), solved(Scheme.ITERATED, 900.0, course), 1.0, Seen.END)
+    assert memory.rest == int(0.5 * math.log(MAX_GAIN / 0.2) / memory.growth)
+    seen_at_end = learn(Memory(), at_two(), solved(Scheme.ITERATED, 900.0, history), 1.0, Seen.END)
     assert seen_at_end.rho == 0.1
 
 
 def test_ratios_that_agree_are_believed_and_a_single_one_only_half():
     def told(*ratios: float) -> float:
-        course = Course((), (), max(abs(r) for r in ratios), ratios)
-        return learn(Memory(rho=0.3, H=1.0), at_two(), solved(Scheme.ITERATED, 900.0, course), 1.0).rho
+        history = IterationHistory((), (), max(abs(r) for r in ratios), ratios)
+        return learn(Memory(rho=0.3, H=1.0), at_two(), solved(Scheme.ITERATED, 900.0, history), 1.0).rho
 
     assert told(-0.9, -0.645, -0.644) == 0.644
     assert told(-0.9, -0.5, -0.4) == 0.9

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.contact_status import Branch, Place, Status, branches_of, places_of, side
+from coupler.control.contact_status import Branch, PairNodes, Status, branches_of, pair_nodes_of, side
 from coupler.errors import ScenarioError
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
@@ -59,7 +59,7 @@ def test_what_is_not_asked_for_is_not_cut() -> None:
 
 
 def test_on_which_side_a_pair_is() -> None:
-    place = Place("a", np.array([0, 1, 2]), 0.1)
+    place = PairNodes("a", np.array([0, 1, 2]), 0.1)
 
     def at(gap: list[float], t_N: list[float], covered: list[float]) -> Level:
         return Level(1.0, np.zeros(1), np.zeros((3, 2)), np.array(t_N), np.array(gap), np.array(covered))
@@ -88,5 +88,5 @@ def test_bends_of_radiation_and_of_sums() -> None:
     thermal = {"pairs": {"interface": {"radiation": {"d_near": 0.0, "d_far": 2e-3},
                                        "closed": {"law": "sum", "of": [power, {"law": "constant", "h": 1.0}]}}}}
     pairs = scenario.interface.pairs
-    found = branches_of(thermal, pairs, places_of(scenario.interface))
+    found = branches_of(thermal, pairs, pair_nodes_of(scenario.interface))
     assert [(b.at, b.pressure) for b in found] == [(2e-3, False), (3e6, True)]

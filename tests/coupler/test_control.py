@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.judge import MAX_TRIES
+from coupler.control.accept import MAX_TRIES
 from coupler.control.loop import propose, windows
 from coupler.control.state import ControlState, first
 from coupler.errors import CouplingError
 from coupler.scenario.options import Adaptive, ErrorTolerances, OnCycle, Scheme, Tolerance
 from coupler.scenario.rule_model import Retry, Rule, Stop, Test, When
-from coupler.schemes.schemes import thermal_first
 from coupler.schemes.state import Schedule, Settings, Span, Verdict, wanted_outputs
+from coupler.schemes.sweep import thermal_first
 
 sys.path.insert(0, str(Path(__file__).parent))
 from adaptive_run import END, EXACT_E8, SIZES, ledger_of, plan_to, tries

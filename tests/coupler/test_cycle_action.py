@@ -1,4 +1,4 @@
-"""The two-cycle, acted upon: E4 beyond its limit, iterated or halved when that shows, and back; E6 is left alone."""
+"""The two-cycle, act upon: E4 beyond its limit, iterated or halved when that shows, and back; E6 is left alone."""
 
 from __future__ import annotations
 

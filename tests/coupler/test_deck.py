@@ -179,8 +179,8 @@ def test_a_ramp_that_ends_where_the_next_step_jumps():
     first, second = (DeckStep("STATIC", t, t + 2.0, 1.0, 1.0, True, False, False, row, ()) for t in (0.0, 2.0))
     up = Amplitude(((0.0, 0.0), (2.0, 1.0)), total=True, absolute=False)
     other = Amplitude(((0.0, 0.0), (2.0, 0.5), (4.0, 1.0)), total=True, absolute=False)
-    course = after(after(None, first, 3.0, up, 0.0), second, 8.0, other, 0.0)
-    assert course.signal == {"t": [0.0, 2.0, 2.0, 4.0], "value": [0.0, 3.0, 4.0, 8.0]}
+    history = after(after(None, first, 3.0, up, 0.0), second, 8.0, other, 0.0)
+    assert history.signal == {"t": [0.0, 2.0, 2.0, 4.0], "value": [0.0, 3.0, 4.0, 8.0]}
 
 
 def test_parts_with_one_instance_each(tmp_path):

@@ -19,7 +19,7 @@ from coupler.control import error_estimate
 from coupler.control.error_estimate import Memory
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Plan
-from coupler.control.solve_window import Kept, Way, doubled, halved, solve_once
+from coupler.control.solve_window import SavedStates, SolveOptions, doubled, halved, solve_once
 from coupler.fmu.half import Block
 from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, Scheme, Tolerance, WindowRange
 from coupler.schemes.state import (
@@ -65,15 +65,15 @@ def test_it_is_within_a_factor_of_three(scheme: Scheme, H: float, n: int, method
 def window(scheme: Scheme = Scheme.EXTRAPOLATED, H: float = 1.0) -> tuple[CoupledState, Solved, Work]:
     """E4's first window from 840 K in two halves: its start, its outcome, the work of two windows of half the size."""
     halves = wanted_outputs(lumped(840.0), shrinking(840.0))
-    state, clock, way = start(840.0, gap_of(840.0)), Clock(H), Way(scheme, Settings(scheme, ONE))
+    state, clock, way = start(840.0, gap_of(840.0)), Clock(H), SolveOptions(scheme, Settings(scheme, ONE))
     span = Span(clock, 0, 2**40, ONE)
-    with Kept(halves, 0.0, 1) as kept:
-        whole = solve_once(halves, state, span, way, kept)
-        both = doubled(halves, state, span, way, (kept, whole))
-        kept.put_back("")
+    with SavedStates(halves, 0.0, 1) as saved:
+        whole = solve_once(halves, state, span, way, saved)
+        both = doubled(halves, state, span, way, saved, whole)
+        saved.roll_back("")
         work, at = Work(), state
         for piece in halved(span):
-            part = solve_once(halves, at, piece, way, kept)
+            part = solve_once(halves, at, piece, way, saved)
             work, at = work.plus(part.work), part.state
     assert both.state.now.T.tobytes() == at.now.T.tobytes()
     assert both.whole is not None
@@ -131,14 +131,15 @@ def test_in_a_window_in_which_a_gap_closes_its_halves_are_taken_to_be_no_better(
     """Its width at the start in layers of gas: heat goes with log(layers), of which few windows see anything."""
     H = 1.0
     half, state, exact = closing(layers * G_M / H, H)
-    halves, way = wanted_outputs(lumped(840.0), half), Way(Scheme.EXTRAPOLATED, Settings(Scheme.EXTRAPOLATED, ONE))
+    halves = wanted_outputs(lumped(840.0), half)
+    way = SolveOptions(Scheme.EXTRAPOLATED, Settings(Scheme.EXTRAPOLATED, ONE))
     span = Span(Clock(H), 0, 2**40, ONE)
-    with Kept(halves, 0.0, 1) as kept:
-        whole = solve_once(halves, state, span, way, kept)
+    with SavedStates(halves, 0.0, 1) as saved:
+        whole = solve_once(halves, state, span, way, saved)
         known = Memory(RATIOS, H, 16, 16, Scheme.EXTRAPOLATED.value)
         assert error_estimate.wanted(known, state, span, Scheme.EXTRAPOLATED, whole.state.now)
-        both = doubled(halves, state, span, way, (kept, whole))
-        kept.put_back("")
+        both = doubled(halves, state, span, way, saved, whole)
+        saved.roll_back("")
     found = error_estimate.estimate(known, state, both, ErrorTolerances(), Iteration())
     assert found is not None
     true = abs(float(both.state.now.T[0]) - exact)

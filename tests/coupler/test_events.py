@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
-from coupler.control.contact_status import SLIPPING, Place, Status, changed, places_of, seen
-from coupler.control.events import crossing
+from coupler.control.contact_status import SLIPPING, PairNodes, Status, changed, contact_status, pair_nodes_of
+from coupler.control.events import root
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
 from coupler.fmu.half import Block
@@ -25,7 +25,7 @@ from coupled_run import start
 from fake_halves import T_IN, T_OUT, X_IN, X_OUT, FakeHalf, blocks_of
 
 D13 = tomllib.loads((Path(__file__).resolve().parents[1] / "expected.toml").read_text(encoding="utf-8"))["D13"]
-TIP = Place("tip", np.array([0]), np.inf)
+TIP = PairNodes("tip", np.array([0]), np.inf)
 OUTPUTS = blocks_of(T_IN, X_OUT, *(Block(f"contact.{n}", (1,), u, "output", "Real") for n, u in (
     ("t_N", "Pa"), ("gap", "m"))))
 
@@ -192,16 +192,18 @@ def level(t_N: list[float], gap: list[float], covered: list[float]) -> Level:
 
 
 def test_what_is_seen_of_pairs():
-    places = (Place("a", np.array([0, 1]), 0.1), Place("b", np.array([2, 3]), 0.1, floor=5.0))
-    now = seen(places, level([0.0, -3.0, -4.0, 0.0], [0.0, 0.0, 0.02, 0.1], [1.0, 0.5, 1.0, 0.0]), {})
+    nodes = (PairNodes("a", np.array([0, 1]), 0.1), PairNodes("b", np.array([2, 3]), 0.1, floor=5.0))
+    now = contact_status(nodes, level([0.0, -3.0, -4.0, 0.0], [0.0, 0.0, 0.02, 0.1], [1.0, 0.5, 1.0, 0.0]), {})
     assert now.status == (Status.CLOSED, Status.OPEN, Status.APART)
     # A pressure at the floor is none, a node that faces nothing has no gap.
-    assert now.left == ((3.0, 1.5), (0.02,), ())
-    slips = seen(places, level([0.0] * 4, [0.1] * 4, [0.0] * 4), {"touching": 4.0, "mechanical.contact.slipping": 4.0})
+    assert now.margins == ((3.0, 1.5), (0.02,), ())
+    slips = contact_status(nodes, level([0.0] * 4, [0.1] * 4, [0.0] * 4),
+                           {"touching": 4.0, "mechanical.contact.slipping": 4.0})
     assert slips.status == (Status.OPEN, Status.OPEN, Status.SLIPS)
-    assert slips.left[:2] == ((), ())
+    assert slips.margins[:2] == ((), ())
     assert changed(now, slips) == [0], "friction that begins with touch is no event of its own"
-    part = seen(places, level([0.0] * 4, [0.1] * 4, [0.0] * 4), {"touching": 4.0, "mechanical.contact.slipping": 1.0})
+    part = contact_status(nodes, level([0.0] * 4, [0.1] * 4, [0.0] * 4),
+                           {"touching": 4.0, "mechanical.contact.slipping": 1.0})
     assert changed(slips, part) == [2]
 
 
@@ -211,7 +213,7 @@ def test_a_node_of_two_pairs_tells_of_neither():
         ("wall", [[0, 1]]), ("base", [[1, 2]]), ("can wall", [[3, 4]]), ("can base", [[5, 6]]))}
     none = np.empty((0, 4), dtype=np.int32)
     pairs = (Pair("wall", "wall", "can wall", 0.1, 1e9), Pair("base", "base", "can base", 0.1, 0.0))
-    wall, base = places_of(Interface("plane", nodes, none, none[:, :3], none[:, 0], none[:, 0], (), (), edges,
+    wall, base = pair_nodes_of(Interface("plane", nodes, none, none[:, :3], none[:, 0], none[:, 0], (), (), edges,
                                      pairs=pairs))
     assert wall.nodes.tolist() == [0, 3, 4]
     assert base.nodes.tolist() == [2, 5, 6]
@@ -220,17 +222,17 @@ def test_a_node_of_two_pairs_tells_of_neither():
 
 def test_where_something_will_reach_zero():
     t = np.array([0.0, 1.0, 2.0, 3.0])
-    line = crossing(t[:2], 5.0 - t[:2])
+    line = root(t[:2], 5.0 - t[:2])
     assert line is not None
     assert (line.t, line.doubt) == (pytest.approx(5.0), pytest.approx(0.4))
     # t = 5 - 2 v - .1 v^2 + .002 v^3: a cubic in what is left, so four values give its zero.
     left = np.array([3.0, 2.0, 1.0, 0.5])
-    cubic = crossing(5.0 - 2.0 * left - 0.1 * left**2 + 0.002 * left**3, left)
+    cubic = root(5.0 - 2.0 * left - 0.1 * left**2 + 0.002 * left**3, left)
     assert cubic is not None
     assert cubic.t == pytest.approx(5.0, abs=1e-12)
     assert 0.0 < cubic.doubt < 0.1
-    assert crossing(t, [1.0, 2.0, 3.0, 4.0]) is None
-    assert crossing(t, [3.0, 2.0, 1.0, 0.0]) is None
-    rose = crossing(t, [9.0, 1.0, 4.0, 3.0])
+    assert root(t, [1.0, 2.0, 3.0, 4.0]) is None
+    assert root(t, [3.0, 2.0, 1.0, 0.0]) is None
+    rose = root(t, [9.0, 1.0, 4.0, 3.0])
     assert rose is not None
     assert rose.t == pytest.approx(6.0), "what was before it rose does not count"

@@ -54,7 +54,7 @@ def iterate(T0: float, end: float, n: int = 1, how: Iteration = HOW, method: str
 
 
 def counts(tried: list[Tried]) -> list[int]:
-    return [len(w.solved.course.misfits) for w in tried]
+    return [len(w.solved.history.misfits) for w in tried]
 
 
 @pytest.mark.parametrize("row", E4["aitken_at_10_dt_c"], ids=lambda row: f"{row['T0']:g} K")
@@ -64,7 +64,7 @@ def test_ten_times_the_limit_of_the_lagged_gap_in_few_iterates(row, kind):
                        method="backward_euler")
     assert tried[0].solved.verdict is Verdict.ACCEPTED
     assert counts(tried)[0] <= row["most"]
-    assert tried[0].solved.course.misfits[-1]["temperature"] <= 1.0
+    assert tried[0].solved.history.misfits[-1]["temperature"] <= 1.0
 
 
 def test_plain_iteration_does_not_converge_there():
@@ -110,7 +110,7 @@ def test_contraction_as_predicted_for_a_small_disturbance(method, theta):
     """x at the middle of the window: (b dt/2)/(1 + theta a dt)."""
     dt = 5.0
     _, tried = iterate(E4["T"] + 1e-3, dt, method=method)
-    assert tried[0].solved.course.contraction == pytest.approx(B_LAG * dt / 2 / (1 + theta * A_LAG * dt), rel=2e-3)
+    assert tried[0].solved.history.contraction == pytest.approx(B_LAG * dt / 2 / (1 + theta * A_LAG * dt), rel=2e-3)
 
 
 def test_a_pressure_law_is_far_stiffer_and_no_tension_is_ever_seen():
@@ -120,7 +120,7 @@ def test_a_pressure_law_is_far_stiffer_and_no_tension_is_ever_seen():
         _, tried = couple((pressed(602.4, seen), pressing()), start(602.4, 0.0, -E_ALPHA * 2.4), (100.0, 1),
                           Scheme.ITERATED, how=Iteration(kind, tolerance=tight))
         assert tried[0].solved.verdict is Verdict.ACCEPTED
-        assert tried[0].solved.course.contraction > 20
+        assert tried[0].solved.history.contraction > 20
         assert counts(tried)[0] <= most
     assert max(seen) <= 0.0
 
@@ -139,7 +139,7 @@ def test_a_guess_below_absolute_zero_falls_back():
     assert tried[0].solved.verdict is Verdict.ACCEPTED
     assert float(state.now.T[0]) == pytest.approx(1.0, abs=1e-9)
     assert min(given) > 0.0
-    assert 0.5 in tried[0].solved.course.factors
+    assert 0.5 in tried[0].solved.history.factors
 
 
 def test_one_way_takes_two_iterates_and_not_one_half_solve_more():
@@ -164,7 +164,7 @@ def test_every_quantity_must_agree(quantity):
     for tolerance in (wide, tight):
         _, tried = couple(makes(), first, (5.0, 1), Scheme.ITERATED, how=Iteration(tolerance=tolerance))
         found[tolerance] = counts(tried)[0]
-        assert max(tried[0].solved.course.misfits[-1].values()) <= 1.0
+        assert max(tried[0].solved.history.misfits[-1].values()) <= 1.0
     assert found[wide] == 2
     assert found[tight] > 3
 
@@ -173,7 +173,7 @@ def test_the_estimate_of_a_gap_left_over_is_honest():
     """The last iterate's x against the converged one: within twice what the misfit told."""
     tolerance = replace(TIGHT, temperature=Tolerance(1e3, 0.0), gap=Tolerance(1e-8, 0.0))
     x = [float(iterate(840.0, 20.0, how=replace(HOW, tolerance=t))[0].now.x[0, 1]) for t in (tolerance, TIGHT)]
-    told = iterate(840.0, 20.0, how=replace(HOW, tolerance=tolerance))[1][0].solved.course.misfits[-1]["gap"]
+    told = iterate(840.0, 20.0, how=replace(HOW, tolerance=tolerance))[1][0].solved.history.misfits[-1]["gap"]
     assert 0.0 < abs(x[0] - x[1]) <= 2 * told * 1e-8
 
 
@@ -260,7 +260,7 @@ def test_the_solid_fraction_is_exchanged_where_temperature_stands_still():
     state, tried = couple((melting(), opening()), first, (1.0, 1), Scheme.ITERATED,
                           how=replace(HOW, tolerance=tolerance))
     assert float(state.now.f_s[0]) == pytest.approx(0.45, abs=1e-12)
-    assert tried[0].solved.course.misfits[0]["solid_fraction"] > 1.0
+    assert tried[0].solved.history.misfits[0]["solid_fraction"] > 1.0
 
 
 def test_what_was_learnt_in_a_window_serves_the_next():

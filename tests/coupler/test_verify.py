@@ -276,6 +276,8 @@ def test_a_half_that_takes_no_step_says_so():
     ({"status.code": {"kind": "Real"}}, "types", "status.code is Real, not Integer"),
     ({"x": {"shape": (2 * N,)}}, "shapes", "x has 1 indices, not 2"),
     ({"T": {"shape": (N + 1,)}}, "shapes", "of different length: T 4, x 3"),
+    ({"E_M": {"on": "contact_nodes", "shape": (5,)}, "surface.T": {"on": "contact_nodes"}}, "shapes",
+     "of different length: E_M 5, surface.T 2"),
     ({"surface.T": {"name": "surface_T"}}, "names", "surface_T (meant surface.T?)"),
     ({"E_M": {"name": "E_M[2]"}}, "whole blocks", "E_M[2]"),
     ({"x": {"name": "coordinates"}}, "what a run needs", "x missing"),

@@ -1,7 +1,7 @@
 """A run in windows of given sizes, each with its estimated and its true local error.
 
 The true one: the same window solved again from the same start in 64 sub-windows, iterated to a tight tolerance.  Where
-the estimator asks for a window in two halves it is so solved and their answer kept, as in a run with
+the estimator asks for a window in two halves it is so solved and their answer saved, as in a run with
 `coupling.adaptive`; the windows themselves are given, so that schemes and sizes can be compared.
 """
 
@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from coupler.control import error_estimate
-from coupler.control.solve_window import Kept, Way, doubled, solve_once
+from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
 from coupler.schemes.state import CoupledState, Halves, Schedule, Settings, Solved, Span
 
@@ -22,7 +22,7 @@ ONE = {"thermal": 1, "mechanical": 1}
 PIECES = 64
 TIGHT = Iteration(max_iterations=60, tolerance=Tolerances(
     Tolerance(1e-8, 0.0), Tolerance(1e-13, 0.0), Tolerance(1e-2, 0.0), Tolerance(1e-9, 0.0)))
-FINE = Way(Scheme.ITERATED, Settings(Scheme.ITERATED, ONE, TIGHT))
+FINE = SolveOptions(Scheme.ITERATED, Settings(Scheme.ITERATED, ONE, TIGHT))
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Window:
 
 def windows(halves: Halves, state: CoupledState, schedule: Schedule, scheme: Scheme, every: int) -> Iterator[Window]:
     """Every so many windows, with its errors; the others are solved all the same."""
-    way, memory = Way(scheme, Settings(scheme, ONE)), error_estimate.Memory()
+    way, memory = SolveOptions(scheme, Settings(scheme, ONE)), error_estimate.Memory()
     for i, (k0, k1) in enumerate(pairwise(schedule.bounds)):
         span = Span(schedule.clock, k0, k1, ONE)
         exact = fine(halves, state, span) if i % every == 0 else None
-        with Kept(halves, state.now.t, i + 1) as kept:
-            solved = solve_once(halves, state, span, way, kept)
+        with SavedStates(halves, state.now.t, i + 1) as saved:
+            solved = solve_once(halves, state, span, way, saved)
             if error_estimate.wanted(memory, state, span, scheme, solved.state.now):
-                solved = doubled(halves, state, span, way, (kept, solved))
+                solved = doubled(halves, state, span, way, saved, solved)
         found = error_estimate.estimate(memory, state, solved, ErrorTolerances(), way.settings.iteration)
         assert solved.taken, solved.message
         assert found is not None, "a window of which nothing is known is measured"
@@ -67,14 +67,14 @@ def fine(halves: Halves, state: CoupledState, span: Span) -> Solved:
     """The window in 64 iterated sub-windows; both halves are as before it."""
     terms: list[dict[str, float]] = []
     ticks = [span.k0 + (span.k1 - span.k0) * i // PIECES for i in range(PIECES + 1)]
-    with Kept(halves, state.now.t, 0) as start:
+    with SavedStates(halves, state.now.t, 0) as start:
         for k0, k1 in pairwise(ticks):
-            with Kept(halves, state.now.t, 0) as kept:
-                solved = solve_once(halves, state, replace(span, k0=k0, k1=k1), FINE, kept)
+            with SavedStates(halves, state.now.t, 0) as saved:
+                solved = solve_once(halves, state, replace(span, k0=k0, k1=k1), FINE, saved)
             assert solved.taken, solved.message
             state = solved.state
             terms += [dict(t) for t in solved.terms]
-        start.put_back("the window was solved for comparison")
+        start.roll_back("the window was solved for comparison")
     return replace(solved, terms=tuple(terms))
 
 

@@ -62,5 +62,5 @@ def contraction(case: Case, size: float, level: Seen) -> float:
     how = Iteration(Acceleration.NONE, max_iterations=4, on_max=OnMax.ACCEPT, tolerance=case.how.tolerance, level=level)
     halves, state = case.make(1e-3)
     _, tried = couple(halves, state, (size, 1), Scheme.ITERATED, how=how)
-    assert tried[0].solved.course is not None
-    return tried[0].solved.course.contraction
+    assert tried[0].solved.history is not None
+    return tried[0].solved.history.contraction

@@ -38,7 +38,7 @@ def test_the_best_relaxation_is_there_at_once(aluminium_first, name, dt):
     halves, state = joined(0.3, aluminium_first)
     _, tried = couple(halves, state, (dt, 1), Scheme.ITERATED, how=how)
     # The last iterate only sees that the one before was right.
-    assert len(tried[0].solved.course.misfits) - 1 <= E5["iterations"]
+    assert len(tried[0].solved.history.misfits) - 1 <= E5["iterations"]
 
 
 def test_the_step_from_which_on_plain_iteration_fails():
@@ -51,7 +51,7 @@ def test_it_fails_there_in_a_run_too(share):
     how = replace(DAMPED, acceleration=Acceleration.NONE, max_iterations=40, on_max=OnMax.ACCEPT)
     halves, state = joined(0.3)
     _, tried = couple(halves, state, (share * e5_limit(), 1), Scheme.ITERATED, how=how)
-    left = [m["temperature"] for m in tried[0].solved.course.misfits]
+    left = [m["temperature"] for m in tried[0].solved.history.misfits]
     assert (left[-1] < left[1]) == (share < 1.0)
 
 

@@ -84,7 +84,7 @@ def test_large_windows_come_to_rest_without_a_cycle(method, dt):
     final, tried = couple(halves, state, (60.0 * dt, 60), Scheme.ITERATED, how=DAMPED)
     assert final.now.x[0, 1] == pytest.approx(E3C["g"], abs=E3C["tolerance"])
     assert final.now.T[-1] - SHIFT == pytest.approx(E3C["T_L"], abs=E3C["tolerance"])
-    assert max(len(w.solved.course.misfits) for w in tried) <= E3C["most"]
+    assert max(len(w.solved.history.misfits) for w in tried) <= E3C["most"]
     assert list(two_cycles([state.now, *(w.solved.state.now for w in tried)])) == []
 
 
@@ -107,7 +107,7 @@ def test_aitken_converges_in_few_iterates_where_plain_iteration_cycles(dt):
         halves, state = chatter(0.3)
         how = replace(DAMPED, acceleration=kind, max_iterations=40, on_max=OnMax.ACCEPT)
         _, tried = couple(halves, state, (dt, 1), Scheme.ITERATED, how=how)
-        counts[kind] = len(tried[0].solved.course.misfits)
+        counts[kind] = len(tried[0].solved.history.misfits)
     assert counts[Acceleration.NONE] == 40
     assert counts[Acceleration.AITKEN] <= E3C["aitken"][1] + 3
 

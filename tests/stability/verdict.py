@@ -112,7 +112,7 @@ def trial(case: Case, way: Way, factor: float, disturbance: str) -> Cell:
     taken = [w for w in tried if w.accepted]
     path = np.array([begin, *(case.watch(w.solved.state.now) for w in taken)])
     solves = sum(max(w.solved.work.thermal_solves, w.solved.work.mechanical_solves) for w in tried)
-    most = max((len(w.solved.course.misfits) for w in tried if w.solved.course), default=1)
+    most = max((len(w.solved.history.misfits) for w in tried if w.solved.history), default=1)
     there = np.array(reference(case.name, d, case.settled or n * size))
     distance = float(np.abs(begin - there).max())
     outcome, error, swing = judged(path, there, distance, most)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coupler.schemes.schemes import closest, drawn_on, weights, zigzag
+from coupler.schemes.extrapolation import alternating_gain, closest, extrapolated_slope, weights
 from coupler.schemes.state import Level, geometry_at
 
 UNEVEN = [3.0, 2.0, 0.5]
@@ -20,11 +20,11 @@ def level(t: float, x: float, t_N: float = 0.0) -> Level:
 def drawn(values: list[float], times: list[float], end: float, curve: float) -> float:
     """x at the middle of the window, as the thermal half is given it."""
     now, *past = (level(t, v) for t, v in zip(times, values, strict=True))
-    return float(geometry_at(now, drawn_on(now, past, end, curve), 0.5 * (now.t + end))[0][0, 1])
+    return float(geometry_at(now, extrapolated_slope(now, past, end, curve), 0.5 * (now.t + end))[0][0, 1])
 
 
 @pytest.mark.parametrize("curve", [-1.0, -0.4, 0.0, 0.3, 1.0])
-def test_a_line_is_drawn_on_as_it_is(curve):
+def test_a_line_is_extrapolated_slope_as_it_is(curve):
     assert drawn([3.0 * t - 1.0 for t in UNEVEN], UNEVEN, 4.6, curve) == pytest.approx(3.0 * 3.8 - 1.0, rel=1e-14)
 
 
@@ -37,24 +37,25 @@ def test_a_parabola_is_met_by_the_closest_and_missed_by_the_others_as_told():
 
 def test_what_is_seen_of_a_zigzag():
     even = [2.0, 1.0, 0.0]
-    assert [zigzag(even, 3.0, c) for c in (-1.0, -0.5, 0.0, 0.5, 1.0)] == pytest.approx([1.0, 1.5, 2.0, 2.75, 3.5])
+    gains = [alternating_gain(even, 3.0, c) for c in (-1.0, -0.5, 0.0, 0.5, 1.0)]
+    assert gains == pytest.approx([1.0, 1.5, 2.0, 2.75, 3.5])
     assert drawn([1.0, -1.0, 1.0], even, 3.0, 0.5) == pytest.approx(2.75)
-    assert zigzag(UNEVEN, 4.6, -1.0) == pytest.approx(1.0)
-    assert [zigzag(UNEVEN[:n], 4.6, 1.0) for n in (1, 2)] == pytest.approx([1.0, 1.0 + 2 * 0.8])
+    assert alternating_gain(UNEVEN, 4.6, -1.0) == pytest.approx(1.0)
+    assert [alternating_gain(UNEVEN[:n], 4.6, 1.0) for n in (1, 2)] == pytest.approx([1.0, 1.0 + 2 * 0.8])
 
 
 def test_the_closest_that_sees_no_more():
     for most in (1.0, 1.3, 2.7):
         curve = closest(UNEVEN, 4.6, most)
         assert curve is not None
-        assert zigzag(UNEVEN, 4.6, curve) == pytest.approx(most)
+        assert alternating_gain(UNEVEN, 4.6, curve) == pytest.approx(most)
     assert closest(UNEVEN, 4.6, 0.99) is None
     assert closest(UNEVEN, 4.6, 99.0) == 1.0
     assert closest(UNEVEN[:2], 4.6, 99.0) == 0.0
     between = closest(UNEVEN[:2], 4.6, 2.5)
     assert between is not None
     assert -1.0 < between < 0.0, "between the line and what is now, held"
-    assert zigzag(UNEVEN[:2], 4.6, between) == pytest.approx(2.5)
+    assert alternating_gain(UNEVEN[:2], 4.6, between) == pytest.approx(2.5)
     assert weights(UNEVEN[:2], 4.6, -1.0) == (1.0, 0.0)
     assert closest(UNEVEN[:2], 4.6, 0.99) is None
     assert sum(weights(UNEVEN, 4.6, -0.3)) == pytest.approx(1.0)
@@ -62,10 +63,10 @@ def test_the_closest_that_sees_no_more():
 
 def test_with_less_behind_it_is_the_line_or_nothing_and_a_tension_is_open():
     a, b, c = level(2.0, 1.0, -1.0), level(1.0, 0.5, -4.0), level(0.0, 3.0, -9.0)
-    assert drawn_on(a, (), 3.0, 1.0) is None
-    assert drawn_on(a, (b,), 3.0, 1.0) == (b, a)
-    assert drawn_on(a, (b, c), 3.0, 0.0) == (b, a)
-    seen = [geometry_at(a, drawn_on(a, (b, c), 3.0, curve), 2.5)[1].tolist() for curve in (1.0, 0.2)]
+    assert extrapolated_slope(a, (), 3.0, 1.0) is None
+    assert extrapolated_slope(a, (b,), 3.0, 1.0) == (b, a)
+    assert extrapolated_slope(a, (b, c), 3.0, 0.0) == (b, a)
+    seen = [geometry_at(a, extrapolated_slope(a, (b, c), 3.0, curve), 2.5)[1].tolist() for curve in (1.0, 0.2)]
     assert seen == [[-0.25], [0.0]]
     pressed = replace(a, t_N=np.array([-5.0]))
-    assert geometry_at(pressed, drawn_on(pressed, (b, c), 3.0, -1.0), 2.5)[1].tolist() == [-4.0]
+    assert geometry_at(pressed, extrapolated_slope(pressed, (b, c), 3.0, -1.0), 2.5)[1].tolist() == [-4.0]

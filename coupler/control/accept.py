@@ -1,0 +1,276 @@
+"""Accept or reject a solved window: run the checks in order and return the next control state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from coupler.control import auto, error_estimate, events, step_size
+from coupler.control.error_estimate import Estimate
+from coupler.control.events import Found
+from coupler.control.monitor_values import failed_monitors, monitors
+from coupler.control.plan import Plan
+from coupler.control.state import Committed, ControlState
+from coupler.control.two_cycle import CycleAction, WindowSummary, act
+from coupler.errors import CouplingError
+from coupler.rules import engine as rules
+from coupler.rules.engine import Firing
+from coupler.scenario.options import OnMax
+from coupler.schemes.state import Solved, Span, Verdict
+
+# A rejected window is tried again, shorter: by how much, and when the run stops instead.
+
+# A window is halved at most this often before the run gives up: 2^-10 of a window a user chose is a sign of a
+# problem that smaller windows do not cure.
+MAX_CUTS = 10
+# So many tries on end without one that stands are a loop, whoever asked for them.
+MAX_TRIES = 60
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A window that was tried.  at : before it."""
+
+    plan: Plan
+    at: Committed
+    span: Span
+    solved: Solved
+
+    @property
+    def t(self) -> float:
+        """Where it begins [s]."""
+        return self.span.clock.seconds(self.span.k0)
+
+    @property
+    def H(self) -> float:
+        """Its size [s]."""
+        return self.span.end - self.t
+
+
+def cut(attempt: Attempt, share: float, why: str) -> ControlState:
+    """Control for the next try, `share` (< 1) of the window.  Raises CouplingError where it may not be cut again."""
+    if attempt.plan.adaptive is not None:
+        return shorter(attempt, share * attempt.H, why)
+    control, span = attempt.at.control, attempt.span
+    ends = control.ends or (span.k1,)
+    if ends[-1] != span.k1:
+        ends = (*ends, span.k1)
+    middle = span.k0 + int((span.k1 - span.k0) * share)
+    if len(ends) > MAX_CUTS or middle == span.k0:
+        raise gave_up(attempt, why, f"the window was halved {len(ends) - 1} times to {attempt.H:.3g} s")
+    return tried_again(attempt, replace(control, ends=(*ends, middle), aim=0), why)
+
+
+def shorter(attempt: Attempt, size: float, why: str) -> ControlState:
+    """Control for a next try of `size` [s].  Raises CouplingError where the window is at its least."""
+    adaptive, control = attempt.plan.adaptive, attempt.at.control
+    assert adaptive is not None
+    if at_least(attempt):
+        raise gave_up(attempt, why, f"the window of {attempt.H:.3g} s is at its least")
+    return tried_again(attempt, replace(control, size=max(size, adaptive.least), reason=f"tried again after: {why}",
+                                      below=attempt.span.k1, aim=0), why)
+
+
+def at_least(attempt: Attempt) -> bool:
+    """Whether a window that finds its own size may not be shorter."""
+    adaptive = attempt.plan.adaptive
+    return adaptive is not None and adaptive.least * (1.0 + 1e-6) >= attempt.H
+
+
+def tried_again(attempt: Attempt, control: ControlState, why: str) -> ControlState:
+    """With one more failure counted.  Raises CouplingError after too many on end."""
+    if control.failures >= MAX_TRIES:
+        raise gave_up(attempt, why, f"{control.failures} tries on end were put back")
+    return replace(control, failures=control.failures + 1)
+
+
+def gave_up(attempt: Attempt, why: str, how: str) -> CouplingError:
+    """The error of a window that cannot be solved."""
+    history = attempt.solved.history
+    return CouplingError(
+        f"{why}; {how}", t=attempt.t, window=attempt.at.control.number + 1,
+        iteration=len(history.misfits) if history else 0,
+        residuals=tuple(history.misfits[-1].values()) if history else (),
+        remedy="Everything up to here is in the results file. Give smaller windows (coupling.windows) "
+               "or more substeps around this time, or look at the data that change here")
+
+
+# So many windows on end in which hardly anything changes are a steady state.
+SLOW = 2
+
+
+@dataclass(frozen=True)
+class Decision:
+    """solved : with its verdict.  control : of the next try.  error, event, fired : what the checks found."""
+
+    solved: Solved
+    control: ControlState
+    notes: tuple[str, ...] = ()
+    error: Estimate | None = None
+    event: str = ""
+    fired: tuple[Firing, ...] = ()
+
+
+def accept(attempt: Attempt) -> Decision:
+    """Accept or reject a window.  Raises CouplingError where it must be tried again and may not."""
+    if not attempt.solved.taken:
+        return _failed(attempt)
+    found, events_memory = _event(attempt)
+    if found is not None and not found.located:
+        control = replace(attempt.at.control, aim=found.tick, events=events_memory)
+        return Decision(_rejected(attempt.solved, Verdict.EVENT, found.text), tried_again(attempt, control, found.text),
+                      event=found.text)
+    solved, adaptive = attempt.solved, attempt.plan.adaptive
+    if adaptive is None:
+        return _ruled(attempt, _Found(None, found, events_memory))
+    error = error_estimate.estimate(attempt.at.control.estimate, attempt.at.state, solved, adaptive.tolerance,
+                                    attempt.at.control.settings.iteration)
+    if error is not None and error.error > 1.0:
+        if not at_least(attempt):
+            size = step_size.rejected(attempt.H, error.size, error.order)
+            again = replace(shorter(attempt, size, error.words),
+                            controller=step_size.failed(attempt.at.control.controller))
+            return Decision(_rejected(solved, Verdict.ERROR, error.words), again, error=error)
+        solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
+                         anyway=True)
+        attempt = replace(attempt, solved=solved)
+    return _ruled(attempt, _Found(error, found, events_memory))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What the checks before the rules found."""
+
+    error: Estimate | None
+    event: Found | None
+    events: events.Memory
+
+
+def _failed(attempt: Attempt) -> Decision:
+    """A half gave up, or the iteration did: rules that look at failures are heard, then the window is cut."""
+    solved, control, plan = attempt.solved, attempt.at.control, attempt.plan
+    history = solved.history
+    if solved.verdict is Verdict.MAX_ITERATIONS and control.settings.iteration.on_max is OnMax.STOP:
+        assert history is not None
+        raise CouplingError(f"{solved.message}; coupling.iteration.on_max says to stop", t=attempt.t,
+                            window=control.number + 1, iteration=len(history.misfits),
+                            residuals=tuple(history.misfits[-1].values()),
+                            remedy="Give smaller windows, another acceleration or more iterations")
+    if not plan.rules:
+        return Decision(solved, cut(attempt, 0.5, solved.message))
+    monitored = failed_monitors(control, attempt.span, solved)
+    fired = rules.fire_failed(plan.rules, control.rules, monitored, control.settings)
+    if fired.stop:
+        return Decision(solved, replace(control, stop=fired.stop, settings=fired.settings, rules=fired.memory),
+                      fired=fired.log)
+    again = cut(attempt, fired.retry or 0.5, solved.message)
+    return Decision(solved, replace(again, settings=fired.settings, rules=fired.memory), fired=fired.log)
+
+
+def _event(attempt: Attempt) -> tuple[Found | None, events.Memory]:
+    control = attempt.at.control
+    if not attempt.plan.locate.on:
+        return None, control.events
+    return events.met(control.events, attempt.at.state.now, attempt.solved, attempt.span, attempt.plan)
+
+
+def _ruled(attempt: Attempt, found: _Found) -> Decision:
+    """The rules, then the cycle; a window that passes both is taken."""
+    plan, control, solved = attempt.plan, attempt.at.control, attempt.solved
+    fired = rules.Fired(control.settings, control.rules)
+    if plan.rules:
+        seen = {**monitors(control, attempt.span, solved, found.error), **plan.probed(solved.state.now)}
+        fired = rules.fire(plan.rules, control.rules, seen, control.settings)
+    if fired.retry:
+        why = "; ".join(f"rule {f.rule!r}: {f.text}" for f in fired.log)
+        again = replace(cut(attempt, fired.retry, why), settings=fired.settings,
+                        rules=rules.retried(control.rules, fired), stop=fired.stop)
+        return Decision(_rejected(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
+    contraction = math.nan if solved.history is None else solved.history.contraction
+    watch = control.cycle.plus(attempt.at.state.now, solved.state.now)
+    if not (watch.home or watch.cycling):
+        return _stands(attempt, found, fired, CycleAction(watch, fired.settings))
+    summary = WindowSummary(control.number + 1, solved.state.now.t, attempt.H, not at_least(attempt), contraction)
+    done = act(watch, fired.settings, plan.on_cycle, summary)
+    if done.cut:
+        # With the window goes what rules changed in it.
+        # fault: rules: a two-cycle's cut keeps what rules changed in the window -> settings = done.settings |
+        #   coupler/test_rules
+        settings = act(watch, control.settings, plan.on_cycle, summary).settings
+        again = replace(cut(attempt, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
+        return Decision(_rejected(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
+    return _stands(attempt, found, fired, done)
+
+
+def _stands(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleAction) -> Decision:
+    """The window is taken."""
+    control = _sized(attempt, _taken(attempt, found, fired, done), found.error)
+    return Decision(attempt.solved, control, done.notes, found.error,
+                  found.event.text if found.event else "", fired.log)
+
+
+def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleAction) -> ControlState:
+    """Control after a window that stands."""
+    plan, control, span, solved = attempt.plan, attempt.at.control, attempt.span, attempt.solved
+    start = attempt.at.state
+    slow = control.slow + 1 if _is_slow(attempt) else 0
+    steady = f"steady: T changes by less than {plan.steady:g} K/s" if slow >= SLOW else ""
+    return replace(
+        control, tick=span.k1, number=control.number + 1, failures=0, aim=0, below=0, slow=slow,
+        # fault: histories go on over an event -> ends=tuple([e for e in control.ends if e > span.k1]),
+        #   event=control.event, | coupler/test_events
+        ends=tuple([e for e in control.ends if e > span.k1]), event=span.k1 if found.event else control.event,
+        stop=fired.stop or steady, settings=done.settings, rules=fired.memory,
+        cycle=done.watch,
+        estimate=(error_estimate.after(control.estimate, start, solved, found.error) if plan.adaptive
+                  else control.estimate),
+        choice=_learned(attempt),
+        events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
+
+
+def _learned(attempt: Attempt) -> auto.Memory:
+    """What `auto` knows after a window that stands; other schemes pay nothing for it."""
+    control = attempt.at.control
+    if not auto.chooses(control.settings.scheme):
+        return control.choice
+    return auto.learn(control.choice, attempt.at.state, attempt.solved, attempt.H, control.settings.iteration.level)
+
+
+def _sized(attempt: Attempt, control: ControlState, error: Estimate | None) -> ControlState:
+    """With the size of the next window."""
+    adaptive = attempt.plan.adaptive
+    if adaptive is None:
+        return control
+    limits = step_size.Limits(adaptive.least, adaptive.most)
+    size, memory = step_size.proposed(control.controller, attempt.H, None if error is None else error.size,
+                                     2 if error is None else error.order, limits)
+    # fault: a crumb before a kink sets the size after it -> size = max(size, 0.0) | coupler/test_control
+    size = max(size, _as_planned(attempt, error))
+    reason = "no error is known yet" if error is None else error.words
+    return replace(control, size=size, reason=reason, controller=memory)
+
+
+def _as_planned(attempt: Attempt, error: Estimate | None) -> float:
+    """The size that was planned for a window made shorter to end at a kink or an event, unless its error is large; 0.
+
+    A rest of a microsecond before a kink is no reason to begin with microseconds after it, and its error, mostly that
+    of the iteration, tells nothing of longer ones.
+    """
+    planned = attempt.at.control.size
+    return planned if planned > attempt.H and (error is None or error.size <= step_size.AIM) else 0.0
+
+
+def _is_slow(attempt: Attempt) -> bool:
+    """Whether hardly anything changed, and no kink lies ahead that could change that."""
+    plan = attempt.plan
+    # fault: a run stops as steady before a kink -> if plan.steady == 0.0 or plan.last < 0: | coupler/test_control
+    if plan.steady == 0.0 or plan.must_end(attempt.span.k0) != plan.last:
+        return False
+    change = float(np.abs(attempt.solved.state.now.T - attempt.at.state.now.T).max())
+    return change < plan.steady * attempt.H
+
+
+def _rejected(solved: Solved, verdict: Verdict, message: str) -> Solved:
+    return replace(solved, verdict=verdict, message=message, anyway=False)
