@@ -29,12 +29,13 @@ from scipy.sparse import csr_matrix, triu
 from contact.half.interface import Interface
 from contact.half.linalg import FACTOR, POSITIVE, SOLVE, _Handle, factorise, pattern_of
 from mechanical_fmu.cells import Treatment, cells_of
+from mechanical_fmu.laws.catalogue import POINT
+from mechanical_fmu.laws.kinds import PLASTIC
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
 from mechanical_fmu.problem import parse_elastic
 from mechanical_fmu.system import Loading, system_of
 from mechanical_fmu.tangent import fresh_direction
-from mechanical_fmu.volume import Step, Volume
+from mechanical_fmu.volume import DeformableMesh, PointStep
 
 CELLS = (70, 157, 315)  # a side: 1.0e4, 5.0e4, 2.0e5 unknowns
 FORMS = {"elastic": Treatment(), "plastic": Treatment(PLASTIC), "enhanced": Treatment(enhanced=True),
@@ -52,8 +53,9 @@ def square(n: int) -> Interface:
 
 
 def steel(n_e: int) -> Moduli:
-    p = np.zeros((n_e, N_P))
-    p[:, P_G], p[:, P_YIELD], p[:, P_H], p[:, P_SOLID], p[:, P_CHI] = MU, 250e6, 2e9, 1.0, 0.9
+    p = np.zeros(n_e, POINT)
+    p["shear_modulus"], p["yield_stress"], p["hardening_modulus"] = MU, 250e6, 2e9
+    p["solid_fraction"], p["plastic_heat"] = 1.0, 0.9
     return Moduli(np.full(n_e, MU), np.full(n_e, KAPPA), np.zeros(n_e), p)
 
 
@@ -76,9 +78,9 @@ def measure(n: int, repeats: int) -> dict[str, float]:
     out: dict[str, float] = {"unknowns": float(2 * len(X))}
     pattern = pattern_of(2 * len(X), cells_of(interface)[0].dofs)
     for name, form in FORMS.items():
-        volume, moduli = Volume(cells_of(interface, (form,)), len(X)), (steel(n * n),)
-        out[name] = best(lambda v=volume, m=moduli: v.evaluate(u, m, Step(1.0), tangent=True), repeats)
-    entries = Volume(cells_of(interface), len(X)).tangent(u, (steel(n * n),))[1]
+        volume, moduli = DeformableMesh(cells_of(interface, (form,)), len(X)), (steel(n * n),)
+        out[name] = best(lambda v=volume, m=moduli: v.evaluate(u, m, PointStep(1.0), tangent=True), repeats)
+    entries = DeformableMesh(cells_of(interface), len(X)).tangent(u, (steel(n * n),))[1]
     out["scatter"] = best(lambda: pattern.matrix(entries), repeats)
     K = pattern.matrix(entries)
     held = np.zeros(2 * len(X))

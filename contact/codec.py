@@ -22,7 +22,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cache, lru_cache
 from types import NoneType, UnionType
-from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, Protocol, Union, get_args, get_origin, get_type_hints
 
 import msgpack
 import numpy as np
@@ -41,7 +41,25 @@ _PREFIX = struct.Struct("<4sII")
 _DTYPES = {name: np.dtype(name) for name in ("<f8", "<f4", "<i8", "<i4", "<i2", "<u8", "<u4", "|u1", "|b1")}
 
 Arrays = dict[str, NDArray[Any]]
-Row = tuple[str, np.dtype[Any], tuple[int, ...], int]
+
+
+class ArrayType(NamedTuple):
+    """An array of a record, as its header says it."""
+
+    key: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+
+
+class ArrayRow(NamedTuple):
+    """An array of a record and where its bytes begin, counted from the first array."""
+
+    key: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    offset: int
+
+
 _NATIVE = {dtype: dtype.newbyteorder("=") for dtype in _DTYPES.values()}
 
 
@@ -50,10 +68,10 @@ class WireError(ValueError):
 
 
 def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """The bytes of a record.
+    """Encode a record; return its bytes.
 
     meta : msgpack's values (None, bool, int, float, str, bytes, list, dict with str keys).
-    arrays : any shape up to 8 dimensions, of float, int, unsigned or bool type.
+    arrays : (...) any shape up to 8 dimensions, of float, int, unsigned or bool type, any unit.
     Raises WireError for anything else.
     """
     data = [_plain(key, array) for key, array in arrays.items()]
@@ -61,7 +79,7 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
         packed = msgpack.packb(dict(meta))
     except (TypeError, ValueError, OverflowError) as exc:
         raise WireError(f"record {name!r}: its header cannot be written ({exc})") from exc
-    shapes = tuple([(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
+    shapes = tuple([ArrayType(key, array.dtype, array.shape) for key, array in zip(arrays, data, strict=True)])
     make = _head if len(packed) <= REMEMBERED else _head.__wrapped__
     parts: list[Any] = [make(name, packed, shapes)]  # bytes and arrays: joined from their own memory, copied once
     for array in data:
@@ -74,8 +92,8 @@ def encode_record(name: str, meta: Mapping[str, Any], arrays: Mapping[str, NDArr
 
 
 @lru_cache(64)
-def _head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[int, ...]], ...]) -> bytes:
-    """All that stands before the first array.  meta : packed."""
+def _head(name: str, meta: bytes, shapes: tuple[ArrayType, ...]) -> bytes:
+    """Encode all that comes before the first array.  meta : packed."""
     table, offset = [], 0
     for key, dtype, shape in shapes:
         size = math.prod(shape) * dtype.itemsize
@@ -92,7 +110,7 @@ def _head(name: str, meta: bytes, shapes: tuple[tuple[str, np.dtype[Any], tuple[
 
 
 def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
-    """Name, meta and arrays of a record; the arrays are fresh, aligned and writable.
+    """Decode a record; return its name, meta and arrays, which are fresh, aligned and writable.
 
     They are copied out of `data` although a view would do: a compiled kernel is specialised anew for
     read-only arrays, and the copy costs less than a tenth of the transport.
@@ -101,7 +119,7 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
     raw, checksum, body = _split(data)
     read = _layout if len(raw) <= REMEMBERED else _layout.__wrapped__
     name, packed, table, total = read(raw, checksum)
-    # fault: more bytes than a header says go by -> if total > len(body): | contact/test_tally
+    # fault: more bytes than a header says go by -> if total > len(body): | contact/test_call_stats
     if total != len(body):
         raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {total}")
     arrays = {key: _array(key, body, dtype, shape, offset) for key, dtype, shape, offset in table}
@@ -109,8 +127,11 @@ def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
 
 
 @lru_cache(64)
-def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[Row, ...], int]:
-    """Name, packed meta, key, type, shape and offset of each array, and their bytes in all.  Raises WireError."""
+def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[ArrayRow, ...], int]:
+    """Decode a header: name, packed meta, key, type, shape and offset of each array, and their bytes in all.
+
+    Raises WireError.
+    """
     header = _header(raw, checksum)
     version = header.get("version")
     if version != WIRE_VERSION:
@@ -118,13 +139,13 @@ def _layout(raw: bytes, checksum: int) -> tuple[str, bytes, tuple[Row, ...], int
     name, meta, table = header.get("name"), header.get("meta"), header.get("arrays")
     if not isinstance(name, str) or not isinstance(meta, dict) or not isinstance(table, list):
         raise WireError("record header lacks its name, meta or arrays")
-    rows: dict[str, Row] = {}
+    rows: dict[str, ArrayRow] = {}
     offset = 0
     for row in table:
         key, dtype, shape, size = _row(row, offset)
         if key in rows:
             raise WireError(f"array {key!r} occurs twice")
-        rows[key] = key, dtype, shape, offset
+        rows[key] = ArrayRow(key, dtype, shape, offset)
         offset += size + -size % ALIGNMENT
     return name, msgpack.packb(meta), tuple(rows.values()), offset
 
@@ -140,7 +161,7 @@ def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _split(data: bytes) -> tuple[bytes, int, memoryview]:
-    """The header, its checksum, and the bytes after it."""
+    """Return the header, its checksum, and the bytes after it."""
     if len(data) < _PREFIX.size:
         raise WireError(f"{len(data)} bytes are too few for a record")
     magic, length, checksum = _PREFIX.unpack_from(data)
@@ -194,7 +215,7 @@ def _array(key: str, body: memoryview, dtype: np.dtype[Any], shape: tuple[int, .
     return there.astype(_NATIVE[dtype])
 
 
-# Messages as records: any frozen dataclass of plain fields, by its type hints.
+# Messages as records: any frozen dataclass of plain fields, by its type hints
 #
 # Field types: NDArray[...], str, bool, int, float, bytes, Enum, tuple[X, ...], tuple[X, Y], frozenset[str] or [int],
 # dict or Mapping[str, X] or [int, X], X | None, dataclasses of those, and D | E, one of several dataclasses.  Arrays
@@ -224,7 +245,7 @@ class Form:
 
 
 def kinds_of(types: Iterable[type[Any]]) -> dict[str, type[Any]]:
-    """The registry decode needs: messages by class name."""
+    """Return the registry decode needs: messages by class name."""
     return {t.__name__: t for t in types}
 
 
@@ -233,7 +254,7 @@ REPLIES = kinds_of(get_args(messages.Reply))
 
 
 def encode(message: Any) -> bytes:
-    """The bytes of a message.  Raises WireError where a field is not what its hint says."""
+    """Encode a message; return its bytes.  Raises WireError where a field is not what its hint says."""
     arrays: Arrays = {}
     kind: Any = type(message)
     meta = _form_of(kind).pack(message, kind.__name__, arrays)
@@ -241,7 +262,7 @@ def encode(message: Any) -> bytes:
 
 
 def decode(data: bytes, kinds: Kinds) -> Any:
-    """The message in `data`, one of `kinds`.  Raises WireError for anything else."""
+    """Decode the message in `data`, one of `kinds`.  Raises WireError for anything else."""
     name, meta, arrays = decode_record(data)
     kind: Any = kinds.get(name)
     if kind is None:
@@ -254,7 +275,7 @@ def decode(data: bytes, kinds: Kinds) -> Any:
 
 @cache
 def _form_of(hint: Any) -> Form:
-    """The form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
+    """Return the form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
     origin, args = get_origin(hint), get_args(hint)
     if origin is np.ndarray:
         return _array_form(get_args(args[1])[0])

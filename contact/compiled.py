@@ -8,8 +8,8 @@ a function is a hash of its file and of every file beside its package that this 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -34,11 +34,45 @@ def inner(function: F) -> F:
     return _cached(function, njit(**options)(function))
 
 
+def one_of(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    """Compile the function that calls functions[i](*arguments) for (i, *arguments); an i beyond them calls the last.
+
+    The functions are inner kernels that take and return the same types.  They are compiled into a chain of comparisons,
+    which costs less than a call through a pointer.  The chain keeps no cache of its own (numba cannot recognise one
+    that stands on other functions in a later process): it becomes part of the kernel that calls it.
+    """
+    first, others = functions[0], functions[1:]
+    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+    if not others:
+        return cast(Callable[..., Any], njit(**options)(lambda i, *arguments: first(*arguments)))
+    rest = one_of(others)
+
+    def chosen(i: int, *arguments: Any) -> Any:
+        # fault: the last of several functions whatever the number -> if i < 0: | contact/test_compiled
+        if i <= 0:
+            return first(*arguments)
+        return rest(i - 1, *arguments)
+
+    return cast(Callable[..., Any], njit(**options)(chosen))
+
+
 def _cached(function: F, dispatcher: Any) -> F:
     path = Path(function.__code__.co_filename)
     # numba has no public way to say this; test_compiled.py notices if it moves.
-    dispatcher._cache._cache_file._source_stamp = stamp(path, path.parents[function.__module__.count(".")])
+    files = dispatcher._cache._cache_file
+    files._source_stamp = stamp(path, path.parents[function.__module__.count(".")])
+    files._load_index = partial(_index_or_none, files._load_index)
     return cast(F, dispatcher)
+
+
+def _index_or_none(load: Callable[[], dict[Any, str]]) -> dict[Any, str]:
+    """Read what is cached of a function; nothing where it names classes this source no longer has."""
+    try:
+        return load()
+    # fault: a cache with classes of an older source stops the program -> except KeyError: | contact/test_compiled
+    except (AttributeError, ModuleNotFoundError):
+        # numba reads the classes in the signatures before it compares the stamp, so an older source may stop it here.
+        return {}
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The messages of the contact service.  Their bytes are the business of contact.codec and contact.codec.
+"""The messages of the contact service.  Their bytes are the business of contact.codec.
 
 All coordinates are those of the n_s surface nodes of a scene (Interface.contact_nodes), 0-based index s.
 All replies depend on the request and on surfaces registered by content hash, on nothing else.
@@ -19,12 +19,13 @@ WIRE_VERSION = 3
 
 @dataclass(frozen=True)
 class Passes:
-    """A pair of surfaces is searched once, or in two passes of half the weight with the sides exchanged.
+    """How the pairs are searched: once each, or in two passes of half the weight with the sides exchanged.
 
     Arrays of (n_passes,).  pair : number of the pair.  slave, master : surface numbers, the same one for a surface
-    that may fold onto itself.  weight : share of the area that counts.  by_node : 0 for points on pieces of edges cut
+    that may fold onto itself.  weight : part of the area that counts [1].  by_node : 0 for points on pieces of edges
+    cut
     at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
-    faced [m].  eps_N, eps_T : penalties [Pa/m].  mu : Coulomb's coefficient.
+    faced [m].  eps_N, eps_T : penalties [Pa/m].  mu : Coulomb's coefficient [1].
     """
 
     pair: Ints
@@ -40,12 +41,12 @@ class Passes:
 
 @dataclass(frozen=True)
 class Register:
-    """The surfaces of a scene, once.
+    """Register the surfaces of a scene, once.
 
     n_nodes : n_s.  edges : (n_edges, 2) indices s; the body lies on the left going from first to second.
     edge_surface : (n_edges,) number of the surface each edge belongs to; the edges of one surface are consecutive.
     axisymmetric : areas are weighted by 2 pi r (r = x), else unit depth.
-    passes : which surface is searched from which, and how what is found there pushes.
+    passes : which surface is searched from which, and the penalties and friction of what faces.
     """
 
     n_nodes: int
@@ -57,14 +58,14 @@ class Register:
 
 @dataclass(frozen=True)
 class Registered:
-    """surfaces : the hash by which later requests name what was registered."""
+    """The surfaces are registered.  surfaces : the hash by which later requests name them."""
 
     surfaces: str
 
 
 @dataclass(frozen=True)
 class Project:
-    """Which points face each other at coordinates x : (n_s, 2) [m]?"""
+    """Ask which points face each other at coordinates x : (n_s, 2) [m]."""
 
     surfaces: str
     x: Floats
@@ -72,14 +73,14 @@ class Project:
 
 @dataclass(frozen=True)
 class Facing:
-    """Facing points (n_p of them) and the gap of every surface node.
+    """Contact quadrature points (n_p of them) and the gap of every surface node.
 
-    pair : (n_p,) number of the pair. slave_edge, master_edge : (n_p,) numbers as registered. xi_s, xi_m : (n_p,) in
-    [0, 1] along the edge, from its first node. gap : (n_p,) g_N [m]. area : (n_p,) A [m2], the common area of the
-    exchange, measured on the slave. area_m : (n_p,) [m2], the same piece measured on the master (for the share of
+    pair : (n_p,) number of the pair.  slave_edge, master_edge : (n_p,) numbers as registered.  xi_s, xi_m : (n_p,) in
+    [0, 1] along the edge, from its first node.  gap : (n_p,) g_N [m].  area : (n_p,) A [m2], the common area of the
+    exchange, measured on the slave.  area_m : (n_p,) [m2], the same piece measured on the master (for the part of
     the master's film).
     node_gap : (n_s,) [m], g_N of every surface node, both sides; gap_max where nothing is faced (the least over the
-    pairs the node takes part in).  node_covered : (n_s,) share in [0, 1] of the node's surface that faces something.
+    pairs the node takes part in).  node_covered : (n_s,) part in [0, 1] of the node's surface that faces something.
     """
 
     pair: Ints
@@ -96,10 +97,10 @@ class Facing:
 
 @dataclass(frozen=True)
 class Traction:
-    """Contact forces at x : (n_s, 2) [m], given what was before.
+    """Ask for contact forces at x : (n_s, 2) [m], given the history.
 
     multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  x_before : (n_s, 2) [m], where the surfaces were when their
-    shear tractions were shear : (n_s,) [Pa] along the slave, its body on the left; only friction asks for them.
+    shear tractions were shear : (n_s,) [Pa] along the slave, its body on the left; they matter with friction only.
     """
 
     surfaces: str
@@ -116,11 +117,11 @@ class Tractions:
     force : (n_s, 2) [N] on the nodes (per metre depth when plane); both sides, adding up to zero.
     starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
     row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
-    t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : as in Facing.
+    t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : (n_s,) as in Facing.
     multipliers : (n_s,) [Pa], t_N on slave sides, and shear : (n_s,) [Pa]: the new history.
     E_friction : (n_s,) [J] of slave nodes, what slipping made since x_before.
-    slipping : (n_s,) of what a slave node touches, the share at Coulomb's bound, 0 to 1.
-    n_touching, n_slipping : facing points with p_N > 0, and those of them at Coulomb's bound.
+    slipping : (n_s,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
+    n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.
     """
 
     force: Floats
@@ -140,7 +141,7 @@ class Tractions:
 
 @dataclass(frozen=True)
 class Coupling:
-    """How contact answers to its multipliers; the fields are those of Traction."""
+    """Ask for residual and derivatives of the multipliers; the fields are those of Traction."""
 
     surfaces: str
     x: Floats

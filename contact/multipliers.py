@@ -1,4 +1,4 @@
-"""How contact answers to its multipliers: the reply to a Coupling request.
+"""Residual and derivatives of the contact multipliers: the reply to a Coupling request.
 
 The multipliers lambda of the augmented Lagrangian are those of no penetration where, for every node j of a slave,
     R_j = sum A N_j (lambda_j + p_N) = W_j (lambda_j - t_N_j) = 0,   W_j = sum A N_j
@@ -14,7 +14,6 @@ from contact.compiled import kernel
 from contact.messages import Coupling, Couplings, Floats, Ints
 from contact.piece import (
     EPS_N,
-    GAUSS,
     LAMBDA_1,
     LAMBDA_2,
     MU,
@@ -27,18 +26,18 @@ from contact.piece import (
     field_normal,
     frame_change,
 )
-from contact.search import cut_surfaces, frame_of
-from contact.surfaces import Surfaces
-from contact.traction import given, parallel, piece_cuts, piece_nodes, points_at
+from contact.search import GAUSS, cut_surfaces, frame_of
+from contact.surfaces import RegisteredSurfaces
+from contact.traction import checked_request, parallel, piece_cuts, piece_nodes, points_at
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
 
 
-def coupling(surfaces: Surfaces, request: Coupling) -> Couplings:
-    """Residual and derivatives at request.x.  Raises ValueError."""
+def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
+    """Compute residual and derivatives at request.x.  Raises ValueError."""
     r = surfaces.register
-    x, multipliers, before, shear = given(surfaces, request)
+    x, multipliers, before, shear = checked_request(surfaces, request)
     cut = cut_surfaces(surfaces, x)
     points = points_at(surfaces, cut, x, before, multipliers, shear)
     residual, weight = balances(r.edges, cut.met, cut.values, points.p_N, multipliers)
@@ -50,7 +49,10 @@ def coupling(surfaces: Surfaces, request: Coupling) -> Couplings:
 
 @kernel
 def balances(edges: Ints, met: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tuple[Floats, Floats]:
-    """R and W : (n_s,) [N] and [m2], of both sides."""
+    """Compute R and W : (n_s,) [N] and [m2], of both sides.
+
+    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].
+    """
     residual, weight = np.zeros(multipliers.size), np.zeros(multipliers.size)
     for i in range(met.shape[0]):
         for side in range(2):
@@ -66,7 +68,12 @@ def balances(edges: Ints, met: Ints, values: Floats, p_N: Floats, multipliers: F
 def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normal: Floats,
                    by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats, p_N: Floats,
                    multipliers: Floats) -> tuple[Ints, Floats]:
-    """nodes : (n_b, 6) and values : (n_b, 6, 4, 5), as in Couplings, of pieces that touch or have a multiplier."""
+    """Compute nodes (n_b, 6) and values (n_b, 6, 4, 5), as in Couplings, of pieces that touch or have a multiplier.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2).  values : (n_p, 5).
+    normal : (n_edges, 3, 2) [1].  by_node : (n_p,).  c : (n_p, N_CONSTANTS).  doing : (n_p,).  p_N : (n_p,) [Pa].
+    multipliers : (n_s,) [Pa].
+    """
     n_blocks = 0
     chosen = np.zeros(met.shape[0], dtype=np.bool_)
     for i in range(0, met.shape[0], 2):
@@ -104,16 +111,23 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
 def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
                  points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, nodes: Ints,
                  scratch: Floats, out: Floats) -> None:
-    """Add both points of a piece to out : (6, 4, 5).  The rest as for contact.piece.piece_stiffness."""
+    """Add both points of a piece to out : (6, 4, 5).
+
+    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves, ends : (2,).  points : (n_p, >= 4).  c : (n_p,
+    N_CONSTANTS).
+    doing : (n_p,).  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].  nodes : (6,).  scratch : (6, 12).  Their meaning is
+    that
+    of contact.piece.piece_stiffness.
+    """
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
     frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
     for q in range(first, first + 2):
-        share = 0.0 if by_node else 2.0 * (q - first) - 1.0
+        offset = 0.0 if by_node else 2.0 * (q - first) - 1.0
         half = 0.0 if by_node else 0.5
         per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
         for j in range(2 * NODES):
             spread = d_cut[1, j] - d_cut[0, j]
-            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + share * GAUSS * spread
+            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + offset * GAUSS * spread
             d_area[j] = per_cut * spread
         add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
         by_place(x, n, points, c, doing, p_N[q], q, multipliers, nodes, d_phi, d_xi, d_area, out)
@@ -124,7 +138,12 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
 @kernel
 def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: float, q: int, multipliers: Floats,
              nodes: Ints, d_phi: Floats, d_xi: Floats, d_area: Floats, out: Floats) -> None:
-    """Add the derivative of A N_j (lambda_j + p_N) by coordinate k of node i to out[i, j, 2 + k]."""
+    """Add the derivative of A N_j (lambda_j + p_N) by coordinate k of node i to out[i, j, 2 + k] [N/m].
+
+    x : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4).  c : (n_p, N_CONSTANTS).  doing : (n_p,).
+    multipliers : (n_s,) [Pa].  nodes : (6,).  d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].  d_area : (12,) [m].
+    out : (6, 4, 5).
+    """
     xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
@@ -150,7 +169,10 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
 
 @kernel
 def by_multiplier(n: Floats, points: Floats, c: Floats, doing: Floats, q: int, out: Floats) -> None:
-    """Add what the multipliers of the slave's two nodes do at a touching point: to forces out[..., :2], and to R."""
+    """Add what the multipliers of the slave's two nodes do at a touching point: to forces out[..., :2] [m2], and to R.
+
+    n : (2, 2) [1].  points : (n_p, >= 4).  c : (n_p, N_CONSTANTS).  doing : (n_p,).  out : (6, 4, 5).
+    """
     xi, eta, area = points[q, 0], points[q, 1], points[q, 3]
     nx, ny = field_normal(n, xi)[:2]
     drag = 0.0

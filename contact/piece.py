@@ -15,23 +15,26 @@ from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.messages import Floats
+from contact.search import GAUSS
 
 Flags = NDArray[np.bool_]
 
-GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 NODES = 6
 FIXED = -1  # a cut that moves with the edge; else the number of the node whose foot it is
 # Columns of a point's constants: multipliers and shear tractions at the slave's nodes [Pa], penalties [Pa/m], friction.
 LAMBDA_1, LAMBDA_2, SHEAR_1, SHEAR_2, EPS_N, EPS_T, MU, N_CONSTANTS = 0, 1, 2, 3, 4, 5, 6, 7
-# What a point does.
+# State of a point, `doing`.
 OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 
 
 @kernel
-def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:
-    """Add share times the derivative of the direction of the edge from node a to node b."""
+def add_turn(x: Floats, a: int, b: int, weight: float, d_phi: Floats) -> None:
+    """Add weight times the derivative of the direction of the edge from node a to node b.
+
+    x : (6, 2) [m].  d_phi : (12,) [1/m].
+    """
     tx, ty = x[b, 0] - x[a, 0], x[b, 1] - x[a, 1]
-    scale = share / (tx * tx + ty * ty)
+    scale = weight / (tx * tx + ty * ty)
     d_phi[2 * b] -= scale * ty
     d_phi[2 * b + 1] += scale * tx
     d_phi[2 * a] += scale * ty
@@ -40,7 +43,10 @@ def add_turn(x: Floats, a: int, b: int, share: float, d_phi: Floats) -> None:
 
 @kernel
 def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
-    """Fill d_phi : (2, 12), how the normals at the slave's two nodes turn."""
+    """Fill d_phi : (2, 12) [1/m], how the normals at the slave's two nodes turn.
+
+    x : (6, 2) [m].  smooth : (2,) whether the neighbouring edge turns them.
+    """
     d_phi[:] = 0.0
     for k in range(2):
         add_turn(x, 0, 1, 0.5 if smooth[k] else 1.0, d_phi[k])
@@ -54,7 +60,7 @@ def turns(x: Floats, smooth: Flags, d_phi: Floats) -> None:
 
 @kernel
 def field_normal(n: Floats, xi: float) -> tuple[float, float, float, float, float]:
-    """The unit normal at xi, and what of the turns of n : (2, 2) and of xi makes it turn."""
+    """Return the unit normal at xi, and its turn by the turns of n : (2, 2) [1] and by xi."""
     ex, ey = n[1, 0] - n[0, 0], n[1, 1] - n[0, 1]
     mx, my = n[0, 0] + xi * ex, n[0, 1] + xi * ey
     size = mx * mx + my * my
@@ -65,7 +71,10 @@ def field_normal(n: Floats, xi: float) -> tuple[float, float, float, float, floa
 
 @kernel
 def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut: Floats) -> None:
-    """Fill d_cut : (12,) of the slave coordinate xi whose ray passes through `node`: (x_node - x(xi)) x n(xi) = 0."""
+    """Fill d_cut : (12,) [1/m] of the slave coordinate xi whose ray passes through `node`.
+
+    It solves (x_node - x(xi)) x n(xi) = 0.  x : (6, 2) [m].  n : (2, 2) [1].  d_phi : (2, 12) [1/m].
+    """
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
     g = (x[node, 0] - x[0, 0] - xi * ex) * nx + (x[node, 1] - x[0, 1] - xi * ey) * ny
@@ -73,15 +82,19 @@ def cut_change(x: Floats, n: Floats, d_phi: Floats, node: int, xi: float, d_cut:
     for j in range(2 * NODES):
         d_cut[j] = scale * g * (by_0 * d_phi[0, j] + by_1 * d_phi[1, j])
     for k in range(3):
-        i, share = (node, 1.0) if k == 2 else (k, -xi if k == 1 else xi - 1.0)
-        d_cut[2 * i] += scale * share * ny
-        d_cut[2 * i + 1] -= scale * share * nx
+        i, weight = (node, 1.0) if k == 2 else (k, -xi if k == 1 else xi - 1.0)
+        d_cut[2 * i] += scale * weight * ny
+        d_cut[2 * i + 1] -= scale * weight * nx
 
 
 @kernel
 def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Floats, d_phi: Floats,
                  d_cut: Floats) -> None:
-    """How the normals turn and the cuts of a piece move.  d_phi, d_cut : (2, 12) out."""
+    """Fill how the normals turn, d_phi, and the cuts of a piece move, d_cut, both (2, 12) [1/m].
+
+    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) the node each cut follows.  ends : (2,) the cuts [1].
+    d_phi, d_cut : (2, 12) [1/m].
+    """
     turns(x, smooth, d_phi)
     for k in range(2):
         if int(moves[k]) == FIXED:
@@ -108,12 +121,12 @@ def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node
     for q in range(first, first + 2):
         if int(doing[q]) == OPEN:
             continue
-        share = 0.0 if by_node else 2.0 * (q - first) - 1.0
+        weight = 0.0 if by_node else 2.0 * (q - first) - 1.0
         half = 0.0 if by_node else 0.5
         per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
         for j in range(2 * NODES):
             spread = d_cut[1, j] - d_cut[0, j]
-            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + share * GAUSS * spread
+            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + weight * GAUSS * spread
             d_area[j] = per_cut * spread
         add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
         add_point(x, n, before, points, c, doing, q, d_phi, d_xi, d_area, force, block)
@@ -121,7 +134,10 @@ def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node
 
 @kernel
 def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Floats, d_area: Floats) -> None:
-    """Add to d_area what comes of the edge's length, and of the distance from the axis."""
+    """Add to d_area : (12,) [m] what comes of the edge's length, and of the distance from the axis.
+
+    x : (6, 2) [m].  d_xi : (12,) [1/m].
+    """
     tx, ty = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
     scale = area / (tx * tx + ty * ty)
     d_area[0] -= scale * tx
@@ -139,7 +155,11 @@ def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Flo
 @kernel
 def add_point(x: Floats, n: Floats, before: Floats, points: Floats, c: Floats, doing: Floats, q: int, d_phi: Floats,
               d_xi: Floats, d_area: Floats, force: Floats, block: Floats) -> None:
-    """Add the forces of point q to force : (6, 2) and their derivative to block : (12, 12)."""
+    """Add the forces of point q to force : (6, 2) [N] and their derivative to block : (12, 12) [N/m].
+
+    x, before : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4).  c : (n_p, N_CONSTANTS).  doing : (n_p,).
+    d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].  d_area : (12,) [m].
+    """
     xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]

@@ -1,42 +1,60 @@
-"""Compiled kernels of the search: boxes, rays, and the cutting of slave edges at the master's nodes.
+"""The search of contact: rays along normals, cuts of slave edges at the master's nodes, and quadrature points on the
+
+pieces.
 
 A slave point faces the nearest master point on the ray along its normal (contact.surfaces).
+
+Arrays of all kernels: x (n_s, 2) coordinates [m]; edges (n_edges, 2) indices s; normal (n_edges, 3, 2) unit normals of
+an edge, and at its first and second node; length (n_edges,) [m]; met (n_p, 2) slave and master edge of each point;
+values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.messages import Facing, Floats, Ints
-from contact.surfaces import Surfaces, checked_reals, edge_frames
-
-# x, y of the first and second node of a slave edge, then the normals there.
-Frame = tuple[float, float, float, float, float, float, float, float]
+from contact.surfaces import RegisteredSurfaces, checked_reals, edge_frames
 
 FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
-ON_NODE = 1e-9  # a foot within this share of an edge beyond its end is on the end
-# A node's own gap is for records and events only; a node that a slightly tilted normal leads past the end of the other
+END_TOLERANCE = 1e-9  # of an edge: a foot this little beyond its end is on the end
+# A node's own gap is for records and events only; a node whose slightly tilted normal passes the end of the other
 # surface, as at an axis or a plane of symmetry, still has one.
-NODE_SEES = 1e-3
-SLIVER = 1e-13  # cuts closer than this share of an edge are one cut: round-off, not geometry
-STRAIGHT = 1e-6  # master pieces shorter than this share of their edge are weighted as if the map were linear
-REACH = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
-ITSELF_BACK = 0.25  # a surface that folds onto itself is followed this share of an edge into the body
+NODE_TOLERANCE = 1e-3  # of an edge
+CUT_TOLERANCE = 1e-13  # of an edge: cuts closer than this are one cut
+MIN_MAPPED_LENGTH = 1e-6  # of an edge: shorter master pieces are weighted as if the map were linear
+NORMAL_SHORTENING = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
+SELF_CONTACT_DEPTH = 0.25  # of an edge: how deep into the body a surface that faces itself is searched
 # fault: Gauss points of a piece nearer to its ends -> GAUSS = 0.35 | scenarios/test_contact_robust
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
+
+class Frame(NamedTuple):
+    """A slave edge and its rays: (x1, y1), (x2, y2) its ends [m]; (u1, v1), (u2, v2) the unit normals there."""
+
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+    u1: float
+    v1: float
+    u2: float
+    v2: float
+
+
 @kernel
 def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
-    """Boxes [x_min, x_max, y_min, y_max] over a chain of edges, as an implicit binary tree.
+    """Build boxes [x_min, x_max, y_min, y_max] [m] over a chain of edges, as an implicit binary tree.
 
-    chain : (m,) edge numbers, neighbours side by side, so the boxes are tight however the surface bends.
-    Returns (2 P, 4): node i has children 2i and 2i + 1, leaf P + k is edge chain[k]; P = 2^i >= m.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  chain : (m,) edge numbers, neighbours side by side, so the boxes are tight
+    however the surface bends.  Returns (2 P, 4) [m]: node i has children 2i and 2i + 1, leaf P + k is edge chain[k];
+    P = 2^i >= m.
     """
     P = 1
     while chain.size > P:
@@ -60,27 +78,33 @@ def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
 
 @kernel
 def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
-    """Ends of slave edge e and the normals there."""
+    """Return the ends of slave edge e and the normals there.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].
+    """
     a, b = edges[e, 0], edges[e, 1]
-    return (x[a, 0], x[a, 1], x[b, 0], x[b, 1],
-            normal[e, 1, 0], normal[e, 1, 1], normal[e, 2, 0], normal[e, 2, 1])
+    return Frame(x[a, 0], x[a, 1], x[b, 0], x[b, 1],
+                 normal[e, 1, 0], normal[e, 1, 1], normal[e, 2, 0], normal[e, 2, 1])
 
 
 @kernel
 def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back: float, ahead: float,
-               found: Ints) -> int:
-    """Edges of a box tree over the chain masters that the rays of a slave edge may reach, and that face it.
+               hits: Ints) -> int:
+    """Put into hits the edges of a box tree that the rays of a slave edge may reach, and that face it; return how many.
 
-    The rays of the edge, from -back to ahead [m], fill a quadrilateral; a box is passed by if it misses the
-    quadrilateral's bounding box or its shadow on the edge's direction.  Returns how many were put into found.
+    boxes : (2 P, 4) [m] over the chain masters : (m,).  normal : (n_edges, 3, 2) [1].  back, ahead : reach of the rays
+    [m].
+    hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding box or
+    its
+    projection on the edge's direction.
     """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     tx, ty = x2 - x1, y2 - y1
-    slack = ON_NODE * np.sqrt(tx * tx + ty * ty)
+    slack = END_TOLERANCE * np.sqrt(tx * tx + ty * ty)
     low_x = low_y = low_t = np.inf
     high_x = high_y = high_t = -np.inf
     for corner in range(4):
-        s = -back * REACH if corner % 2 == 0 else ahead * REACH
+        s = -back * NORMAL_SHORTENING if corner % 2 == 0 else ahead * NORMAL_SHORTENING
         px, py = (x1 + s * u1, y1 + s * v1) if corner < 2 else (x2 + s * u2, y2 + s * v2)
         pt = (px - x1) * tx + (py - y1) * ty
         low_x, high_x = min(low_x, px - slack), max(high_x, px + slack)
@@ -94,18 +118,18 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
     while top > 0:
         top -= 1
         i = stack[top]
-        left, right, lower, upper = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3]
-        if left > high_x or right < low_x or lower > high_y or upper < low_y:
+        low_bx, high_bx, low_by, high_by = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3]
+        if low_bx > high_x or high_bx < low_x or low_by > high_y or high_by < low_y:
             continue
-        middle = (0.5 * (left + right) - x1) * tx + (0.5 * (lower + upper) - y1) * ty
-        half = 0.5 * ((right - left) * abs(tx) + (upper - lower) * abs(ty))
+        middle = (0.5 * (low_bx + high_bx) - x1) * tx + (0.5 * (low_by + high_by) - y1) * ty
+        half = 0.5 * ((high_bx - low_bx) * abs(tx) + (high_by - low_by) * abs(ty))
         if middle - half > high_t or middle + half < low_t:
             continue
         if i >= P:
             m = masters[i - P]
             mx, my = normal[m, 0, 0], normal[m, 0, 1]
             if min(u1 * mx + v1 * my, u2 * mx + v2 * my) < -FACING_COS:
-                found[count] = m
+                hits[count] = m
                 count += 1
         else:
             # The right child is taken first: the chains of a pair run against each other, so feet come ascending.
@@ -116,7 +140,7 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
 
 @kernel
 def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
-    """The slave coordinates xi whose rays pass through (X, Y), roots of (X - x(xi)) x n(xi) = 0; NaN: none.
+    """Find the slave coordinates xi whose rays pass through (X, Y) [m], roots of (X - x(xi)) x n(xi) = 0; NaN: none.
 
     The first root is the one that stays finite as the normals become parallel.
     """
@@ -135,7 +159,10 @@ def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
 
 @kernel
 def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float, float, float]:
-    """Where the ray of slave coordinate xi meets the line of edge m: coordinate on it, gap [m], n . n_m."""
+    """Intersect the ray of slave coordinate xi with the line of edge m; return the coordinate on it, gap [m], n . n_m.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).
+    """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     ax, ay = x[edges[m, 0], 0], x[edges[m, 0], 1]
     px, py = x1 + xi * (x2 - x1), y1 + xi * (y2 - y1)
@@ -152,7 +179,7 @@ def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float,
 
 @kernel
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
-    """Is gap g of master edge m to be preferred to the best so far?  Nearest first, then the lower number."""
+    """Return whether gap g [m] of master edge m is preferred to the best so far: the nearest, then the lower number."""
     # fault: the farther of two master edges met -> return abs(g) > abs(best) + slack or (m < best_m and abs(g) <=
     #   abs(best) + slack) | contact/test_facing
     # fault: of two branches the farther one is faced -> return abs(g) > abs(best) - slack or (m < best_m and abs(g) <=
@@ -162,22 +189,25 @@ def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
 
 @kernel
 def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> None:
-    """Keep the nearest gap of a node."""
+    """Keep the nearest gap g [m] of a node in near : (n_s,) [m]."""
     if -back <= g < ahead and abs(g) < abs(near[node]):
         near[node] = g
 
 
 @kernel
-def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Floats,
+def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Floats,
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
-    """Cuts of a slave edge at the feet of its candidates' nodes; the gaps of those nodes on the way.
+    """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
-    found : (>= count,) master edges.  Fills cuts, ascending from 0 to 1, and spans : (count, 2), the range of xi
-    in which each candidate can be met; near : (n_s,) is updated.  Returns the number of cuts.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,),
+    ascending
+    from 0 to 1, and spans : (>= count, 2), the range of xi in which each candidate can be met; near : (n_s,) [m], the
+    gaps of
+    those nodes, is updated.
     """
     cuts[0], n = 0.0, 1
     for k in range(count):
-        m = found[k]
+        m = hits[k]
         spans[k, 0], spans[k, 1] = np.inf, -np.inf
         for end in range(1, -1, -1):
             s = edges[m, end]
@@ -187,7 +217,7 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts
             spans[k, 1] = 1.0 if wide else max(spans[k, 1], first)
             for root in range(2):
                 xi = first if root == 0 else second
-                if -NODE_SEES <= xi <= 1.0 + NODE_SEES:
+                if -NODE_TOLERANCE <= xi <= 1.0 + NODE_TOLERANCE:
                     _, g, facing = ray(frame, xi, x, edges, m)
                     if facing < -FACING_COS:
                         note_node(near, s, g, back, ahead)
@@ -199,28 +229,32 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts
                         i -= 1
                     cuts[i] = xi
                     n += 1
-    kept = 1
+    n_kept = 1
     for i in range(1, n):
-        if cuts[i] - cuts[kept - 1] > SLIVER and 1.0 - cuts[i] > SLIVER:
-            cuts[kept] = cuts[i]
-            kept += 1
-    cuts[kept] = 1.0
-    return kept + 1
+        if cuts[i] - cuts[n_kept - 1] > CUT_TOLERANCE and 1.0 - cuts[i] > CUT_TOLERANCE:
+            cuts[n_kept] = cuts[i]
+            n_kept += 1
+    cuts[n_kept] = 1.0
+    return n_kept + 1
 
 
 @kernel
-def meet(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Floats, n_cuts: int,
+def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Floats, n_cuts: int,
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
-    """Into met the nearest master edge that the middle ray of each piece of a slave edge meets; -1: none."""
-    slack = ON_NODE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
+    """Find the nearest master edge that the middle ray of each piece of a slave edge meets.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,).  spans : (>= count, 2).
+    Fills met : (>= n_cuts - 1,), -1: none, and met_gap : (>= n_cuts - 1,) [m].
+    """
+    slack = END_TOLERANCE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
     for i in range(n_cuts - 1):
         met[i], met_gap[i] = -1, np.inf
     for k in range(count):
-        m = found[k]
+        m = hits[k]
         i, end = 0, n_cuts - 1
         while end - i > 1:  # the last cut before the candidate's range
             half = (i + end) // 2
-            if cuts[half] < spans[k, 0] - SLIVER:
+            if cuts[half] < spans[k, 0] - CUT_TOLERANCE:
                 i = half
             else:
                 end = half
@@ -229,24 +263,24 @@ def meet(x: Floats, edges: Ints, frame: Frame, found: Ints, count: int, cuts: Fl
             xi_m, g, facing = ray(frame, middle, x, edges, m)
             # fault: areas not clipped at the master's end -> hit = -0.5 <= xi_m <= 1.5 and facing < -FACING_COS and
             #   -back <= g < ahead | contact/test_facing
-            hit = -SLIVER <= xi_m <= 1.0 + SLIVER and facing < -FACING_COS and -back <= g < ahead
+            hit = -CUT_TOLERANCE <= xi_m <= 1.0 + CUT_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
             if hit and (met[i] < 0 or nearer(g, m, met_gap[i], met[i], slack)):
                 met[i], met_gap[i] = m, g
             i += 1
 
 
 @kernel
-def master_weights(xi: tuple[float, float], low: float, high: float, size: float, r_low: float,
+def master_weights(xi_1: float, xi_2: float, low: float, high: float, size: float, r_low: float,
                    r_high: float) -> tuple[float, float]:
-    """Weights at two master coordinates xi that integrate linear functions over the piece low..high exactly.
+    """Return weights at master coordinates xi_1, xi_2 that integrate linear functions over the piece low..high exactly.
 
     So the pieces of an edge add up to the whole edge for each of its shape functions, though the map from the
     slave is not linear.  size : length of the piece [m].  r_low, r_high : 2 pi r at its ends [m], or 1.
     """
     m0, m1 = 0.5 * (r_low + r_high), r_low / 6.0 + r_high / 3.0
     s0, s1 = 0.5 - GAUSS, 0.5 + GAUSS
-    if abs(high - low) > STRAIGHT:
-        t0, t1 = (xi[0] - low) / (high - low), (xi[1] - low) / (high - low)
+    if abs(high - low) > MIN_MAPPED_LENGTH:
+        t0, t1 = (xi_1 - low) / (high - low), (xi_2 - low) / (high - low)
         # fault: master pieces weighted as if the map were linear -> if t0 < m1 / m0 < t0: | contact/test_facing
         if t0 < m1 / m0 < t1:  # outside of that a weight would be negative
             s0, s1 = t0, t1
@@ -256,7 +290,7 @@ def master_weights(xi: tuple[float, float], low: float, high: float, size: float
 
 @kernel
 def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
-    """2 pi r at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 metre of depth."""
+    """Return 2 pi r [m] at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 for unit depth."""
     # fault: 2 pi r dropped from the areas -> return max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0 |
     #   contact/test_facing
     return 2.0 * np.pi * max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0
@@ -265,7 +299,10 @@ def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
 @kernel
 def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float, m: int, low: float, high: float,
           axisymmetric: bool, values: Floats, i: int) -> None:
-    """The two facing points of piece low..high of a slave edge on master edge m, into rows i, i + 1 of values."""
+    """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5).  length_s, length_m : of the edges [m].
+    """
     r_1, r_2 = x[edges[m, 0], 0], x[edges[m, 1], 0]
     for k in range(4):  # the two points, then the two ends, whose columns are put in order below
         xi = 0.5 * (low + high) + (2 * k - 1) * GAUSS * (high - low) if k < 2 else (low if k == 2 else high)
@@ -282,40 +319,45 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
     r_low, r_high = ring(r_1, r_2, m_low, axisymmetric), ring(r_1, r_2, m_high, axisymmetric)
     values[i, 4] = values[i + 1, 4] = 0.0
     if r_low + r_high > 0.0:
-        values[i, 4], values[i + 1, 4] = master_weights((values[i, 1], values[i + 1, 1]), m_low, m_high,
+        values[i, 4], values[i + 1, 4] = master_weights(values[i, 1], values[i + 1, 1], m_low, m_high,
                                                         abs(m_high - m_low) * length_m, r_low, r_high)
 
 
 @kernel
-def drop_neighbours(edges: Ints, e: int, found: Ints, count: int) -> int:
-    """Take the edge e itself and the edges that share a node with it out of found; returns how many are left."""
-    left = 0
+def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
+    """Remove the edge e itself and the edges that share a node with it from hits; return how many remain.
+
+    edges : (n_edges, 2).  hits : (>= count,).
+    """
+    n_left = 0
     for k in range(count):
-        m = found[k]
-        shares = False
+        m = hits[k]
+        shared = False
         for i in range(2):
             for j in range(2):
-                shares = shares or edges[e, i] == edges[m, j]
-        if not shares:
-            found[left] = m
-            left += 1
-    return left
+                shared = shared or edges[e, i] == edges[m, j]
+        if not shared:
+            hits[n_left] = m
+            n_left += 1
+    return n_left
 
 
 @kernel
-def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, found: Ints, count: int, end: int,
-               reach: tuple[float, float], axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
-    """The point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
+def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints, count: int, end: int,
+               back: float, ahead: float, axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
+    """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
 
-    So a piece has two rows in this form too.  reach : how far behind and ahead of the node [m].  False: it faces
-    nothing.
+    So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).
+    back, ahead : reach of the ray [m].  met_edges : (capacity, 2) and values : (capacity, 5) are filled.  Returns False
+    where
+    the node faces nothing.
     """
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
-        xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
-        hit = -ON_NODE <= xi_m <= 1.0 + ON_NODE and facing < -FACING_COS and -reach[0] <= g < reach[1]
-        if hit and (best_m < 0 or nearer(g, found[k], best, best_m, ON_NODE * length_s)):
-            best, best_m, best_xi = g, found[k], min(max(xi_m, 0.0), 1.0)
+        xi_m, g, facing = ray(frame, float(end), x, edges, hits[k])
+        hit = -END_TOLERANCE <= xi_m <= 1.0 + END_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
+        if hit and (best_m < 0 or nearer(g, hits[k], best, best_m, END_TOLERANCE * length_s)):
+            best, best_m, best_xi = g, hits[k], min(max(xi_m, 0.0), 1.0)
     if best_m < 0:
         return False
     for q in range(2):
@@ -327,47 +369,49 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, found: Int
 
 
 @kernel
-def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tuple[int, int], masters: Ints,
-              gap_max: float, form: tuple[bool, bool, bool], met_edges: Ints, values: Floats, near: Floats) -> int:
-    """Facing points of one pass.
+def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int, last: int, masters: Ints,
+              gap_max: float, axisymmetric: bool, itself: bool, by_node: bool, met_edges: Ints, values: Floats,
+              near: Floats) -> int:
+    """Search one pass; return how many points there are, which may be more than the capacity.
 
-    slaves : first and last + 1 of the slave's edges.  masters : the master's edges as a chain.  form : axisymmetric,
-    onto itself, by node.  Fills met_edges : (capacity, 2), slave and master edge, and values : (capacity, 5), xi_s,
-    xi_m, gap, area, area_m, two rows a piece, and near : (n_s,), the nearest gap of each node.  Returns how many points
-    there are, which may be more than the capacity.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
+    first and
+    last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.  by_node :
+    one
+    point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5), xi_s, xi_m [1],
+    gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
     """
-    axisymmetric, itself, by_node = form
     boxes, longest = box_tree(x, edges, masters), 0.0
     for m in masters:
         longest = max(longest, length[m])
-    found, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
+    hits, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
     cuts, met_gap = np.empty(4 * masters.size + 2), np.empty(4 * masters.size + 2)
     met = np.empty(4 * masters.size + 2, dtype=np.int32)
     n_points: Any = np.int64(0)  # typed: a bare 0 would have every kernel it is passed to compiled twice
-    for e in range(slaves[0], slaves[1]):
+    for e in range(first, last):
         # A body thinner than its edges are long must not meet its own far side.
-        back = ITSELF_BACK * length[e] if itself else max(length[e], longest)
+        back = SELF_CONTACT_DEPTH * length[e] if itself else max(length[e], longest)
         frame = frame_of(x, edges, normal, e)
-        count = candidates(boxes, masters, normal, frame, back, gap_max, found)
+        count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
         if itself:
-            count = drop_neighbours(edges, e, found, count)
-        n_cuts = cut_edge(x, edges, frame, found, count, cuts, spans, near, back, gap_max)
+            count = drop_neighbours(edges, e, hits, count)
+        n_cuts = cut_edge(x, edges, frame, hits, count, cuts, spans, near, back, gap_max)
         for k in range(count):
             for end in range(2):
-                xi_m, g, facing = ray(frame, float(end), x, edges, found[k])
-                if -NODE_SEES <= xi_m <= 1.0 + NODE_SEES and facing < -FACING_COS:
+                xi_m, g, facing = ray(frame, float(end), x, edges, hits[k])
+                if -NODE_TOLERANCE <= xi_m <= 1.0 + NODE_TOLERANCE and facing < -FACING_COS:
                     note_node(near, edges[e, end], g, back, gap_max)
         if by_node:
             for end in range(2):
                 if n_points + 2 <= values.shape[0]:
                     met_edges[n_points, 0], met_edges[n_points + 1, 0] = e, e
-                    if place_node(x, edges, frame, length[e], found, count, end, (back, gap_max), axisymmetric,
+                    if place_node(x, edges, frame, length[e], hits, count, end, back, gap_max, axisymmetric,
                                   met_edges, values, n_points):
                         n_points += 2
                 else:
                     n_points += 2
             continue
-        meet(x, edges, frame, found, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
+        meet(x, edges, frame, hits, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:
                 continue
@@ -380,18 +424,19 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, slaves: tu
     return n_points
 
 
-# Which points of the surfaces face each other: the reply to a Project request.
+# The reply to a Project request
 
-BEHIND_AXIS = 1e-9  # an axisymmetric node may lie this share of the scene's radius beyond the axis: round-off
+AXIS_TOLERANCE = 1e-9  # of the scene's radius: how far beyond the axis a node may lie
 
 
 @dataclass(frozen=True)
 class Cut:
-    """All facing points of a scene, in one table, and what was worked out on the way.
+    """All contact quadrature points of a scene, in one table, and what was computed on the way.
 
     number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m, gap [m], area, area_m [m2].
-    normal : (n_edges, 3, 2) as from contact.surfaces.  node_gap, node_covered : (n_s,) as in Facing.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
+    normal : (n_edges, 3, 2) [1] as from contact.surfaces.  node_gap : (n_s,) [m] and node_covered : (n_s,) [1] as in
+    Facing.
     The two points of a piece are neighbours.
     """
 
@@ -403,8 +448,11 @@ class Cut:
     node_covered: Floats
 
 
-def project(surfaces: Surfaces, x: Floats) -> Facing:
-    """Facing points at coordinates x : (n_s, 2) [m].  Raises ValueError where x is no possible geometry."""
+def project(surfaces: RegisteredSurfaces, x: Floats) -> Facing:
+    """Find the contact quadrature points at coordinates x : (n_s, 2) [m].
+
+    Raises ValueError where x is no possible geometry.
+    """
     c = cut_surfaces(surfaces, x)
     slave_edge, master_edge = np.ascontiguousarray(c.met.T)
     xi_s, xi_m, gap, area, area_m = np.ascontiguousarray(c.values.T)
@@ -412,7 +460,7 @@ def project(surfaces: Surfaces, x: Floats) -> Facing:
                   c.node_covered)
 
 
-def cut_surfaces(surfaces: Surfaces, x: Floats) -> Cut:
+def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats) -> Cut:
     """Cut the slave edges of every pass at x : (n_s, 2) [m].  Raises ValueError."""
     r = surfaces.register
     x = checked_reals("x", x, (r.n_nodes, 2))
@@ -428,23 +476,25 @@ def cut_surfaces(surfaces: Surfaces, x: Floats) -> Cut:
     else:
         met = np.concatenate([np.empty((0, 2), dtype=np.int32), *(m for m, _ in tables)])
         values = np.concatenate([np.empty((0, 5)), *(v for _, v in tables)])
-    covered = covered_shares(x, r.edges, length, surfaces.in_pair, r.axisymmetric, met, values)
+    covered = covered_fractions(x, r.edges, length, surfaces.in_pair, r.axisymmetric, met, values)
     return Cut(number, met, values, normal, node_gap, covered)
 
 
-def _pass(surfaces: Surfaces, x: Floats, length: Floats, normal: Floats, i: int,
+def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, i: int,
           node_gap: Floats) -> tuple[Ints, Floats]:
-    """Facing points of pass i, (n, 2) edges and (n, 5) values; lowers node_gap where the pass's is less."""
+    """Search pass i; return (n, 2) edges and (n, 5) values, and lower node_gap : (n_s,) [m] where the pass's is less.
+    """
     r, p, start = surfaces.register, surfaces.passes, surfaces.start
     slave, master = p.slave[i], p.master[i]
     first, last = int(start[slave]), int(start[slave + 1])
     masters = surfaces.chain[start[master] : start[master + 1]]
     capacity = 4 * (last - first + masters.size)
     near = np.full(r.n_nodes, np.inf)
-    form = (r.axisymmetric, bool(slave == master), bool(p.by_node[i]))
+    itself, by_node = bool(slave == master), bool(p.by_node[i])
     while True:
         met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, 5))
-        n = face_pass(x, r.edges, length, normal, (first, last), masters, float(p.gap_max[i]), form, met, values, near)
+        n = face_pass(x, r.edges, length, normal, first, last, masters, float(p.gap_max[i]), r.axisymmetric, itself,
+                      by_node, met, values, near)
         if n <= capacity:
             np.minimum(node_gap, near, out=node_gap)
             if p.weight[i] != 1.0:
@@ -453,19 +503,23 @@ def _pass(surfaces: Surfaces, x: Floats, length: Floats, normal: Floats, i: int,
         capacity = n
 
 
-def _check_geometry(surfaces: Surfaces, x: Floats, length: Floats) -> None:
+def _check_geometry(surfaces: RegisteredSurfaces, x: Floats, length: Floats) -> None:
     if length.size and not length.min() > 0.0:
         e = int(np.argmin(length))
         raise ValueError(f"edge {e} (nodes {surfaces.register.edges[e].tolist()}) has no length")
-    if surfaces.register.axisymmetric and x.size and x[:, 0].min() < -BEHIND_AXIS * np.abs(x[:, 0]).max():
+    if surfaces.register.axisymmetric and x.size and x[:, 0].min() < -AXIS_TOLERANCE * np.abs(x[:, 0]).max():
         node = int(np.argmin(x[:, 0]))
         raise ValueError(f"node {node} lies beyond the axis, r = {x[node, 0]!r}")
 
 
 @kernel
-def covered_shares(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.bool_], axisymmetric: bool,
-                   met: Ints, values: Floats) -> Floats:
-    """(n_s,) share in [0, 1] of each node's surface, by its shape functions, that faces something."""
+def covered_fractions(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.bool_], axisymmetric: bool,
+                      met: Ints, values: Floats) -> Floats:
+    """Return (n_s,) the part in [0, 1] of each node's surface, by its shape functions, that faces something.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  in_pair : (n_edges,).  met : (n_p, 2).
+    values : (n_p, 5), xi_s, xi_m [1], gap [m], area, area_m [m2].
+    """
     whole, faced = np.zeros(x.shape[0]), np.zeros(x.shape[0])
     for e in range(edges.shape[0]):
         if in_pair[e]:

@@ -12,17 +12,17 @@ from collections import OrderedDict
 from contact.messages import Coupling, Project, Refused, Register, Registered, Reply, Request, Traction
 from contact.multipliers import coupling
 from contact.search import project
-from contact.surfaces import Surfaces, surfaces_of
+from contact.surfaces import RegisteredSurfaces, surfaces_of
 from contact.traction import traction
 
-KEPT = 64  # scenes kept registered; the one unused longest goes first, and its caller registers it again
+MAX_SCENES = 64  # scenes kept registered; the one unused longest goes first, and its caller registers it again
 
 
 class ContactService:
-    """Answers Register, Project, Traction and Coupling; wrong requests get a Refused, never an exception."""
+    """Answer Register, Project, Traction and Coupling; wrong requests get a Refused, never an exception."""
 
     def __init__(self) -> None:
-        self._scenes: OrderedDict[str, Surfaces] = OrderedDict()
+        self._scenes: OrderedDict[str, RegisteredSurfaces] = OrderedDict()
 
     def handle(self, request: Request) -> Reply:
         """Answer one request."""
@@ -37,17 +37,17 @@ class ContactService:
         if isinstance(request, Register):
             scene = surfaces_of(request)
             self._scenes[scene.key] = scene
-            while len(self._scenes) > KEPT:
+            while len(self._scenes) > MAX_SCENES:
                 self._scenes.popitem(last=False)
             return Registered(scene.key)
         if not isinstance(request, (Project, Traction, Coupling)):
             return Refused("bad_request", f"{type(request).__name__} is not a request of the contact service")
-        known = self._scenes.get(request.surfaces)
-        if known is None:
+        surfaces = self._scenes.get(request.surfaces)
+        if surfaces is None:
             return Refused("unknown_surfaces", f"no surfaces are registered as {request.surfaces!r}")
         self._scenes.move_to_end(request.surfaces)
         if isinstance(request, Project):
-            return project(known, request.x)
+            return project(surfaces, request.x)
         if isinstance(request, Coupling):
-            return coupling(known, request)
-        return traction(known, request)
+            return coupling(surfaces, request)
+        return traction(surfaces, request)

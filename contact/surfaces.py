@@ -1,6 +1,6 @@
-"""The surfaces of a scene as the service keeps them: checked, hashed, their edges put into chains.
+"""Registered surfaces of a scene: checked, hashed, their edges put into chains; the field of normals.
 
-Only what connectivity alone tells is here; it is worked out once, so every later request costs O(n log n).
+All but the normals follows from connectivity alone and is computed once, so every later request costs O(n log n).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LIMIT = 1e100  # [m, Pa]: no number beyond this is meant; products of smaller on
 
 
 @dataclass(frozen=True)
-class Surfaces:
+class RegisteredSurfaces:
     """Registered surfaces.
 
     register : the message, in canonical dtypes.  passes : its passes.  key : content hash.
@@ -39,8 +39,8 @@ class Surfaces:
     on_slave: NDArray[np.bool_]
 
 
-def surfaces_of(message: Register) -> Surfaces:
-    """Check a Register message and build its Surfaces.  Raises ValueError saying what is wrong with it."""
+def surfaces_of(message: Register) -> RegisteredSurfaces:
+    """Check a Register message and build its RegisteredSurfaces.  Raises ValueError saying what is wrong with it."""
     r = _canonical(message)
     _check_edges(r)
     n_surfaces = int(r.edge_surface[-1]) + 1 if r.edge_surface.size else 0
@@ -51,7 +51,7 @@ def surfaces_of(message: Register) -> Surfaces:
     in_pair = np.isin(r.edge_surface, np.concatenate([p.slave, p.master]))
     on_slave = np.zeros(r.n_nodes, dtype=bool)
     on_slave[r.edges[np.isin(r.edge_surface, p.slave)]] = True
-    return Surfaces(r, p, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
+    return RegisteredSurfaces(r, p, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
 
 
 def _canonical(m: Register) -> Register:
@@ -98,7 +98,7 @@ def _integers(name: str, value: object, shape: tuple[int, ...]) -> Ints:
 
 
 def checked_reals(name: str, value: object, shape: tuple[int, ...]) -> Floats:
-    """value as a C-ordered float64 array.  Raises ValueError: other shape or dtype, NaN, beyond LIMIT."""
+    """Return value as a C-ordered float64 array.  Raises ValueError: other shape or dtype, NaN, beyond LIMIT."""
     a = np.asarray(value)
     if a.shape != shape:
         raise ValueError(f"{name} has shape {a.shape}, expected {shape}")
@@ -137,7 +137,7 @@ def _check_passes(p: Passes, n_surfaces: int) -> None:
 
 
 def _neighbours(r: Register) -> tuple[Ints, Ints]:
-    """Edge before and after each edge, within its surface."""
+    """Find the edge before and after each edge, within its surface."""
     first = r.edge_surface.astype(np.int64) * r.n_nodes + r.edges[:, 0]
     second = r.edge_surface.astype(np.int64) * r.n_nodes + r.edges[:, 1]
     for name, keys in (("first", first), ("second", second)):
@@ -150,7 +150,7 @@ def _neighbours(r: Register) -> tuple[Ints, Ints]:
 
 
 def _lookup(wanted: NDArray[np.int64], keys: NDArray[np.int64]) -> Ints:
-    """Index into keys of each wanted value, -1 where it is not there."""
+    """Return the index into keys of each wanted value, -1 where it is not there."""
     if not keys.size:
         return np.empty(0, dtype=np.int32)
     order = np.argsort(keys)
@@ -187,7 +187,7 @@ def _key(r: Register) -> str:
     return digest.hexdigest()[:32]
 
 
-# The field of normals of a surface.
+# Normals of a surface
 #
 # At a node it is the mean of its two edges' unit normals, at an end and at a corner of the body the edge's own;
 # it is linear along an edge.  So the rays of a smooth surface leave no gaps between them, and a flat surface has
@@ -201,10 +201,11 @@ CORNER_COS = 0.5
 
 @kernel
 def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tuple[Floats, Floats]:
-    """Outward normals and lengths of edges.
+    """Compute lengths (n_edges,) [m] and outward unit normals (n_edges, 3, 2) [1] of edges.
 
-    x : (n_s, 2) [m].  Returns length : (n_edges,) [m] and normal : (n_edges, 3, 2), the edge's own unit
-    normal, and those of the field at its first and second node.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  The normals are those of the edge
+    itself, at
+    its first and at its second node.
     """
     n = edges.shape[0]
     length, normal = np.empty(n), np.empty((n, 3, 2))

@@ -1,4 +1,4 @@
-"""Contact forces at the facing points: the reply to a Traction request.  Eqs. (17)-(20), Coulomb's law.
+"""Contact forces at the contact quadrature points: the reply to a Traction request.  Eqs. (17)-(20), Coulomb's law.
 
 p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the slave's nodes; a point touches where
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
@@ -20,7 +20,6 @@ from contact.piece import (
     EPS_N,
     EPS_T,
     FIXED,
-    GAUSS,
     LAMBDA_1,
     LAMBDA_2,
     MU,
@@ -34,16 +33,19 @@ from contact.piece import (
     STICKS,
     piece_stiffness,
 )
-from contact.search import Cut, cut_surfaces, feet, frame_of
-from contact.surfaces import Surfaces, checked_reals
+from contact.search import GAUSS, Cut, Frame, cut_surfaces, feet, frame_of
+from contact.surfaces import RegisteredSurfaces, checked_reals
 
-# Blocks of pieces added up into rows of nodes: a third of the bytes, and ready to be put into a matrix.
+# Assembly of pieces
 
 @kernel
 def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
-    """starts : (n + 1,), columns : (n_b,) ascending in each row, and values : (n_b, 2, 2), the sum of all blocks.
+    """Sum blocks of pieces into rows of nodes.
 
-    nodes : (n_pieces, m), the same node perhaps twice.  blocks : (n_pieces, 2 m, 2 m).
+    nodes : (n_pieces, m), the same node perhaps twice.  blocks : (n_pieces, 2 m, 2 m) [N/m].  Returns starts (n + 1,),
+    columns (n_b,), ascending in each row, and sums (n_b, 2, 2) [N/m]: a third of the bytes of blocks, and ready to be
+    put
+    into a matrix.
     """
     n_pieces, m = nodes.shape
     room = np.zeros(n + 1, dtype=np.int64)
@@ -77,7 +79,7 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
 
 @kernel
 def added_up(n: int, nodes: Ints, values: Floats) -> Floats:
-    """(n, 2) sums of values : (n_pieces, m, 2) at nodes : (n_pieces, m)."""
+    """Sum values : (n_pieces, m, 2) at nodes : (n_pieces, m); return (n, 2)."""
     total = np.zeros((n, 2))
     for p in range(nodes.shape[0]):
         for i in range(nodes.shape[1]):
@@ -100,12 +102,14 @@ def _insert(row: Ints, filled: NDArray[np.int64], s: int, column: int) -> None:
     filled[s] += 1
 
 
-SAME_CUT = 1e-9  # a cut this near to a node's foot was made by that node
+# Contact forces
+
+CUT_MATCH = 1e-9  # of an edge: a cut this near to a node's foot was made by that node
 
 
 @dataclass(frozen=True)
-class Points:
-    """What the facing points do.
+class PointStates:
+    """State of the contact quadrature points.
 
     c : (n_p, N_CONSTANTS) of contact.piece.  doing : (n_p,) open, sticks or slips.  p_N, tau : (n_p,) [Pa].
     heat : (n_p,) [J].
@@ -118,10 +122,10 @@ class Points:
     heat: Floats
 
 
-def traction(surfaces: Surfaces, request: Traction) -> Tractions:
-    """Contact forces at request.x.  Raises ValueError."""
+def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
+    """Compute contact forces at request.x.  Raises ValueError."""
     r = surfaces.register
-    x, multipliers, before, shear = given(surfaces, request)
+    x, multipliers, before, shear = checked_request(surfaces, request)
     cut = cut_surfaces(surfaces, x)
     points = points_at(surfaces, cut, x, before, multipliers, shear)
     nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
@@ -131,14 +135,18 @@ def traction(surfaces: Surfaces, request: Traction) -> Tractions:
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
     t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.c, points.p_N, points.tau, points.heat,
                                        shear)
-    slipping = shares_slipping(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
+    slipping = slipping_fractions(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
                      np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, slipping,
                      int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
 
 
-def given(surfaces: Surfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats, Floats]:
-    """x, multipliers, x_before and shear of a request.  Raises ValueError."""
+def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats,
+                                                                                         Floats]:
+    """Check the arrays of a request.  Raises ValueError.
+
+    Returns x (n_s, 2) [m], multipliers (n_s,) [Pa], x_before (n_s, 2) [m] and shear (n_s,) [Pa].
+    """
     n = surfaces.register.n_nodes
     multipliers = checked_reals("multipliers", request.multipliers, (n,))
     if multipliers.size and multipliers.max() > 0.0:
@@ -148,8 +156,12 @@ def given(surfaces: Surfaces, request: Traction | Coupling) -> tuple[Floats, Flo
     return checked_reals("x", request.x, (n, 2)), multipliers, before, shear
 
 
-def points_at(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats, shear: Floats) -> Points:
-    """What the facing points of a cut do, given what was before."""
+def points_at(surfaces: RegisteredSurfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats,
+              shear: Floats) -> PointStates:
+    """Evaluate the points of a cut.
+
+    x, before : (n_s, 2) [m] now and when the shear was `shear`.  multipliers, shear : (n_s,) [Pa].
+    """
     p, edges = surfaces.passes, surfaces.register.edges
     ends = edges[cut.met[:, 0]]
     c = np.zeros((len(cut.met), N_CONSTANTS))
@@ -157,18 +169,24 @@ def points_at(surfaces: Surfaces, cut: Cut, x: Floats, before: Floats, multiplie
     c[:, SHEAR_1:SHEAR_2 + 1] = shear[ends]
     c[:, EPS_N], c[:, EPS_T], c[:, MU] = p.eps_N[cut.number], p.eps_T[cut.number], p.mu[cut.number]
     n = len(cut.met)
-    points = Points(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    judge(x, before, edges, cut.met, cut.values, cut.normal, c, points.doing, points.p_N, points.tau, points.heat)
+    points = PointStates(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    evaluate_points(x, before, edges, cut.met, cut.values, cut.normal, c, points.doing, points.p_N, points.tau,
+                    points.heat)
     return points
 
 
 @kernel
-def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats, doing: Floats,
-          p_N: Floats, tau: Floats, heat: Floats) -> None:
-    """Fill what every point does: doing, p_N [Pa], tau [Pa], and the heat of its slip [J].
+def evaluate_points(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats,
+                    doing: Floats,
+                    p_N: Floats, tau: Floats, heat: Floats) -> None:
+    """Fill the state of every point: doing, p_N [Pa], tau [Pa], and the heat of its slip [J], each (n_p,).
 
-    slip is how far the slave's point has moved along t past the point it faces, since `before`: the two material
-    points are those that face each other now, so a motion of both together is none.
+    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  normal : (n_edges, 3, 2) [1].
+    c : (n_p, N_CONSTANTS).  doing, p_N, tau, heat : (n_p,).  Slip is how far the slave's point has moved along t past
+    the
+    point it faces, since `before`: the two material points are those that face each other now, so a motion of both
+    together
+    is none.
     """
     for i in range(met.shape[0]):
         xi, eta, area = values[i, 0], values[i, 1], values[i, 3]
@@ -205,11 +223,16 @@ def judge(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, nor
 @kernel
 def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, tau: Floats, heat: Floats,
                 before: Floats) -> tuple[Floats, Floats, Floats]:
-    """t_N : (n_nodes,) [Pa] = -sum(A N p_N)/sum(A N) over what each node faces, both sides; shear : (n_nodes,) [Pa],
-    as before and the mean of its change over what it touches, and E_friction : (n_nodes,) [J], both of slave nodes.
+    """Average pressure and shear to the nodes: t_N (n_s,) [Pa], shear (n_s,) [Pa] and E_friction (n_s,) [J].
 
-    Of the change, not of tau itself: a mean of what was interpolated is smoother than what it came from, and a surface
-    held still would lose its shear, and make heat, with every step.
+    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  c : (n_p, N_CONSTANTS).  p_N, tau : (n_p,) [Pa].
+    heat : (n_p,) [J].  before : (n_s,) [Pa].  t_N = -sum(A N p_N)/sum(A N) over what each node faces, both sides; the
+    others
+    are of slave nodes: shear as before plus the mean of its change over what it touches.  Of the change, not of tau
+    itself:
+    a mean of what was interpolated is smoother than what it came from, and a surface at rest would lose its shear, and
+    make
+    heat, with every step.
     """
     n_nodes = before.size
     pushed, faced, dragged = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
@@ -235,8 +258,11 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
 
 
 @kernel
-def shares_slipping(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
-    """(n_nodes,) sum(A N of what slips)/sum(A N of what touches), of slave nodes; 0 where nothing touches."""
+def slipping_fractions(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
+    """Return (n_nodes,) sum(A N of what slips)/sum(A N of what touches), of slave nodes; 0 where nothing touches.
+
+    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  doing : (n_p,).
+    """
     slips, touches = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):
         if doing[i] == OPEN:
@@ -257,7 +283,12 @@ def shares_slipping(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing:
 def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats,
            normal: Floats, by_node: Ints, axisymmetric: bool, c: Floats,
            doing: Floats) -> tuple[Ints, Floats, Floats]:
-    """nodes : (n_b, 6), forces : (n_b, 6, 2) [N] and blocks : (n_b, 12, 12) [N/m] of the touching pieces."""
+    """Compute nodes (n_b, 6), forces (n_b, 6, 2) [N] and blocks (n_b, 12, 12) [N/m] of the touching pieces.
+
+    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2).  values : (n_p,
+    5).
+    normal : (n_edges, 3, 2) [1].  by_node : (n_p,).  c : (n_p, N_CONSTANTS).  doing : (n_p,).
+    """
     n_blocks = 0
     for i in range(0, met.shape[0], 2):
         n_blocks += doing[i] > OPEN or doing[i + 1] > OPEN
@@ -288,13 +319,19 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
 
 @kernel
 def parallel(normal: Floats, e: int, other: int) -> bool:
-    """Whether two neighbours' own normals are the same, so that their mean is too."""
+    """Return whether the normals of two neighbours are the same, so that their mean is too.
+
+    normal : (n_edges, 3, 2) [1].
+    """
     return normal[e, 0, 0] == normal[other, 0, 0] and normal[e, 0, 1] == normal[other, 0, 1]
 
 
 @kernel
 def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, nodes: Ints) -> None:
-    """Fill nodes : (6,), as contact.piece numbers them; where there is no neighbour, the edge's own node."""
+    """Fill nodes : (6,), as contact.piece numbers them; where there is no neighbour, the edge's own node.
+
+    edges : (n_edges, 2).  previous, following : (n_edges,).
+    """
     nodes[0], nodes[1] = edges[e, 0], edges[e, 1]
     nodes[2] = edges[previous[e], 0] if previous[e] >= 0 else edges[e, 0]
     nodes[3] = edges[following[e], 1] if following[e] >= 0 else edges[e, 1]
@@ -302,19 +339,21 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
 
 
 @kernel
-def piece_cuts(frame: tuple[float, float, float, float, float, float, float, float], here: Floats, xi_1: float,
-               xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
-    """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows."""
+def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
+    """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows.
+
+    here : (6, 2) coordinates of its nodes [m].  ends : (2,) cuts [1], out.  moves : (2,) nodes or FIXED, out.
+    """
     half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
     ends[0], ends[1] = (0.0, 1.0) if uncut else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)
     moves[:] = FIXED
     if uncut:
         return
     for k in range(2):
-        if abs(ends[k] - k) <= SAME_CUT:
+        if abs(ends[k] - k) <= CUT_MATCH:
             continue
         for node in range(4, NODES):
             first, second = feet(frame, here[node, 0], here[node, 1])
-            if abs(first - ends[k]) <= SAME_CUT or abs(second - ends[k]) <= SAME_CUT:
+            if abs(first - ends[k]) <= CUT_MATCH or abs(second - ends[k]) <= CUT_MATCH:
                 # fault: cuts do not move with the other side's nodes -> moves[k] = FIXED | contact/test_traction
                 moves[k] = node

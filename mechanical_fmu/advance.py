@@ -9,52 +9,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.messages import Tractions
-from mechanical_fmu.augmented import settle
-from mechanical_fmu.drive import Drive, between
-from mechanical_fmu.dynamics import Motion, free_flight, inertia_of, motion_after
+from mechanical_fmu.drive import StepDrive, between
+from mechanical_fmu.dynamics import BodyMotion, free_flight, inertia_of, motion_after
+from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.explicit import fly
 from mechanical_fmu.heat import at_frozen_entropy
-from mechanical_fmu.newton import Settings
-from mechanical_fmu.system import Balance, Loading, System
-from mechanical_fmu.volume import CellError, Step
+from mechanical_fmu.newton import SolverSettings
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.volume import CellError, PointStep
 
 Floats = NDArray[np.float64]
 
 # Prescribed components this close to their target (share of the largest body) are set, not solved for: round-off.
-SNAP = 1e-12
+TARGET_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
 class Task:
     """What a whole step is asked for.  Everything in it is the same for all pieces of the step.
 
-    start : the drive at its beginning.  end : at its end.  dt : [s].  ask : contact, None where nothing can touch.
+    start : the drive at its beginning.  end : at its end.  dt : [s].  query : contact, None where nothing can touch.
     frozen : (n, 2) [m] displacement at which the entropy is frozen, None for a given temperature.
     """
 
-    start: Drive
-    end: Drive
+    start: StepDrive
+    end: StepDrive
     dt: float
-    ask: Callable[[Floats], Tractions] | None
+    query: Callable[[Floats], Tractions] | None
     frozen: Floats | None
 
 
 @dataclass(frozen=True)
-class Found:
+class Departure:
+    """What a piece of a step begins with.  history : (n_history,) of points and cells."""
+
+    motion: BodyMotion
+    history: Floats
+
+
+@dataclass(frozen=True)
+class StepResult:
     """Where pieces of a step ended.  heat : (n_cells,) [J] of all of them, empty where none can be made.
 
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
     last : what the points remembered when the last piece began, and its length.
     """
 
-    balance: Balance
-    motion: Motion
+    balance: ForceBalance
+    motion: BodyMotion
     heat: Floats
     iterations: int
     residual: float
     cuts: int = 0
     dt_stable: float = 0.0
-    last: Step = field(default_factory=Step)
+    last: PointStep = field(default_factory=PointStep)
 
 
 class PartWayError(ArithmeticError):
@@ -74,32 +82,32 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
     dead = system.masses.dead.at(drive.dead) if drive.dead.size else None
-    return Loading(moduli, drive.target, drive.pressure, task.ask, Step(dt, history), dead)
+    return Loading(moduli, drive.target, drive.pressure, task.query, PointStep(dt, history), dead)
 
 
-def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> Balance:
+def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> ForceBalance:
     """Balance, with tangent if asked for, where driven bodies have moved by their mean prescribed increment."""
     moved = system.constraints.moved(u, loading.target)
     fixed = system.constraints.fixed
     off = np.abs(moved.ravel()[fixed] - loading.target)
-    if off.size and off.max() <= SNAP * float(system.size.max()):
+    if off.size and off.max() <= TARGET_ROUND_OFF * float(system.size.max()):
         moved.ravel()[fixed] = loading.target
     return system.balance(moved, loading, tangent)
 
 
-def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings: Settings, cuts: int,
-              failed: ArithmeticError | None = None) -> Found:
+def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,
+              failed: ArithmeticError | None = None) -> StepResult:
     """The step, halved where a piece cannot be solved, at most `cuts` times.
 
-    begin : motion and history at the start.  failed : why the whole step was tried in vain, None if it was not tried.
+    failed : why the whole step was tried in vain, None if it was not tried.
     Raises PartWayError; its cause is the last, but a cell that failed tells more than forces out of balance.
     """
-    (motion, history), share, found = begin, 0.0, None
+    share, found = 0.0, None
     size, left = (1.0, cuts) if failed is None else (0.5, cuts - 1)
     while share < 1.0:
         goal = min(share + size, 1.0)
         try:
-            piece = _piece(system, task, (motion, history), (share, goal), settings)
+            piece = _piece(system, task, begin, (share, goal), settings)
         except ArithmeticError as exc:
             failed = failed if isinstance(failed, CellError) else exc
             if left == 0:
@@ -107,7 +115,7 @@ def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings
             size, left = 0.5 * size, left - 1
             continue
         found = piece if found is None else _joined(found, piece)
-        motion, history, share = piece.motion, piece.balance.history, goal
+        begin, share = Departure(piece.motion, piece.balance.history), goal
         if size < 1.0 and left < cuts and (share / (2.0 * size)).is_integer():
             # A hard spot is behind: try larger pieces again, but the spot has used up its cuts.
             size, left = 2.0 * size, left + 1
@@ -115,31 +123,31 @@ def in_pieces(system: System, task: Task, begin: tuple[Motion, Floats], settings
     return found
 
 
-def _piece(system: System, task: Task, begin: tuple[Motion, Floats], span: tuple[float, float],
-           settings: Settings) -> Found:
-    motion, history = begin
+def _piece(system: System, task: Task, begin: Departure, span: tuple[float, float],
+           settings: SolverSettings) -> StepResult:
+    motion, history = begin.motion, begin.history
     (a, b), dt, dynamics = span, (span[1] - span[0]) * task.dt, system.spec.dynamics
     if settings.method == "explicit":
         def loading_at(share: float, h: float, at: Floats) -> Loading:
             return loading_of(system, task, a + share * (b - a), h, at)
 
         flight = fly(system, motion, history, dt, loading_at)
-        return Found(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable,
-                     flight.last)
+        return StepResult(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable,
+                          flight.last)
     loading = loading_of(system, task, b, dt, history)
     if dynamics is None:
-        equilibrium = settle(system, loading, predicted(system, motion.u, loading, True), None, settings)
+        equilibrium = solve_step(system, loading, predicted(system, motion.u, loading, True), None, settings)
         found = equilibrium.balance
         rest = np.zeros_like(motion.v)
-        after = Motion(found.u, rest, rest, found.r if len(rest) else rest)
+        after = BodyMotion(found.u, rest, rest, found.r if len(rest) else rest)
     else:
         inertia = inertia_of(system.masses, dynamics, motion, dt)
         loading = replace(loading, inertia=inertia)
         start = _carried(system, free_flight(dynamics, motion, dt), system.constraints.moved(motion.u, loading.target))
-        equilibrium = settle(system, loading, system.balance(start, loading, True), None, settings)
+        equilibrium = solve_step(system, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
-    return Found(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)
+    return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
@@ -148,9 +156,9 @@ def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
     return guess if system.rigid is None else system.rigid.placed(guess)
 
 
-def _joined(first: Found, then: Found) -> Found:
+def _joined(first: StepResult, then: StepResult) -> StepResult:
     # fault: heat of all pieces of a step but the last forgotten -> heat = then.heat |
     #   mechanical_fmu/test_solution_methods
     heat = first.heat + then.heat if first.heat.size else then.heat
-    return Found(then.balance, then.motion, heat, first.iterations + then.iterations,
-                 max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last)
+    return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
+                      max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last)

@@ -17,16 +17,17 @@ from numpy.typing import NDArray
 
 from contact.compiled import inner, kernel
 from contact.half.interface import Interface
-from contact.half.quadrature import Table, table_of
-from mechanical_fmu.point import history_size
+from contact.half.quadrature import CellQuadrature, table_of
+from mechanical_fmu.laws.kinds import history_size
 from mechanical_fmu.strain import (
-    LONGEST_MODE,
+    MAX_MODE_ITERATIONS,
+    MAX_MODE_STRAIN,
+    MIN_MODE_DAMPING,
     MODE_ROUND_OFF,
     MODE_TOLERANCE,
-    MOST_LOCAL,
-    SHORTEST,
-    Law,
-    Work,
+    CellMaterials,
+    Modes,
+    PointScratch,
     add_dilatation_curvature,
     back,
     dilatation_gradient,
@@ -208,7 +209,7 @@ def cell_stress(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
 INVERTED, NO_MODES = -1, 101
 
 
-class Shape(NamedTuple):
+class CellShapes(NamedTuple):
     """Where the cells are.  B : (n_e, nq, nn + n_x, 2), N_over_R : (n_e, nq, nn + n_x) [1/m], modes behind the nodes.
 
     n_modes : numbers the modes have (n_x of them are vectors, but the last about an axis has one component).
@@ -237,7 +238,7 @@ class Out(NamedTuple):
     strain: Floats
 
 
-class Cell(NamedTuple):
+class CellScratch(NamedTuple):
     """Room for one cell.  u : nodes, then modes.  F, P : (nq, 5).  A : (nq, 5, 5).  K, r : all unknowns, then modes."""
 
     u: Floats
@@ -254,18 +255,18 @@ class Cell(NamedTuple):
 
 
 @kernel
-def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
+def cell_points(shape: CellShapes, law: CellMaterials, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
     """Fill out at u : (n_nodes, 2) [m].  Returns (cell, code) of the first cell that fails, or (-1, 0).
 
     code : INVERTED, NO_MODES where the modes are not found, NO_THICKNESS or one of points.CODES.
     """
     n_e, nq, n_all = shape.B.shape[0], shape.B.shape[1], shape.B.shape[2]
     nn, nm = shape.nodes.shape[1], shape.n_modes
-    cell = Cell(np.empty((n_all, 2)), np.empty((nq, 5)), np.empty(nq), np.empty((nq, 5)), np.empty((nq, 5, 5)),
-                np.empty((2 * nn + nm, 2 * nn + nm)), np.empty(2 * nn + nm), np.empty((nm, nm)), np.empty(nm),
-                np.empty(2 * nn), np.empty(5))
-    work = Work(np.empty(4), np.empty(4), np.empty((4, 5)), np.empty((4, 4)),
-                out.K.shape[0] > 0 or nm > 0)
+    cell = CellScratch(np.empty((n_all, 2)), np.empty((nq, 5)), np.empty(nq), np.empty((nq, 5)), np.empty((nq, 5, 5)),
+                       np.empty((2 * nn + nm, 2 * nn + nm)), np.empty(2 * nn + nm), np.empty((nm, nm)), np.empty(nm),
+                       np.empty(2 * nn), np.empty(5))
+    work = PointScratch(np.empty(4), np.empty(4), np.empty((4, 5)), np.empty((4, 4)),
+                        out.K.shape[0] > 0 or nm > 0)
     for e in range(n_e):
         cell.u[:, :] = 0.0
         for a in range(nn):
@@ -286,11 +287,12 @@ def cell_points(shape: Shape, law: Law, u: Floats, history_n: Floats, out: Out) 
 
 
 @inner
-def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
+def settle(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, work: PointScratch, h_n: Floats,
+           h: Floats) -> tuple[int, float]:
     """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
     nn, nm = shape.nodes.shape[1], shape.n_modes
     before, share = np.inf, 1.0
-    for _ in range(MOST_LOCAL):
+    for _ in range(MAX_MODE_ITERATIONS):
         code, heat = at_points(shape, law, e, cell, work, h_n, h)
         if code != 0 or nm == 0:
             return code, heat
@@ -312,15 +314,16 @@ def settle(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, 
         if strain <= MODE_TOLERANCE or (before <= MODE_ROUND_OFF and strain >= 0.5 * before):
             return 0, heat
         # Yielding that changes hands can make whole steps go round in a circle.
-        share = max(0.5 * share, SHORTEST) if strain >= before else min(2.0 * share, 1.0)
+        share = max(0.5 * share, MIN_MODE_DAMPING) if strain >= before else min(2.0 * share, 1.0)
         before = strain
         for m in range(nm):
-            cell.u[nn + m // 2, m % 2] -= min(share, LONGEST_MODE / strain) * cell.a[m]
+            cell.u[nn + m // 2, m % 2] -= min(share, MAX_MODE_STRAIN / strain) * cell.a[m]
     return NO_MODES, 0.0
 
 
 @inner
-def at_points(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Floats, h: Floats) -> tuple[int, float]:
+def at_points(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, work: PointScratch, h_n: Floats,
+              h: Floats) -> tuple[int, float]:
     """F, J, P, A and h of the points of cell e at cell.u.  Returns (code, heat [J])."""
     nq = shape.weight.shape[1]
     if dilatation(shape.B[e], shape.N_over_R[e], shape.weight[e], cell.u, cell.F, cell.J) <= 0.0:
@@ -336,7 +339,7 @@ def at_points(shape: Shape, law: Law, e: int, cell: Cell, work: Work, h_n: Float
 
 
 @inner
-def close_cell(shape: Shape, law: Law, e: int, cell: Cell, out: Out) -> None:
+def close_cell(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, out: Out) -> None:
     """Add the cell's forces to out.f and fill its out.K, the pressure of the cell and its modes settled."""
     nn, nm, nq = shape.nodes.shape[1], shape.n_modes, shape.weight.shape[1]
     tangent = out.K.shape[0] > 0
@@ -408,7 +411,7 @@ def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -
 
 
 @inner
-def measure(cell: Cell, stress: Floats, strain: Floats) -> None:
+def measure(cell: CellScratch, stress: Floats, strain: Floats) -> None:
     """Fill stress, strain : (nq, 4) of a closed cell."""
     for q in range(stress.shape[0]):
         F, P = cell.F[q], cell.P[q]
@@ -450,7 +453,7 @@ class Cells:
     weight : (n_e, nq) reference volume of a point [m3], 2 pi R weighted when axisymmetric, else per metre depth.
     N_over_R : (n_e, nq, nn) [1/m], N_a/R when axisymmetric, else 0: what turns u_r into the hoop stretch.
     volume : (n_e,) [m3].  mean : (n_e, nn) takes nodal values to the volume mean of each cell.
-    modes : gradients and hoop parts of the modes of enhanced strain, (n_e, nq, n_m, 2) and (n_e, nq, n_m), n_m >= 0.
+    modes : of enhanced strain, of none where it has none.
     """
 
     nodes: Ints
@@ -463,7 +466,7 @@ class Cells:
     volume: Floats
     mean: Floats
     treatment: Treatment
-    modes: tuple[Floats, Floats]
+    modes: Modes
 
     @property
     def dofs(self) -> NDArray[np.int64]:
@@ -478,7 +481,7 @@ class Cells:
 
     @property
     def n_modes(self) -> int:
-        n = self.modes[1].shape[2]
+        n = self.modes.hoop.shape[2]
         return mode_count(n == 3) if n else 0
 
     @property
@@ -488,9 +491,9 @@ class Cells:
         return 0 if self.fast else self.n_modes + point * self.weight.shape[1]
 
     @cached_property
-    def shape(self) -> Shape:
+    def shape(self) -> CellShapes:
         B, N_over_R = (np.concatenate(parts, axis=2) for parts in zip((self.B, self.N_over_R), self.modes, strict=True))
-        return Shape(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
+        return CellShapes(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
 
 
 def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = None) -> tuple[Cells, ...]:
@@ -509,12 +512,12 @@ def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = No
         for treatment in dict.fromkeys(of_body):
             here = np.isin(body, [i for i, t in enumerate(of_body) if t == treatment])
             if here.any():
-                out.append(_cells(interface, nodes[here], body[here], number[here], (table_of(name), treatment)))
+                out.append(_cells(interface, nodes[here], body[here], number[here], table_of(name), treatment))
     return tuple(out)
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tuple[Table, Treatment]) -> Cells:
-    table, treatment = how
+def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, table: CellQuadrature,
+           treatment: Treatment) -> Cells:
     N, dN = table.N, table.dN
     X = interface.nodes[nodes]
     jacobian = np.einsum("eai,qaj->eqij", X, dN)
@@ -530,7 +533,7 @@ def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, how: tup
     N_over_R = N / R[:, :, None] if interface.axisymmetric else np.zeros((*R.shape, N.shape[1]))
     volume = weight.sum(axis=1)
     mean = np.einsum("eq,qa->ea", weight, N) / volume[:, None]
-    modes = (np.empty((*det.shape, 0, 2)), np.empty((*det.shape, 0)))
+    modes = Modes(np.empty((*det.shape, 0, 2)), np.empty((*det.shape, 0)))
     # fault: quads without their modes -> if False: | mechanical_fmu/test_elements_bending
     if treatment.enhanced:
         modes = mode_gradients(X, N, det, interface.axisymmetric)

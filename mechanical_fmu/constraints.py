@@ -16,6 +16,7 @@ from contact.half.model import Values
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.loads import driven
 from mechanical_fmu.problem import Displacement
+from mechanical_fmu.strain import Modes
 
 # Rigid bodies among deformable ones: their nodes follow a reference point and an angle, exactly.
 #
@@ -140,7 +141,7 @@ class RigidBodies:
             elif keep.any():
                 per_cell = {k: getattr(cells, k)[keep] for k in ("nodes", "body", "number", "B", "weight", "N_over_R",
                                                                  "volume", "mean")}
-                out.append(replace(cells, **per_cell, modes=(cells.modes[0][keep], cells.modes[1][keep])))
+                out.append(replace(cells, **per_cell, modes=Modes(cells.modes.gradients[keep], cells.modes.hoop[keep])))
         return tuple(out)
 
 

@@ -16,7 +16,7 @@ from contact.messages import Tractions
 Floats = NDArray[np.float64]
 
 
-class Contact(ContactSurfaces):
+class MeshContact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
 
     def on_slaves(self, pairs: Collection[str]) -> NDArray[np.bool_]:
@@ -59,16 +59,20 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
 
 def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
     """What both mechanical halves say of contact; n_s : surface nodes.  slips : whether a pair has friction."""
-    variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0"),
-                 Variable("contact.gap", (n_s,), unit="m", description="normal gap"),
-                 Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced"),
+    variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0", on="contact_nodes"),
+                 Variable("contact.gap", (n_s,), unit="m", description="normal gap", on="contact_nodes"),
+                 Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced",
+                          on="contact_nodes"),
                  Variable("contact.touching", description="facing points that touch")]
     if slips:
-        variables += [Variable("contact.t_T", (n_s,), unit="Pa", description="shear traction of slave nodes"),
-                      Variable("contact.E_friction", (n_s,), unit="J", description="friction heat of the substep"),
+        variables += [Variable("contact.t_T", (n_s,), unit="Pa", description="shear traction of slave nodes",
+                               on="contact_nodes"),
+                      Variable("contact.E_friction", (n_s,), unit="J", description="friction heat of the substep",
+                               on="contact_nodes"),
                       Variable("contact.slipping", description="facing points that slip"),
                       Variable("contact.slip_share", (n_s,), unit="1",
-                               description="of what a slave node touches, the share at Coulomb's bound")]
+                               description="of what a slave node touches, the share at Coulomb's bound",
+                               on="contact_nodes")]
     return tuple(variables)
 
 

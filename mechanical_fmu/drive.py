@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.model import Values
+from mechanical_fmu.laws.kinds import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
-from mechanical_fmu.point import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.system import System
 
 Floats = NDArray[np.float64]
@@ -19,7 +19,7 @@ NOT_GIVEN = -1.0
 
 
 @dataclass(frozen=True)
-class Drive:
+class StepDrive:
     """target : (n_fixed,) [m].  pressure : (n_pressures,) [Pa].  dead : (n_dead,) size of each dead load.
 
     T : (n_nodes,) [K].  f_s : (n_nodes,) solid fraction; (0,) where nobody gave it, and T says it.
@@ -32,22 +32,22 @@ class Drive:
     f_s: Floats
 
 
-def drive_of(system: System, inputs: Values, t: float, side: int) -> Drive:
+def drive_of(system: System, inputs: Values, t: float, side: int) -> StepDrive:
     """The drive at time t [s], from the given side of a jump (-1 before it, 1 after it)."""
     spec = system.spec
     pressure = [driven(p.value, p.name, t, side, inputs) for p in spec.pressures]
     dead = [driven(d.value, d.name, t, side, inputs) for d in spec.dead]
     T = np.array(inputs["T"], dtype=np.float64, order="C")
-    return Drive(system.constraints.values(t, side, inputs), np.array(pressure), np.array(dead), T, _given(inputs))
+    return StepDrive(system.constraints.values(t, side, inputs), np.array(pressure), np.array(dead), T, _given(inputs))
 
 
-def between(a: Drive, b: Drive, share: float) -> Drive:
+def between(a: StepDrive, b: StepDrive, share: float) -> StepDrive:
     """The drive after a share of the way from a to b; b itself at its end."""
     if share == 1.0:
         return b
-    return Drive(*(x + share * (y - x) for x, y in
-                   ((a.target, b.target), (a.pressure, b.pressure), (a.dead, b.dead), (a.T, b.T),
-                    (a.f_s if a.f_s.size == b.f_s.size else b.f_s, b.f_s))))
+    return StepDrive(*(x + share * (y - x) for x, y in
+                       ((a.target, b.target), (a.pressure, b.pressure), (a.dead, b.dead), (a.T, b.T),
+                        (a.f_s if a.f_s.size == b.f_s.size else b.f_s, b.f_s))))
 
 
 def _given(inputs: Values) -> Floats:
@@ -68,7 +68,7 @@ def may_skip(system: System) -> bool:
     return not any(m.kind & (CREEP | OVERSTRESS | LIQUID) for m in system.spec.materials)
 
 
-def expected_change(system: System, solved: Drive, now: Drive, u: Floats) -> float:
+def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats) -> float:
     """Estimate of max|du| [m] from the inputs last solved for to those of now, about u : (n, 2) [m]."""
     moved = np.abs(now.target - solved.target).max(initial=0.0)
     L = np.array([np.ptp(system.interface.nodes[system.interface.node_body == b], axis=0).max()
@@ -86,7 +86,7 @@ def expected_change(system: System, solved: Drive, now: Drive, u: Floats) -> flo
     return float(moved + (strain * L).max(initial=0.0) + (on_body * L / (E * system.size)).max(initial=0.0))
 
 
-def _change_of_forces(system: System, solved: Drive, now: Drive, u: Floats) -> Floats:
+def _change_of_forces(system: System, solved: StepDrive, now: StepDrive, u: Floats) -> Floats:
     change = np.zeros_like(u)
     if now.dead.size:
         change += system.masses.dead.at(now.dead - solved.dead)

@@ -11,14 +11,14 @@ from contact.half.linalg import factorise
 from mechanical_fmu.constraints import with_diagonal
 from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.problem import Dynamics
-from mechanical_fmu.system import Balance, System
-from mechanical_fmu.tangent import held
+from mechanical_fmu.system import ForceBalance, System
+from mechanical_fmu.tangent import constrained
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Motion:
+class BodyMotion:
     """u : (n, 2) [m], v : (n, 2) [m/s], a : (n, 2) [m/s2], f : (n, 2) [N] internal less external, all at one time."""
 
     u: Floats
@@ -27,7 +27,7 @@ class Motion:
     f: Floats
 
 
-def inertia_of(masses: Masses, how: Dynamics, now: Motion, dt: float) -> Inertia:
+def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Inertia:
     """Inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
 
     With a_{n+1} = (u - u*)/(beta dt2), u* = u_n + dt v_n + dt2 (1/2 - beta) a_n, the balance of method_spec.py
@@ -42,21 +42,21 @@ def inertia_of(masses: Masses, how: Dynamics, now: Motion, dt: float) -> Inertia
     return Inertia(scale * M, free_flight(how, now, dt), rest / (1.0 - how.alpha_f))
 
 
-def free_flight(how: Dynamics, now: Motion, dt: float) -> Floats:
+def free_flight(how: Dynamics, now: BodyMotion, dt: float) -> Floats:
     """(n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
     # fault: Newmark's free flight without its acceleration -> return now.u + dt * now.v |
     #   mechanical_fmu/test_solution_dynamics
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 
-def motion_after(how: Dynamics, now: Motion, found: Balance, inertia: Inertia, dt: float) -> Motion:
+def motion_after(how: Dynamics, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
     """The motion at the end of a step solved for."""
     a = (found.u - inertia.origin) / (how.beta * dt * dt)
     v = now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a)
-    return Motion(found.u, v, a, found.r - inertia.force(found.u))
+    return BodyMotion(found.u, v, a, found.r - inertia.force(found.u))
 
 
-def first_motion(system: System, found: Balance, lumped: bool) -> Motion:
+def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotion:
     """At rest but for the velocities of the bodies, Eq. (21), and accelerated by what is out of balance: M a = -f."""
     v = np.zeros_like(found.u)
     for body, spec in enumerate(system.spec.bodies):
@@ -78,5 +78,5 @@ def first_motion(system: System, found: Balance, lumped: bool) -> Motion:
         m = system.masses.lumped
         a = np.divide(b, m, out=np.zeros_like(b), where=m > 0.0)
     else:
-        a = factorise(held(system, with_diagonal(system.masses.matrix(False))))(b) * free
-    return Motion(found.u, v, a.reshape(v.shape), found.r)
+        a = factorise(constrained(system, with_diagonal(system.masses.matrix(False))))(b) * free
+    return BodyMotion(found.u, v, a.reshape(v.shape), found.r)

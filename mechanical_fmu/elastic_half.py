@@ -13,20 +13,20 @@ from contact.half.contact_client import History
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from mechanical_fmu.advance import Found, PartWayError, Task, in_pieces, loading_of, predicted
-from mechanical_fmu.augmented import remembered, settle
+from mechanical_fmu.advance import Departure, PartWayError, StepResult, Task, in_pieces, loading_of, predicted
 from mechanical_fmu.contact import contact_outputs, contact_variables
-from mechanical_fmu.contact_asking import Asking, asking
-from mechanical_fmu.drive import NOT_GIVEN, Drive, between, drive_of, expected_change, may_skip
-from mechanical_fmu.dynamics import Motion, first_motion
+from mechanical_fmu.contact_query import ContactQuery, contact_history, contact_query
+from mechanical_fmu.drive import NOT_GIVEN, StepDrive, between, drive_of, expected_change, may_skip
+from mechanical_fmu.dynamics import BodyMotion, first_motion
+from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.explicit import stable_step
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
 from mechanical_fmu.material import MaterialRangeError
-from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, Settings
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic
-from mechanical_fmu.system import Balance, Loading, System, system_of
-from mechanical_fmu.tangent import MOST_SURFACE_DOFS, Anchor, refuse_loose, refuse_unheld
-from mechanical_fmu.volume import CellError, InvertedCellError, Step, von_mises
+from mechanical_fmu.system import ForceBalance, Loading, System, system_of
+from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
+from mechanical_fmu.volume import CellError, CellInversionError, PointStep, von_mises
 
 # The state of the elastic half: all that evolves.
 
@@ -51,7 +51,7 @@ class ElasticState:
     anchor_u: Floats
     anchor_T: Floats
     anchored: bool
-    drive: Drive
+    drive: StepDrive
     solved: float
     history: Floats
     v: Floats
@@ -73,7 +73,7 @@ class Moved:
     loading: Loading
     u: Floats
     history: Floats
-    drive: Drive
+    drive: StepDrive
     frozen: bool
 
 
@@ -88,32 +88,38 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     n, n_s, n_cells = mesh_nodes(system), interface.contact_nodes.size, system.volume.n_cells
     T_ref = np.array([m.T_ref for m in spec.materials])[spec.body_material]
     # A node outside every cell (body -1) takes the last body's; nothing depends on it.
-    inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end")]
+    inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end",
+                       on="nodes")]
     if system.melts:
-        inputs.append(Variable("f_s", (n,), "input", "1", NOT_GIVEN, description="solid fraction at the end; -1: by T"))
+        inputs.append(Variable("f_s", (n,), "input", "1", NOT_GIVEN, description="solid fraction at the end; -1: by T",
+                               on="nodes"))
     for name in spec.load_names:
         inputs += [Variable(f"load.{name}", (), "input", "1", 1.0, description="factor"),
                    Variable(f"bc.{name}", (), "input", _unit(system, name), 0.0, description="added to the value")]
-    outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates"),
-               Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean"),
-               Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean"),
+    outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates",
+                        on="nodes"),
+               Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
+               Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
                Variable("cuts", description="pieces of the step beyond the first")]
-    outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements")
+    outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements",
+                         on="none")
                 for name in interface.bodies]
     outputs += flow_variables(system)
     if makes_heat(system):
-        outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep"))
+        outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
+                                on="cells"))
     if spec.adiabatic:
-        outputs.append(Variable("E_S", (n_cells,), unit="J", description="heat moved by squeezing at frozen entropy"))
+        outputs.append(Variable("E_S", (n_cells,), unit="J", description="heat moved by squeezing at frozen entropy",
+                                on="cells"))
         inputs.append(Variable("control.mode", (), "input", start=0, kind="Integer",
                                description="0 isothermal, 1 adiabatic"))
     if spec.skip is not None:
         outputs.append(Variable("skipped", description="steps skipped since the start"))
     if system.rigid is not None:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
-                             description="u_x, u_y [m] and angle [rad] of the reference point") for b in
-                    system.rigid.body]
+                             description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
+                    for b in system.rigid.body]
     return (*inputs, *outputs, *(contact_variables(n_s, system.contact.slips) if n_s else ()))
 
 
@@ -122,7 +128,7 @@ def mesh_nodes(system: System) -> int:
     return len(system.interface.nodes) if system.rigid is None else system.rigid.first
 
 
-def outputs_of(system: System, found: Found, moved: Moved, state: ElasticState) -> dict[str, Value]:
+def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
     """All outputs at the end of a step that was solved."""
     balance, n = found.balance, mesh_nodes(system)
     sigma, sigma_v, increment = _stresses(system, found, moved)
@@ -141,37 +147,37 @@ def outputs_of(system: System, found: Found, moved: Moved, state: ElasticState) 
             outputs[f"reaction.{name}"] = held[point]
     if system.spec.skip is not None:
         outputs["skipped"] = float(state.all_skipped)
-    outputs |= flow_outputs(system, Step(moved.loading.step.dt, moved.history), found.balance.history)
+    outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
         outputs |= contact_outputs(balance.tractions, system.contact.slips)
     return outputs
 
 
-def _stresses(system: System, found: Found, moved: Moved) -> tuple[Floats, Floats, float]:
+def _stresses(system: System, found: StepResult, moved: Moved) -> tuple[Floats, Floats, float]:
     """(n_cells, 4) stress 11, 22, 12, 33 and (n_cells,) von Mises stress [Pa], means of the points of each cell.
 
     And the largest change of a Green-Lagrange component over the step, each end by the history and moduli of its own.
     """
     volume, moduli = system.volume, moved.loading.moduli
     # At its end a history knows all stresses but a liquid's, which is of the rate and needs the last piece itself.
-    # fault: a liquid's stress lost after its step -> now = volume.stress(found.balance.u, moduli, Step(0.0,
+    # fault: a liquid's stress lost after its step -> now = volume.stress(found.balance.u, moduli, PointStep(0.0,
     #   found.balance.history)) | mechanical_fmu/test_solution_melting
-    now = volume.stress(found.balance.u, moduli, found.last if system.melts else Step(0.0, found.balance.history))
+    now = volume.stress(found.balance.u, moduli, found.last if system.melts else PointStep(0.0, found.balance.history))
     sigma, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
     for cells, (stress, _) in zip(volume.kinds, now, strict=True):
         # fault: shear for thickness in the stress that goes out -> sigma[cells.number], sigma_v[cells.number] =
         #   stress[:, :, [0, 1, 3, 2]].mean(axis=1), von_mises(stress).mean(axis=1) | mechanical_fmu/test_solution_fmu
         sigma[cells.number], sigma_v[cells.number] = stress.mean(axis=1), von_mises(stress).mean(axis=1)
     then = moduli if volume.elastic else system.moduli(moved.drive.T, moved.drive.f_s)
-    # fault: strain before a step by the history after it -> before = volume.stress(moved.u, then, Step(0.0,
+    # fault: strain before a step by the history after it -> before = volume.stress(moved.u, then, PointStep(0.0,
     #   found.balance.history)) | mechanical_fmu/test_solution_melting
-    before = volume.stress(moved.u, then, Step(0.0, moved.history))
+    before = volume.stress(moved.u, then, PointStep(0.0, moved.history))
     increment = max([float(np.abs(a[1] - b[1]).max()) for a, b in zip(now, before, strict=True)], default=0.0)
     return sigma, sigma_v, increment
 
 
-def _heats(system: System, found: Found, moved: Moved, state: ElasticState) -> dict[str, Value]:
+def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
     """E_M and E_S [J] of the step, where the scene has them."""
     out: dict[str, Value] = {}
     n = system.volume.n_cells
@@ -180,13 +186,13 @@ def _heats(system: System, found: Found, moved: Moved, state: ElasticState) -> d
     end = state.drive
     heat = np.zeros(n)
     if squeezed:
-        middle = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
-        heat = moved_heat(system, middle, moved.u, found.balance.u)
+        T, f_s = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
+        heat = moved_heat(system, T, f_s, moved.u, found.balance.u)
     if makes_heat(system):
         # What is moved at frozen entropy goes out as E_S: counted once.
         out["E_M"] = made if moved.frozen else made + heat
     if system.spec.adiabatic:
-        out["E_S"] = moved_heat(system, (end.T, end.f_s), moved.u, found.balance.u) if moved.frozen else np.zeros(n)
+        out["E_S"] = moved_heat(system, end.T, end.f_s, moved.u, found.balance.u) if moved.frozen else np.zeros(n)
     return out
 
 
@@ -207,44 +213,44 @@ def _unit(system: System, name: str) -> str:
 # The first guess of a scene in which a body rests on another, their gap 0: nothing presses yet, so nothing holds.
 
 # Surfaces nearer than this share of a body's size touch as drawn: the round-off of coordinates in a file.
-AS_DRAWN = 1e-9
+TOUCHING_AS_DRAWN = 1e-9
 
 
-def resting(system: System, u: Floats, loading: Loading) -> Balance:
+def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
     """The balance to begin with at u : (n, 2) [m], with its tangent.
 
     Where a body is loose, surfaces that touch as drawn count as closed, under a pressure that lasts for this one
     guess: it says where contact can hold, and the equilibrium found from it knows nothing of it.
     """
     first = predicted(system, u, loading, True)
-    if not isinstance(loading.ask, Asking):
+    if not isinstance(loading.query, ContactQuery):
         return first
     try:
         refuse_loose(system, first)
     except SingularMatrixError:
-        pressure = AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
+        pressure = TOUCHING_AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
         slaves = system.contact.on_slaves([pair.name for pair in system.interface.pairs])
-        # fault: bodies that touch as drawn fall -> history = replace(loading.ask.history, multipliers=np.where(slaves,
-        #   0.0, 0.0)) | mechanical_fmu/test_solution_loads
-        history = replace(loading.ask.history, multipliers=np.where(slaves, -pressure, 0.0))
-        return predicted(system, u, replace(loading, ask=replace(loading.ask, history=history)), True)
+        # fault: bodies that touch as drawn fall -> query = loading.query.with_multipliers(np.where(slaves, 0.0, 0.0)) |
+        #   mechanical_fmu/test_solution_loads
+        query = loading.query.with_multipliers(np.where(slaves, -pressure, 0.0))
+        return predicted(system, u, replace(loading, query=query), True)
     return first
 
 
 # An old factor that needs more iterations than this in a step has had its time.
-MOST_ANCHORED = 8
+MAX_ANCHORED_ITERATIONS = 8
 # Anchors kept: one in use, one that a rollback may return to.
-KEPT_ANCHORS = 2
+MAX_ANCHORS = 2
 ISOTHERMAL, ADIABATIC = 0, 1
 
 
 class ElasticHalf:
     """HalfModel of deformable bodies.  What is kept on the object can be rebuilt bit for bit from any state."""
 
-    def __init__(self, system: System, settings: Settings) -> None:
+    def __init__(self, system: System, settings: SolverSettings) -> None:
         self.system, self.settings = system, settings
         self.variables = elastic_variables(system)
-        self._anchors: dict[bytes, Anchor] = {}
+        self._anchors: dict[bytes, StiffnessAnchor] = {}
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ElasticState, Mapping[str, Value]]:
         """Equilibrium at t from the reference, all at once; with inertia, the reference itself and its velocity.
@@ -256,23 +262,23 @@ class ElasticHalf:
         history = system.contact.no_history(system.interface.nodes)
         u, none = np.zeros((system.volume.n_nodes, 2)), np.empty((0, 2))
         loading = self._loading(inputs, t, 1, history, link)
-        motion = Motion(u, none, none, none)
+        motion = BodyMotion(u, none, none, none)
         if system.spec.inert:
             at = system.constraints.moved(u, drive.target)
             at.ravel()[system.constraints.fixed] = drive.target
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
-            found = Found(balance, motion, balance.heat, 0, 0.0, dt_stable=self._dt_stable(balance, loading),
-                          last=loading.step)
+            found = StepResult(balance, motion, balance.heat, 0, 0.0, dt_stable=self._dt_stable(balance, loading),
+                               last=loading.step)
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
-            equilibrium = settle(system, loading, resting(system, u, loading), None, settings)
+            equilibrium = solve_step(system, loading, resting(system, u, loading), None, settings)
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
-        state = ElasticState(t, now.u, remembered(system, now, history), now.u, drive.T, False, drive, t, now.history,
-                             motion.v, motion.a, motion.f)
+        state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
+                             now.history, motion.v, motion.a, motion.f)
         return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -301,7 +307,7 @@ class ElasticHalf:
         method = self._method(int(inputs.get("control.method", 0)))
         u = _array(state.u)
         frozen = u if int(inputs.get("control.mode", ISOTHERMAL)) == ADIABATIC else None
-        task = Task(state.drive, drive, t + h - state.solved, asking(system, link, state.contact), frozen)
+        task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
@@ -309,7 +315,7 @@ class ElasticHalf:
             found = self._in_pieces(state, task, method)
             after = replace(state, anchor_u=found.balance.u, anchor_T=drive.T, anchored=False)
         motion = found.motion
-        contact = remembered(system, found.balance, state.contact)
+        contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0)
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
@@ -318,18 +324,18 @@ class ElasticHalf:
     def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:
         """The loading at t of points without a past."""
         drive = drive_of(self.system, inputs, t, side)
-        task = Task(drive, drive, 0.0, asking(self.system, link, history), None)
+        task = Task(drive, drive, 0.0, contact_query(self.system, link, history), None)
         return loading_of(self.system, task, 1.0, 0.0, self.system.start_history())
 
-    def _predicted(self, u: Floats, loading: Loading, tangent: bool = True) -> Balance:
+    def _predicted(self, u: Floats, loading: Loading, tangent: bool = True) -> ForceBalance:
         return predicted(self.system, u, loading, tangent)
 
     def _in_pieces(self, state: ElasticState, task: Task, method: str,
-                   failed: ArithmeticError | None = None) -> Found:
-        motion = Motion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
+                   failed: ArithmeticError | None = None) -> StepResult:
+        motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
         settings = replace(self.settings, method=method)
         cuts = 0 if method == "explicit" else self.system.spec.cuts
-        return in_pieces(self.system, task, (motion, _array(state.history)), settings, cuts, failed)
+        return in_pieces(self.system, task, Departure(motion, _array(state.history)), settings, cuts, failed)
 
     @property
     def _anchors_serve(self) -> bool:
@@ -337,7 +343,7 @@ class ElasticHalf:
         system = self.system
         return system.volume.elastic and system.rigid is None and not system.spec.inert
 
-    def _anchored(self, state: ElasticState, task: Task, loading: Loading) -> tuple[Found, ElasticState]:
+    def _anchored(self, state: ElasticState, task: Task, loading: Loading) -> tuple[StepResult, ElasticState]:
         """One solve with the anchor's factor where that serves; the step in pieces where one solve does not do."""
         anchor = self._anchor(state)
         try:
@@ -349,24 +355,24 @@ class ElasticHalf:
                 raise
             found = self._in_pieces(state, task, "newton", exc)
             return found, replace(state, anchor_u=found.balance.u, anchor_T=task.end.T, anchored=False)
-        fits = anchored and not solved.fresh and solved.iterations <= MOST_ANCHORED
+        fits = anchored and not solved.fresh and solved.iterations <= MAX_ANCHORED_ITERATIONS
         after = replace(state, anchored=fits)
         if not fits:
             after = replace(after, anchor_u=solved.balance.u, anchor_T=task.end.T)
-        return _found(solved, Motion(solved.balance.u, state.v, state.a, state.f)), after
+        return _found(solved, BodyMotion(solved.balance.u, state.v, state.a, state.f)), after
 
-    def _solved(self, loading: Loading, first: Balance, anchor: Anchor | None) -> Equilibrium:
+    def _solved(self, loading: Loading, first: ForceBalance, anchor: StiffnessAnchor | None) -> Equilibrium:
         if anchor is not None:
             try:
-                return settle(self.system, loading, first, anchor, self.settings)
-            except (InvertedCellError, NoEquilibriumError):
+                return solve_step(self.system, loading, first, anchor, self.settings)
+            except (CellInversionError, NoEquilibriumError):
                 # An old tangent may lead astray where today's would not.
                 pass
-        return settle(self.system, loading, first, None, self.settings)
+        return solve_step(self.system, loading, first, None, self.settings)
 
-    def _adopts(self, anchor: Anchor, first: Balance) -> bool:
+    def _adopts(self, anchor: StiffnessAnchor, first: ForceBalance) -> bool:
         """Whether the anchor's factor is worth keeping: the stiffness has hardly changed over a whole step."""
-        if self.settings.adopt < 0.0 or self.system.contact.dofs.size > MOST_SURFACE_DOFS:
+        if self.settings.adopt < 0.0 or self.system.contact.dofs.size > MAX_SURFACE_DOFS:
             return False
         assert first.entries is not None
         return anchor.drift(first.entries) <= self.settings.adopt
@@ -389,12 +395,12 @@ class ElasticHalf:
         reached = f"; {share:.4g} of the step's change was reached" if share else ""
         if isinstance(exc, CellError):
             body = self.system.interface.bodies[exc.body]
-            why = "would be turned inside out" if isinstance(exc, InvertedCellError) else f"fails: {exc.why}"
+            why = "would be turned inside out" if isinstance(exc, CellInversionError) else f"fails: {exc.why}"
             return Discard(f"cell {exc.cell + 1} of body {body} {why}{reached}", h * max(0.25, share))
         suggest = 0.0 if isinstance(exc, MaterialRangeError) else h * (share or 0.5)
         return Discard(f"{exc}{reached}", suggest)
 
-    def _skips(self, state: ElasticState, drive: Drive) -> bool:
+    def _skips(self, state: ElasticState, drive: StepDrive) -> bool:
         skip = self.system.spec.skip
         return (skip is not None and state.skipped < skip.most and may_skip(self.system)
                 and expected_change(self.system, state.drive, drive, _array(state.u)) < skip.u)
@@ -406,18 +412,18 @@ class ElasticHalf:
         made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
         return out | made
 
-    def _dt_stable(self, balance: Balance, loading: Loading) -> float:
+    def _dt_stable(self, balance: ForceBalance, loading: Loading) -> float:
         return stable_step(self.system, balance.u, loading) if self.system.spec.method == "explicit" else 0.0
 
-    def _anchor(self, state: ElasticState) -> Anchor:
+    def _anchor(self, state: ElasticState) -> StiffnessAnchor:
         # fault: an old factor used whatever the state says -> key = b"" | mechanical_fmu/test_elastic_contact
         key = state.anchor_u.tobytes() + state.anchor_T.tobytes()
         anchor = self._anchors.pop(key, None)
         if anchor is None:
             u, T = _array(state.anchor_u), _array(state.anchor_T)
-            anchor = Anchor(self.system, u, self.system.moduli(T))
+            anchor = StiffnessAnchor(self.system, u, self.system.moduli(T))
         self._anchors[key] = anchor
-        while len(self._anchors) > KEPT_ANCHORS:
+        while len(self._anchors) > MAX_ANCHORS:
             del self._anchors[next(iter(self._anchors))]
         return anchor
 
@@ -425,11 +431,11 @@ class ElasticHalf:
 def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
     """The elastic half of an interface and a model.json.  Raises ValueError naming what is wrong."""
     spec = parse_elastic(interface, model)
-    return ElasticHalf(system_of(interface, spec), Settings(spec.tolerance))
+    return ElasticHalf(system_of(interface, spec), SolverSettings(spec.tolerance))
 
 
-def _found(solved: Equilibrium, motion: Motion) -> Found:
-    return Found(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual)
+def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:
+    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual)
 
 
 def _array(value: Any) -> Floats:

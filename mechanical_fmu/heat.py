@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from contact.half.model import Value, Variable
 from mechanical_fmu.cells import Cells
+from mechanical_fmu.laws.kinds import CREEP, H_CREEP, H_PLASTIC, PLASTIC, history_size
 from mechanical_fmu.material import Moduli, thermoelastic_heat
-from mechanical_fmu.point import CREEP, H_CREEP, H_PLASTIC, PLASTIC, history_size
 from mechanical_fmu.system import System
-from mechanical_fmu.volume import Step
+from mechanical_fmu.volume import PointStep
 
 Floats = NDArray[np.float64]
 
@@ -29,11 +29,14 @@ def log_dilatation(system: System, u: Floats) -> tuple[Floats, ...]:
     return tuple(np.log(_volumes(cells, u) / cells.volume) for cells in system.volume.kinds)
 
 
-def moved_heat(system: System, at: tuple[Floats, Floats], u_n: Floats, u: Floats) -> Floats:
-    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.  at : nodal T [K] and f_s (Drive)."""
+def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -> Floats:
+    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.
+
+    T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.
+    """
     out = np.zeros(system.volume.n_cells)
     before, after = log_dilatation(system, u_n), log_dilatation(system, u)
-    moduli, means = system.moduli(*at), system.volume.means(at[0])
+    moduli, means = system.moduli(T, f_s), system.volume.means(T)
     for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, moduli, means, strict=True)):
         per_volume = thermoelastic_heat(system.spec.materials, system.spec.body_material[cells.body], mean, m.kappa,
                                         # fault: compression cools -> before[i] - after[i]) |
@@ -87,7 +90,7 @@ def flow_variables(system: System) -> tuple[Variable, ...]:
             *(Variable(f"flow_rate.{n}", unit="1/s", description="its mean rate in the substep") for n in names))
 
 
-def flow_outputs(system: System, before: Step, history: Floats) -> dict[str, Value]:
+def flow_outputs(system: System, before: PointStep, history: Floats) -> dict[str, Value]:
     """The outputs of flow_variables.  before : the step's length and the history it began with; history : at its end.
 
     flow = int e dV / int dV with e = int sqrt(2/3 de_in:de_in), plastic and creep.  What solidifies begins at 0 again.

@@ -85,19 +85,34 @@ class DeadForces:
         return np.asarray(self.unit @ magnitudes).reshape(-1, 2)
 
 
-def dead_forces(interface: Interface, loads: Sequence[DeadLoad], shares: tuple[Floats, Floats],
-                rigid: tuple[NDArray[np.intp], Floats]) -> DeadForces:
-    """The patterns of loads.
+@dataclass(frozen=True)
+class NodalShares:
+    """mass : [kg] and volume : [m3] of each body at every row, (n_bodies, n)."""
 
-    shares : mass [kg] and volume [m3] of each body at every row, (n_bodies, n).  rigid : (n_rigid, 3) degrees of
-    freedom of u_x, u_y and the angle of each rigid body, and (n_rigid,) 1/L, what makes a force of a moment.
+    mass: Floats
+    volume: Floats
+
+
+@dataclass(frozen=True)
+class RigidRows:
+    """Degrees of freedom of rigid bodies.
+
+    dofs : (n_rigid, 3) of u_x, u_y and the angle.  per_moment : (n_rigid,) 1/L [1/m], what makes a force of a moment.
     """
-    mass, volume = shares
+
+    dofs: NDArray[np.intp]
+    per_moment: Floats
+
+
+def dead_forces(interface: Interface, loads: Sequence[DeadLoad], shares: NodalShares, rigid: RigidRows) -> DeadForces:
+    """Make the patterns of loads."""
+    mass, volume = shares.mass, shares.volume
     columns = []
     for load in loads:
         f = np.zeros((volume.shape[1], 2))
         if load.rigid >= 0:
-            f.ravel()[rigid[0][load.rigid, load.component]] = 1.0 if load.component < 2 else rigid[1][load.rigid]
+            dof = rigid.dofs[load.rigid, load.component]
+            f.ravel()[dof] = 1.0 if load.component < 2 else rigid.per_moment[load.rigid]
         elif load.kind == "traction":
             edges = interface.surfaces[load.on]
             np.add.at(f[:, load.component], edges, edge_shares(interface, edges))

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix, diags_array
 from contact.half.interface import Interface
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.constraints import RigidBodies
-from mechanical_fmu.loads import DeadForces, dead_forces, nodal_shares
+from mechanical_fmu.loads import DeadForces, NodalShares, RigidRows, dead_forces, nodal_shares
 from mechanical_fmu.problem import ElasticSpec
 
 Floats = NDArray[np.float64]
@@ -50,8 +50,8 @@ class Masses:
         """The patterns of the dead loads."""
         rows = np.empty((0, 3), np.intp) if self.rigid is None else self.rigid.dofs
         per_moment = np.empty(0) if self.rigid is None else 1.0 / self.rigid.size
-        return dead_forces(self.interface, self.spec.dead, (self.density[:, None] * self.volume, self.volume),
-                           (rows, per_moment))
+        shares = NodalShares(self.density[:, None] * self.volume, self.volume)
+        return dead_forces(self.interface, self.spec.dead, shares, RigidRows(rows, per_moment))
 
     @cached_property
     def lumped(self) -> Floats:

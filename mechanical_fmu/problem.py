@@ -13,20 +13,17 @@ from scipy.interpolate import PchipInterpolator
 from contact.half.checks import keys, known, made, nodes_on, number, signal
 from contact.half.functions import Property, Signal, positive_property, property_from
 from contact.half.interface import Interface
-from mechanical_fmu.material import (
-    ELASTIC,
-    NOTHING,
-    ONE,
-    Curves,
-    Flow,
-    Liquid,
-    Material,
-    Norton,
-    Plastic,
-    PowerLaw,
-    Voce,
-)
-from mechanical_fmu.point import CUBIC, SLOPED
+from mechanical_fmu.laws.catalogue import HARDENING
+from mechanical_fmu.laws.creep_norton import NortonLaw
+from mechanical_fmu.laws.creep_power import PowerLaw
+from mechanical_fmu.laws.hardening_linear import LinearLaw
+from mechanical_fmu.laws.hardening_table import CUBIC, SLOPED, TableLaw
+from mechanical_fmu.laws.hardening_voce import VoceLaw
+from mechanical_fmu.laws.kinematic import KinematicLaw
+from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw, IsotropicHardening
+from mechanical_fmu.laws.liquid import LiquidLaw
+from mechanical_fmu.laws.overstress import OverstressLaw
+from mechanical_fmu.material import ELASTIC, FlowLaws, PlasticFlow, SolidMaterial
 
 # What holds and pushes the bodies, as model.json says it, checked.
 
@@ -194,10 +191,10 @@ def _closed(value: Any, where: str, low: float, high: float) -> float:
 Floats = NDArray[np.float64]
 
 DEFAULT_CHI = 0.9  # Taylor and Quinney's share for metals at large strain
-LAWS = ("linear", "voce", "table")
+LAWS = tuple(law.NAME for law in HARDENING)
 
 
-def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -> Material:
+def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -> SolidMaterial:
     """The material a model.json describes.  others : keys that are read elsewhere.
 
     Raises ValueError naming the key, the value and what would do.
@@ -205,14 +202,14 @@ def parse_material(name: str, spec: Any, others: Iterable[str] = ("rho", "c")) -
     where = f"materials.{name}"
     keys(spec, where, {"E", "nu"}, {"alpha", "T_ref", "plastic", "creep", "liquid", *others})
     T_ref = number(spec.get("T_ref", 0.0), f"{where}.T_ref")
-    material = Material(name, _positive(spec, "E", where, "Young's modulus"), _poisson(spec["nu"], f"{where}.nu"),
-                        _property(spec, "alpha", where, NOTHING), T_ref, _flow(spec, where))
+    material = SolidMaterial(name, _positive(spec, "E", where, "Young's modulus"), _poisson(spec["nu"], f"{where}.nu"),
+                             _property(spec, "alpha", where, NOTHING), T_ref, _flow(spec, where))
     if material.kind and (why := material.flow.refusal(_temperatures(spec, T_ref))):
         raise ValueError(f"model.json: {where}: {why}")
     return material
 
 
-def _flow(spec: Mapping[str, Any], where: str) -> Flow:
+def _flow(spec: Mapping[str, Any], where: str) -> FlowLaws:
     if not {"plastic", "creep", "liquid"} & set(spec):
         return ELASTIC
     plastic = _plastic(spec["plastic"], f"{where}.plastic") if "plastic" in spec else None
@@ -221,26 +218,28 @@ def _flow(spec: Mapping[str, Any], where: str) -> Flow:
     if plastic and plastic.kinematic and creep:
         raise ValueError(f"model.json: {where}: creep does not go with a kinematic backstress, which would have to "
                          "creep too; give plastic.overstress instead of creep, or leave plastic.kinematic out")
-    return Flow(plastic, creep, liquid, plastic.data if plastic else np.empty(0))
+    return FlowLaws(plastic, creep, liquid)
 
 
-def _plastic(spec: Any, where: str) -> Plastic:
+def _plastic(spec: Any, where: str) -> PlasticFlow:
     keys(spec, where, set(), {"yield", "hardening", "factor", "kinematic", "overstress", "chi", "softening"})
     softening = spec.get("softening", False)
     if not isinstance(softening, bool):
         raise ValueError(f"model.json: {where}.softening must be true or false, not {softening!r}")
-    kinematic = keys(spec.get("kinematic", {"C": 0.0}), f"{where}.kinematic", {"C"}, {"gamma"})
-    overstress = keys(spec.get("overstress", {"K": 0.0, "m": 1.0}), f"{where}.overstress", {"K", "m"})
-    return Plastic(
-        hardening=_hardening(spec, where), factor=_property(spec, "factor", where, ONE),
-        C=_property(kinematic, "C", f"{where}.kinematic", NOTHING),
-        gamma=_property(kinematic, "gamma", f"{where}.kinematic", NOTHING),
-        K=_property(overstress, "K", f"{where}.overstress", NOTHING),
-        m=_exponent(overstress["m"], f"{where}.overstress.m"), chi=_share(spec, "chi", where, DEFAULT_CHI),
-        softening=softening, kinematic="kinematic" in spec, overstress="overstress" in spec)
+    kinematic, overstress = None, None
+    if "kinematic" in spec:
+        law = keys(spec["kinematic"], f"{where}.kinematic", {"C"}, {"gamma"})
+        kinematic = KinematicLaw(_property(law, "C", f"{where}.kinematic", NOTHING),
+                                 _property(law, "gamma", f"{where}.kinematic", NOTHING))
+    if "overstress" in spec:
+        law = keys(spec["overstress"], f"{where}.overstress", {"K", "m"})
+        overstress = OverstressLaw(_property(law, "K", f"{where}.overstress", NOTHING),
+                                   _exponent(law["m"], f"{where}.overstress.m"))
+    return PlasticFlow(_hardening(spec, where), _property(spec, "factor", where, ONE), kinematic, overstress,
+                       _share(spec, "chi", where, DEFAULT_CHI), softening)
 
 
-def _hardening(spec: Mapping[str, Any], where: str) -> Voce | Curves:
+def _hardening(spec: Mapping[str, Any], where: str) -> IsotropicHardening:
     at = f"{where}.hardening"
     law = spec.get("hardening", {"law": "linear", "H": 0.0})
     kind = known(keys(law, at, {"law"}, law)["law"], f"{at}.law", LAWS)
@@ -250,15 +249,15 @@ def _hardening(spec: Mapping[str, Any], where: str) -> Voce | Curves:
                              "(factor scales the table by temperature)")
         return _curves(law, at)
     keys(spec, where, {"yield"}, spec)
-    s0 = _positive(spec, "yield", where, "the yield stress")
+    yield_stress = _positive(spec, "yield", where, "the yield stress")
     if kind == "linear":
-        return Voce(s0, H=_property(keys(law, at, {"law", "H"}), "H", at, NOTHING))
+        return LinearLaw(yield_stress, _property(keys(law, at, {"law", "H"}), "H", at, NOTHING))
     keys(law, at, {"law", "Q", "b"}, {"H"})
     b = number(law["b"], f"{at}.b", 0.0)
-    return Voce(s0, _property(law, "Q", at, NOTHING), b, _property(law, "H", at, NOTHING))
+    return VoceLaw(yield_stress, _property(law, "Q", at, NOTHING), b, _property(law, "H", at, NOTHING))
 
 
-def _curves(law: Mapping[str, Any], where: str) -> Curves:
+def _curves(law: Mapping[str, Any], where: str) -> TableLaw:
     keys(law, where, {"law", "strain", "stress"}, {"T", "form", "beyond"})
     strain, T = _numbers(law["strain"], f"{where}.strain"), _numbers(law.get("T", [0.0]), f"{where}.T")
     rows = law["stress"] if "T" in law else [law["stress"]]
@@ -276,26 +275,26 @@ def _curves(law: Mapping[str, Any], where: str) -> Curves:
     sloped = known(law.get("beyond", "flat"), f"{where}.beyond", ("flat", "slope")) == "slope"
     slope = [PchipInterpolator(strain, row).derivative()(strain) if cubic
              else np.append(d := np.diff(row) / np.diff(strain), d[-1]) for row in stress]
-    return Curves(strain, T, np.array(stress), np.array(slope), CUBIC * cubic + SLOPED * sloped)
+    return TableLaw(strain, T, np.array(stress), np.array(slope), CUBIC * cubic + SLOPED * sloped)
 
 
-def _creep(spec: Any, where: str) -> Norton | PowerLaw:
+def _creep(spec: Any, where: str) -> CreepLaw:
     if isinstance(spec, Mapping) and "K" in spec:
         keys(spec, where, {"K", "m"}, {"heat"})
         return PowerLaw(_positive(spec, "K", where, "K"), _exponent(spec["m"], f"{where}.m"),
                         _share(spec, "heat", where, 1.0))
     keys(spec, where, {"A", "n"}, {"Q", "heat"})
-    return Norton(_property(spec, "A", where, NOTHING), number(spec["n"], f"{where}.n", 0.0),
+    return NortonLaw(_property(spec, "A", where, NOTHING), number(spec["n"], f"{where}.n", 0.0),
                   number(spec.get("Q", 0.0), f"{where}.Q", 0.0, low_itself=True), _share(spec, "heat", where, 1.0))
 
 
-def _liquid(spec: Any, where: str) -> Liquid:
+def _liquid(spec: Any, where: str) -> LiquidLaw:
     keys(spec, where, {"eta", "bulk", "T_s", "T_l"}, {"shrinkage", "heat"})
     T_s, T_l = number(spec["T_s"], f"{where}.T_s", 0.0), number(spec["T_l"], f"{where}.T_l", 0.0)
     if T_s > T_l:
         raise ValueError(f"model.json: {where}: T_s = {T_s:g} K, where melting begins, must not be above "
                          f"T_l = {T_l:g} K, where it ends")
-    return Liquid(_positive(spec, "eta", where, "the viscosity"), _positive(spec, "bulk", where, "the bulk modulus"),
+    return LiquidLaw(_positive(spec, "eta", where, "the viscosity"), _positive(spec, "bulk", where, "the bulk modulus"),
                   T_s, T_l, number(spec.get("shrinkage", 0.0), f"{where}.shrinkage", -0.5, 0.5),
                   _share(spec, "heat", where, 1.0))
 
@@ -383,11 +382,11 @@ class ElasticSpec:
     rho : (n_materials,) [kg/m3], nan where not said.  c : heat capacities [J/kgK] where said.
     thermoelastic_heat : whether E_M has it.  adiabatic : whether steps at frozen entropy can be asked for.
     augmented : pairs whose pressures are driven to no penetration -> to which share of the largest they must settle.
-    at_once : whether Newton's method solves for them too (semi_smooth), not Uzawa's rounds around it.
+    enforcement : a name of enforcement.ENFORCEMENTS.
     """
 
     tolerance: float
-    materials: tuple[Material, ...]
+    materials: tuple[SolidMaterial, ...]
     body_material: NDArray[np.intp]
     displacements: tuple[Displacement, ...]
     pressures: tuple[Pressure, ...]
@@ -404,7 +403,7 @@ class ElasticSpec:
     thermoelastic_heat: bool
     adiabatic: bool
     augmented: Mapping[str, float]
-    at_once: bool
+    enforcement: str
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -435,7 +434,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     for b in interface.bodies:
         keys(bodies[b], f"bodies.{b}", {"material"}, {"element", "rigid", "reference", "v0", "drawn_at"})
     names = [known(bodies[b]["material"], f"bodies.{b}.material", materials) for b in interface.bodies]
-    augmented, at_once = _augmented(interface, spec)
+    augmented, enforcement = _augmented(interface, spec)
     of_bodies = tuple(_body(bodies[b], f"bodies.{b}") for b in interface.bodies)
     rigid = [b for b, body in zip(interface.bodies, of_bodies, strict=True) if body.rigid]
     boundary = [parse_boundary(interface, b, f"boundary[{i}]", {name: k for k, name in enumerate(rigid)})
@@ -458,7 +457,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
         rho=np.array([_rho(name, m) for name, m in materials.items()]),
         c=tuple(_heat_capacity(name, m) for name, m in materials.items()),
         thermoelastic_heat=_flag(spec, "thermoelastic_heat", ""), adiabatic=_flag(spec, "adiabatic", ""),
-        augmented=augmented, at_once=at_once))
+        augmented=augmented, enforcement=enforcement))
 
 
 def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
@@ -481,8 +480,8 @@ def _checked(interface: Interface, spec: ElasticSpec) -> ElasticSpec:
     return spec
 
 
-def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str, float], bool]:
-    """The share of each augmented pair, and whether their pressures are solved for at once."""
+def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str, float], str]:
+    """The share of each augmented pair, and the enforcement of all."""
     augmented: dict[str, float] = {}
     methods: dict[str, str] = {}
     for name, pair in keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs]).items():
@@ -502,7 +501,7 @@ def _augmented(interface: Interface, spec: Mapping[str, Any]) -> tuple[dict[str,
         if not contact.eps_N > 0.0:
             raise ValueError(f"interface: pair {contact.name} needs a penalty eps_N > 0 [Pa/m], "
                              f"not {contact.eps_N!r}")
-    return augmented, "semi_smooth" in methods.values()
+    return augmented, next(iter(methods.values()), "penalty")
 
 
 def _body(spec: Mapping[str, Any], where: str) -> BodySpec:

@@ -43,7 +43,8 @@ class RigidHalf:
     def __init__(self, interface: Interface, spec: RigidSpec) -> None:
         self.interface, self.spec, self.contact = interface, spec, ContactSurfaces(interface)
         n_s = interface.contact_nodes.size
-        x = Variable("x", (len(interface.nodes), 2), unit="m", start=interface.nodes, description="current coordinates")
+        x = Variable("x", (len(interface.nodes), 2), unit="m", start=interface.nodes, description="current coordinates",
+                     on="nodes")
         self.variables = (x, *(contact_variables(n_s) if n_s else ()))
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[RigidState, Mapping[str, Value]]:

@@ -173,12 +173,12 @@ class MechanicalRod:
                 own = self.columns.of_body(b)
                 poured[own] = strain[own]
         state = RodState(poured)
-        return state, self._outputs(state, inputs, (t, 1), link)
+        return state, self._outputs(state, inputs, t, 1, link)
 
     def step(self, state: RodState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Positions at t + h, before a jump there."""
         try:
-            return Done(state, self._outputs(state, inputs, (t + h, -1), link))
+            return Done(state, self._outputs(state, inputs, t + h, -1, link))
         except (ContactRefusedError, BadModulusError) as exc:
             return Discard(str(exc), 0.5 * h)
 
@@ -194,14 +194,14 @@ class MechanicalRod:
             strain[own] = material.alpha(T[own]) * (T[own] - material.T_ref) + material.shrinkage * (1.0 - f_s[own])
         return strain
 
-    def _outputs(self, state: RodState, inputs: Values, when: tuple[float, int], link: Link) -> dict[str, Value]:
+    def _outputs(self, state: RodState, inputs: Values, t: float, side: int, link: Link) -> dict[str, Value]:
         T = self.columns.mean(np.asarray(inputs["T"], dtype=np.float64))
         strain = self._strain(inputs) - state.poured
         X = self.columns.mean(self.interface.nodes[:, 0])
         rods = []
         for b, body in enumerate(self.spec.bodies):
             own = self.columns.of_body(b)
-            rods.append(free_rod(body, X[own], strain[own], T[own], when))
+            rods.append(free_rod(body, X[own], strain[own], T[own], t, side))
         u, pressures = [rod.u for rod in rods], []
         for meeting in self.spec.pairs:
             a, b = meeting.left, meeting.right
@@ -233,17 +233,17 @@ class MechanicalRod:
                 "contact.touching": float(touching)}
 
 
-def free_rod(body: RodBody, X: Floats, strain: Floats, T: Floats, when: tuple[float, int]) -> FreeRod:
+def free_rod(body: RodBody, X: Floats, strain: Floats, T: Floats, t: float, side: int) -> FreeRod:
     """A rod that meets nothing; X : (m,) reference places [m], strain, T [K] : (m,) at them.
 
-    when : time [s], and the side of a jump there.  Integrals by the trapezoidal rule, as heat is stored.
+    t : [s], side : of a jump there, -1 before it, 1 after it.  Integrals by the trapezoidal rule, as heat is stored.
     Raises BadModulusError.
     """
     length = np.diff(X)
     stretch = _sums(0.5 * (strain[:-1] + strain[1:]) * length)
     soft = _compliance(body.material, T)
     gives = -_sums(0.5 * (soft[:-1] + soft[1:]) * length)
-    left, right = (None if end is None else end.at(*when) for end in (body.left, body.right))
+    left, right = (None if end is None else end.at(t, side) for end in (body.left, body.right))
     if left is None:
         assert right is not None
         return FreeRod(right + stretch - stretch[-1], gives - gives[-1], 0.0)
@@ -273,11 +273,12 @@ def _compliance(material: RodMaterial, T: Floats) -> Floats:
 def _variables(half: MechanicalRod, melts: bool) -> tuple[Variable, ...]:
     interface = half.interface
     n, n_s = len(interface.nodes), interface.contact_nodes.size
-    phase = (Variable("f_s", (n,), "input", "1", 1.0, description="solid fraction at the end"),) if melts else ()
+    f_s = Variable("f_s", (n,), "input", "1", 1.0, description="solid fraction at the end", on="nodes")
+    phase = (f_s,) if melts else ()
     own = tuple(Variable(f"p.{body.name}", unit="Pa", description="pressure of a rod held at both ends, > 0 pressed")
                 for body in half.spec.bodies if body.left is not None and body.right is not None)
-    return (Variable("T", (n,), "input", "K", 293.15, description="temperature at the end"), *phase,
-            Variable("x", (n, 2), unit="m", start=interface.nodes, description="current coordinates"),
+    return (Variable("T", (n,), "input", "K", 293.15, description="temperature at the end", on="nodes"), *phase,
+            Variable("x", (n, 2), unit="m", start=interface.nodes, description="current coordinates", on="nodes"),
             *own, *(contact_variables(n_s) if n_s else ()))
 
 

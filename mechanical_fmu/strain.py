@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import inner
+from mechanical_fmu.laws.law import Points
 from mechanical_fmu.point import update
 
 Floats = NDArray[np.float64]
@@ -175,14 +176,17 @@ def piola_tangent(F: Floats, L: Floats, S: Floats, D: Floats, A: Floats) -> None
 
 # The thickness is found when ln F33 moves by less than this; its iteration is quadratic, so few steps do.
 THICKNESS_TOLERANCE = 1e-14
-MOST_THICKNESS = 40
+MAX_THICKNESS_ITERATIONS = 40
 # ln F33 moves by no more than this at a time: a stretch by 2.7 is far from any Newton's model.
-LONGEST_THICKNESS = 1.0
+MAX_THICKNESS_STEP = 1.0
 NO_THICKNESS = 100
 
 
-class Law(NamedTuple):
-    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).  p, tables : as points.update asks."""
+class CellMaterials(NamedTuple):
+    """The materials of a kind of cell.  mu, kappa : (n_e,) [Pa].  e_th : (n_e,).
+
+    p : (n_e,) records of POINT (laws/catalogue.py).  tables : (n_t,) of hardening curves.
+    """
 
     kind: int
     plane_stress: bool
@@ -190,12 +194,12 @@ class Law(NamedTuple):
     mu: Floats
     kappa: Floats
     e_th: Floats
-    p: Floats
+    p: Points
     tables: Floats
     dt: float
 
 
-class Work(NamedTuple):
+class PointScratch(NamedTuple):
     """Room for one point's logarithmic strain: E, S : (4,), L : (4, 5), D : (4, 4).  tangent : whether A is wanted."""
 
     E: Floats
@@ -255,8 +259,8 @@ def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Flo
 
 
 @inner
-def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
-            work: Work) -> tuple[int, float]:
+def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats,
+            work: PointScratch) -> tuple[int, float]:
     """Fill P, A and the history of a point of cell e at F; returns (code, heat) of points.update.
 
     In plane stress F33 is found first, from the ln F33 that ends h_n, and ends h and F.
@@ -270,7 +274,7 @@ def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: F
         F[4] = np.exp(thickness)
     log_strain_gradient(F, E, L)
     found, heat = False, 0.0
-    for _ in range(MOST_THICKNESS):
+    for _ in range(MAX_THICKNESS_ITERATIONS):
         code, heat = update(law.kind, law.p[e], law.tables, E, law.dt, h_n[:last], h[:last], S, D)
         if code != 0:
             return code, heat
@@ -288,7 +292,7 @@ def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: F
         if abs(step) <= THICKNESS_TOLERANCE:
             h[last], L[3, 4], found = thickness, 1.0 / F[4], True
             break
-        thickness -= min(max(step, -LONGEST_THICKNESS), LONGEST_THICKNESS)
+        thickness -= min(max(step, -MAX_THICKNESS_STEP), MAX_THICKNESS_STEP)
         F[4] = np.exp(thickness)
         E[3] = np.log(F[4])
     if not found:
@@ -302,14 +306,14 @@ def respond(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: F
 
 
 @inner
-def hyperelastic(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
+def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
     """`respond` of kind 0; returns the code."""
     kappa = 0.0 if law.mean else law.kappa[e]
     if not law.plane_stress:
         neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
         return 0
     thickness = h_n[0]
-    for _ in range(MOST_THICKNESS):
+    for _ in range(MAX_THICKNESS_ITERATIONS):
         F[4] = np.exp(thickness)
         neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
         slope = F[4] * (P[4] + F[4] * A[4, 4])
@@ -320,7 +324,7 @@ def hyperelastic(law: Law, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats,
             h[0] = thickness
             condense(A)
             return 0
-        thickness -= min(max(step, -LONGEST_THICKNESS), LONGEST_THICKNESS)
+        thickness -= min(max(step, -MAX_THICKNESS_STEP), MAX_THICKNESS_STEP)
     return NO_THICKNESS
 
 
@@ -349,9 +353,10 @@ def condense(A: Floats) -> None:
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # Newton's method inside a cell: found when the modes strain it by less than this, or by no less than before.
 MODE_TOLERANCE, MODE_ROUND_OFF = 1e-14, 1e-7
-MOST_LOCAL = 60
-# Its steps strain the cell by no more than LONGEST_MODE, and are shortened to no less than SHORTEST of themselves.
-LONGEST_MODE, SHORTEST = 0.3, 0.1
+MAX_MODE_ITERATIONS = 60
+# Its steps strain the cell by no more than MAX_MODE_STRAIN, and are shortened to no less than MIN_MODE_DAMPING of
+# themselves.
+MAX_MODE_STRAIN, MIN_MODE_DAMPING = 0.3, 0.1
 
 
 def mode_count(axisymmetric: bool) -> int:
@@ -359,8 +364,15 @@ def mode_count(axisymmetric: bool) -> int:
     return 5 if axisymmetric else 4
 
 
-def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
-    """Gradients (n_e, 4, n_m, 2) and hoop parts (n_e, 4, n_m) [1/m] of the modes, as if they were nodes.
+class Modes(NamedTuple):
+    """Modes of enhanced strain, as if they were nodes: gradients (n_e, nq, n_m, 2), hoop (n_e, nq, n_m) [1/m]."""
+
+    gradients: Floats
+    hoop: Floats
+
+
+def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> Modes:
+    """Find the gradients and hoop parts of the modes.
 
     X : (n_e, 4, 2) [m].  N : (4, 4) shape functions at the points.  det : (n_e, 4) Jacobians there, of the unit square.
     n_m is 2, or 3 about an axis; of the third only its first component counts.
@@ -379,7 +391,7 @@ def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> tup
     if axisymmetric:
         gradients = np.concatenate([gradients, np.zeros((*det.shape, 1, 2))], axis=2)
         hoop = np.concatenate([hoop, (scale * xi[:, 0] * xi[:, 1] / R_0)[:, :, None]], axis=2)
-    return gradients, hoop
+    return Modes(gradients, hoop)
 
 
 @inner

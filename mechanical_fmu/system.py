@@ -15,13 +15,13 @@ from contact.half.linalg import Pattern, pattern_of
 from contact.messages import Tractions
 from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
-from mechanical_fmu.contact import Contact
+from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.laws.kinds import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Inertia, Masses, masses_of
 from mechanical_fmu.material import Moduli, moduli
-from mechanical_fmu.point import LIQUID
 from mechanical_fmu.problem import ElasticSpec, Pressure
-from mechanical_fmu.volume import Step, Volume
+from mechanical_fmu.volume import DeformableMesh, PointStep
 
 Floats = NDArray[np.float64]
 
@@ -37,8 +37,8 @@ class Loading:
     """What one equilibrium is sought for.
 
     moduli : one a kind of cell.  target : (n_fixed,) [m].  pressure : one a load [Pa].
-    ask : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
-    step : time and memory of inelastic points, history as System.start_history gives it or the last Balance.
+    query : x (n_nodes, 2) [m] -> contact tractions; None where nothing can touch.
+    step : time and memory of inelastic points, history as System.start_history gives it or the last ForceBalance.
     dead : (n_nodes, 2) [N] forces that do not follow the bodies, None where there are none.
     inertia : None where it is left out.
     """
@@ -46,14 +46,14 @@ class Loading:
     moduli: tuple[Moduli, ...]
     target: Floats
     pressure: Floats
-    ask: Callable[[Floats], Tractions] | None
-    step: Step = field(default_factory=Step)
+    query: Callable[[Floats], Tractions] | None
+    step: PointStep = field(default_factory=PointStep)
     dead: Floats | None = None
     inertia: Inertia | None = None
 
 
 @dataclass(frozen=True)
-class Balance:
+class ForceBalance:
     """Forces at displacement u : (n_nodes, 2) [m].
 
     r : (n_nodes, 2) [N], internal less external; on prescribed components, what has to hold them.
@@ -79,9 +79,9 @@ class System:
 
     interface: Interface
     spec: ElasticSpec
-    volume: Volume
+    volume: DeformableMesh
     constraints: Constraints
-    contact: Contact
+    contact: MeshContact
     masses: Masses
 
     @property
@@ -95,12 +95,12 @@ class System:
         return pattern_of(2 * self.volume.n_nodes, *dofs)
 
     @cached_property
-    def holding(self) -> tuple[Floats, NDArray[np.intp], Floats]:
-        """`holding` on the pattern."""
-        return holding(self.constraints.free, self.pattern)
+    def free_entries(self) -> FreeEntries:
+        """Those of the pattern."""
+        return free_entries(self.constraints.free, self.pattern)
 
     def start_history(self) -> Floats:
-        """(n_history,) of virgin points, for the Step of a first Loading."""
+        """(n_history,) of virgin points, for the PointStep of a first Loading."""
         return self.volume.start_history()
 
     @cached_property
@@ -153,8 +153,8 @@ class System:
         """Whether some cell can be liquid."""
         return any(cells.treatment.kind & LIQUID for cells in self.volume.kinds)
 
-    def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> Balance:
-        """Forces at u.  Raises InvertedCellError, CellError, ContactRefusedError."""
+    def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> ForceBalance:
+        """Forces at u.  Raises CellInversionError, CellError, ContactRefusedError."""
         internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
         external = np.zeros_like(u)
@@ -163,8 +163,8 @@ class System:
                 forces = pressure_forces(x, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric)
                 np.add.at(external, load.edges, forces)
         tractions = None
-        if loading.ask is not None:
-            tractions = loading.ask(x)
+        if loading.query is not None:
+            tractions = loading.query(x)
             # fault: contact forces halved -> external += 0.5 * self.contact.force(tractions) |
             #   mechanical_fmu/test_elastic_contact
             external += self.contact.force(tractions)
@@ -176,7 +176,7 @@ class System:
             r, external = self.rigid.reduced(r, u), self.rigid.reduced(external, u)
         if loading.inertia is not None:
             r = r + loading.inertia.force(u)
-        return Balance(u, r, external, tractions, internal.entries, internal.history, internal.heat, turning)
+        return ForceBalance(u, r, external, tractions, internal.entries, internal.history, internal.heat, turning)
 
     def load_matrix(self, u: Floats, loading: Loading) -> csr_matrix:
         """Stiffness of the follower pressures."""
@@ -203,7 +203,7 @@ class System:
         soft = floor[floor > 0.0]
         return np.where(floor > 0.0, floor, soft.min() if soft.size else np.finfo(float).tiny)
 
-    def error(self, balance: Balance, floor: Floats) -> Floats:
+    def error(self, balance: ForceBalance, floor: Floats) -> Floats:
         """(n_bodies,) norm of the out-of-balance force of each body, relative to the forces on it (at least floor)."""
         free = self.constraints.free.reshape(-1, 2)
         norms = [self._body_norms(f) for f in (balance.r * free, balance.r * (1.0 - free), balance.external)]
@@ -217,13 +217,23 @@ class System:
         return np.sqrt(squares[1:])
 
 
-def holding(free: Floats, on: Pattern | csr_matrix) -> tuple[Floats, NDArray[np.intp], Floats]:
-    """What it takes to hold the components that are not free : (n,) in a matrix with a whole diagonal.
+@dataclass(frozen=True)
+class FreeEntries:
+    """Which entries of a matrix with a whole diagonal belong to free components.
 
-    (n_entries,) 1.0 where both row and column are free, else 0.0; (n,) the places of the diagonal; (n,) 1.0 where held.
+    keep : (n_entries,) 1.0 where both row and column are free, else 0.0.  diagonal : (n,) its places.
+    fixed : (n,) 1.0 where a component is prescribed.
     """
+
+    keep: Floats
+    diagonal: NDArray[np.intp]
+    fixed: Floats
+
+
+def free_entries(free: Floats, on: Pattern | csr_matrix) -> FreeEntries:
+    """Find the entries of free components; free : (n,) 1.0 where a component is free, else 0.0."""
     rows = np.repeat(np.arange(free.size), np.diff(on.indptr))
-    return free[rows] * free[on.indices], np.flatnonzero(rows == on.indices), 1.0 - free
+    return FreeEntries(free[rows] * free[on.indices], np.flatnonzero(rows == on.indices), 1.0 - free)
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:
@@ -242,6 +252,6 @@ def system_of(interface: Interface, spec: ElasticSpec) -> System:
     masses = masses_of(interface, spec, kinds, rigid)
     if rigid is not None:
         interface, kinds = rigid.extended(interface), rigid.deformable(kinds)
-    return System(interface, spec, Volume(kinds, len(interface.nodes), bodies.size),
-                  constraints_of(interface, spec.displacements, rigid), Contact(interface),
+    return System(interface, spec, DeformableMesh(kinds, len(interface.nodes), bodies.size),
+                  constraints_of(interface, spec.displacements, rigid), MeshContact(interface),
                   masses)

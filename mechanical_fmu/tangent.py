@@ -19,21 +19,21 @@ from scipy.sparse import csr_matrix, diags_array
 from contact.half.linalg import SingularMatrixError, Solve, factorise
 from contact.messages import Tractions
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.system import Balance, Loading, System, holding
+from mechanical_fmu.system import ForceBalance, Loading, System, free_entries
 
 Floats = NDArray[np.float64]
 
 # More surface unknowns than this and their dense inverse costs more than factoring anew.
-MOST_SURFACE_DOFS = 2000
+MAX_SURFACE_DOFS = 2000
 # Right-hand sides solved at a time: keeps the memory of the surface compliance small.
-CHUNK = 64
+RIGHT_SIDES = 64
 # A rigid motion whose contact stiffness is less than this share of the stiffest one is not held by contact.
-LOOSE = 1e-7
+LOOSE_RATIO = 1e-7
 
 MOTIONS = ("moving along x", "moving along y", "turning")
 
 
-def fresh_direction(system: System, balance: Balance, loading: Loading, gap: Floats) -> Floats:
+def fresh_direction(system: System, balance: ForceBalance, loading: Loading, gap: Floats) -> Floats:
     """d : (2 n_nodes,) [m] with the whole tangent at balance.u; d = gap on prescribed components.
 
     balance must hold entries.  Raises SingularMatrixError, naming body and motion where one is loose.
@@ -42,11 +42,11 @@ def fresh_direction(system: System, balance: Balance, loading: Loading, gap: Flo
     if loading.inertia is None:
         refuse_loose(system, balance)
     K = stiffness(system, balance, loading)
-    d = factorise(held(system, K), symmetric(system, balance, loading))(right_side(system, balance, K, gap))
+    d = factorise(constrained(system, K), symmetric(system, balance, loading))(right_side(system, balance, K, gap))
     return finish(system, balance, d, gap)
 
 
-def stiffness(system: System, balance: Balance, loading: Loading) -> csr_matrix:
+def stiffness(system: System, balance: ForceBalance, loading: Loading) -> csr_matrix:
     """dr/du of everything at balance.u, with entries; rigid bodies condensed to their reference rows."""
     assert balance.entries is not None
     K = system.pattern.matrix(balance.entries)
@@ -61,7 +61,7 @@ def stiffness(system: System, balance: Balance, loading: Loading) -> csr_matrix:
     return K if loading.inertia is None else K + loading.inertia.matrix
 
 
-def symmetric(system: System, balance: Balance, loading: Loading) -> bool | None:
+def symmetric(system: System, balance: ForceBalance, loading: Loading) -> bool | None:
     """True where the stiffness is symmetric by its making; None where that must be looked at."""
     touches = balance.tractions is not None and len(balance.tractions.blocks) > 0
     if touches or any(loading.pressure) or balance.turning is not None or system.volume.skew:
@@ -70,7 +70,7 @@ def symmetric(system: System, balance: Balance, loading: Loading) -> bool | None
 
 
 @dataclass(frozen=True)
-class Anchor:
+class StiffnessAnchor:
     """The stiffness of the bodies at u : (n_nodes, 2) [m] and the moduli of that time, and what follows from it."""
 
     system: System
@@ -98,17 +98,17 @@ class Anchor:
         diagonal = np.zeros(self.matrix.shape[0])
         diagonal[self.system.contact.dofs] = self.springs
         K = self.matrix + diags_array(diagonal, format="csr") if diagonal.any() else self.matrix
-        return factorise(held(self.system, K), None if self.system.volume.skew else True)
+        return factorise(constrained(self.system, K), None if self.system.volume.skew else True)
 
     @cached_property
     def compliance(self) -> Floats:
         """S : (2 n_s, 2 n_s) [m/N]."""
         dofs = self.system.contact.dofs
         S = np.empty((dofs.size, dofs.size))
-        for start in range(0, dofs.size, CHUNK):
-            unit = np.zeros((self.matrix.shape[0], min(CHUNK, dofs.size - start)))
-            unit[dofs[start : start + CHUNK], np.arange(unit.shape[1])] = 1.0
-            S[:, start : start + CHUNK] = self.solve(unit)[dofs]
+        for start in range(0, dofs.size, RIGHT_SIDES):
+            unit = np.zeros((self.matrix.shape[0], min(RIGHT_SIDES, dofs.size - start)))
+            unit[dofs[start : start + RIGHT_SIDES], np.arange(unit.shape[1])] = 1.0
+            S[:, start : start + RIGHT_SIDES] = self.solve(unit)[dofs]
         return S
 
     def drift(self, entries: Floats) -> float:
@@ -122,7 +122,7 @@ class Anchor:
             start = part.stop
         return worst
 
-    def direction(self, balance: Balance, gap: Floats) -> Floats:
+    def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         """d : (2 n_nodes,) [m] with the bodies' stiffness of the anchor and the contact of today.
 
         Raises SingularMatrixError, naming body and motion where one is loose.
@@ -150,7 +150,7 @@ class Anchor:
         return E
 
 
-def refuse_loose(system: System, balance: Balance) -> None:
+def refuse_loose(system: System, balance: ForceBalance) -> None:
     """Raises SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
     if not system.can_be_loose:
         return
@@ -162,7 +162,7 @@ def refuse_loose(system: System, balance: Balance) -> None:
             held = motions.T @ (system.contact.matrix(balance.tractions) @ motions)
         values, vectors = np.linalg.eigh(0.5 * (held + held.T))
         # fault: loose bodies not looked for -> if values[0] > 1e300: | mechanical_fmu/test_elastic_patch
-        if values[0] <= LOOSE * values[-1] or values[-1] <= 0.0:
+        if values[0] <= LOOSE_RATIO * values[-1] or values[-1] <= 0.0:
             raise SingularMatrixError(_loose_text(system, body, Z @ vectors[:, 0]))
 
 
@@ -183,7 +183,7 @@ def refuse_unheld(system: System) -> None:
             raise SingularMatrixError(_loose_text(system, body, Z[:, 0]))
 
 
-def right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
+def right_side(system: System, balance: ForceBalance, K: csr_matrix, gap: Floats,
                 tractions: Tractions | None = None) -> Floats:
     """-r - K gap on free components; `tractions`: contact not in K, whose share of K gap is added."""
     b = -balance.r.ravel()
@@ -196,18 +196,18 @@ def right_side(system: System, balance: Balance, K: csr_matrix, gap: Floats,
     return b * system.constraints.free
 
 
-def held(system: System, K: csr_matrix) -> csr_matrix:
-    """K with the rows and columns of prescribed components replaced by those of a diagonal."""
+def constrained(system: System, K: csr_matrix) -> csr_matrix:
+    """Replace the rows and columns of prescribed components in K by those of a diagonal."""
     # A matrix made on the pattern has views of its arrays.
     known = K.nnz == system.pattern.indices.size and np.may_share_memory(K.indices, system.pattern.indices)
-    keep, diagonal, fixed = system.holding if known else holding(system.constraints.free, K)
-    data = K.data * keep
+    entries = system.free_entries if known else free_entries(system.constraints.free, K)
+    data = K.data * entries.keep
     # The diagonal is in the pattern, and sums of matrices keep it.
-    data[diagonal] += fixed * np.abs(K.data[diagonal]).max()
+    data[entries.diagonal] += entries.fixed * np.abs(K.data[entries.diagonal]).max()
     return csr_matrix((data, K.indices, K.indptr), shape=K.shape)
 
 
-def finish(system: System, balance: Balance, d: Floats, gap: Floats) -> Floats:
+def finish(system: System, balance: ForceBalance, d: Floats, gap: Floats) -> Floats:
     if not np.isfinite(d).all():
         raise SingularMatrixError("the stiffness matrix is singular")
     d[system.constraints.fixed] = gap

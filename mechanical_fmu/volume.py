@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanical_fmu.cells import INVERTED, NO_MODES, Cells, Out, cell_forces, cell_points, cell_stress
+from mechanical_fmu.laws.kinds import has_skew_tangent
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point import CODES, has_skew_tangent
-from mechanical_fmu.strain import NO_THICKNESS, Law
+from mechanical_fmu.point import CODES
+from mechanical_fmu.strain import NO_THICKNESS, CellMaterials
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ class CellError(ArithmeticError):
         self.cell, self.body, self.why = cell, body, why
 
 
-class InvertedCellError(CellError):
+class CellInversionError(CellError):
     """A cell has been turned inside out."""
 
     def __init__(self, cell: int, body: int) -> None:
@@ -35,7 +36,7 @@ class InvertedCellError(CellError):
 
 
 @dataclass(frozen=True)
-class Step:
+class PointStep:
     """What points remember.  dt : [s] since history : (n_history,), that of an Internal; empty for virgin points."""
 
     dt: float = 0.0
@@ -58,7 +59,7 @@ class Internal:
 
 
 @dataclass(frozen=True)
-class Volume:
+class DeformableMesh:
     """The deformable mesh.  n_nodes : nodes of the interface."""
 
     kinds: tuple[Cells, ...]
@@ -89,7 +90,7 @@ class Volume:
         """(n_history,) of virgin points."""
         return np.zeros(sum(len(cells.nodes) * cells.n_row for cells in self.kinds))
 
-    def _history(self, step: Step) -> Floats:
+    def _history(self, step: PointStep) -> Floats:
         return step.history if step.history.size else self.start_history()
 
     def means(self, nodal: Floats) -> tuple[Floats, ...]:
@@ -103,10 +104,10 @@ class Volume:
             out[cells.number] = values
         return out
 
-    def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: Step, tangent: bool = False) -> Internal:
+    def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep, tangent: bool = False) -> Internal:
         """Forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.
 
-        Raises InvertedCellError, CellError.
+        Raises CellInversionError, CellError.
         """
         f, start, at = np.zeros((self.n_nodes, 2)), 0, 0
         before = self._history(step)
@@ -134,16 +135,16 @@ class Volume:
         return Internal(f, entries if tangent else None, history, heat)
 
     def forces(self, u: Floats, moduli: tuple[Moduli, ...]) -> Floats:
-        """f_int : (n_nodes, 2) [N] of bodies without a past.  Raises InvertedCellError, CellError."""
-        return self.evaluate(u, moduli, Step()).f
+        """f_int : (n_nodes, 2) [N] of bodies without a past.  Raises CellInversionError, CellError."""
+        return self.evaluate(u, moduli, PointStep()).f
 
     def tangent(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[Floats, Floats]:
-        """f_int of bodies without a past and the entries of its derivative.  Raises InvertedCellError, CellError."""
-        found = self.evaluate(u, moduli, Step(), tangent=True)
+        """f_int of bodies without a past and the entries of its derivative.  Raises CellInversionError, CellError."""
+        found = self.evaluate(u, moduli, PointStep(), tangent=True)
         assert found.entries is not None
         return found.f, found.entries
 
-    def stress(self, u: Floats, moduli: tuple[Moduli, ...], step: Step = Step()
+    def stress(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep = PointStep()
                ) -> tuple[tuple[Floats, Floats], ...]:
         """(stress, strain) of every kind, each (n_e, nq, 4): Cauchy [Pa] and Green-Lagrange, (11, 22, 12, 33).
 
@@ -170,19 +171,19 @@ def _loop(cells: Cells, m: Moduli, u: Floats, tangent: bool, f: Floats, K: Float
     bad = cell_forces(cells.nodes, cells.B, cells.N_over_R, cells.weight, cells.volume, m.mu, m.kappa, m.e_th, u,
                       tangent, f, K, tuple(range(cells.nodes.shape[1])))
     if bad >= 0:
-        raise InvertedCellError(int(cells.number[bad]), int(cells.body[bad]))
+        raise CellInversionError(int(cells.number[bad]), int(cells.body[bad]))
 
 
 def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: Out) -> None:
     how = cells.treatment
-    law = Law(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, m.e_th, m.p,
+    law = CellMaterials(how.kind, how.plane_stress, not (how.plane_stress or how.enhanced), m.mu, m.kappa, m.e_th, m.p,
               m.tables, dt)
     # A private copy: a history from a saved state is read-only, and the loop is compiled for arrays that are not.
     history_n = np.array(before, dtype=np.float64).reshape(len(cells.nodes), -1)
     bad, code = cell_points(cells.shape, law, u, history_n, out)
     if bad >= 0:
         where = int(cells.number[bad]), int(cells.body[bad])
-        raise InvertedCellError(*where) if code == INVERTED else CellError(*where, REASONS[code])
+        raise CellInversionError(*where) if code == INVERTED else CellError(*where, REASONS[code])
 
 
 def von_mises(stress: Floats) -> Floats:

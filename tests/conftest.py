@@ -13,12 +13,12 @@ FAST = {
         imports public_names""",
     "contact": """
         client codec coupling facing forms half_describe half_field half_property half_slave half_state laws
-        link notes service shear_history sparse tally traction""",
+        link notes service shear_history sparse call_stats traction""",
     "coupler": """
         acceleration accounts adiabatic advise branches checkpoint compare console contact_page control
         coupling description estimate events extrapolation predict rules rules_fit scenario_docs scenario_errors
         scenario_iteration scenario_laws scenario_load scenario_mesh scenario_override scenario_reading
-        scenario_rules scenario_small schedule schemes stepsize strips study thermal_page verify vtkhdf""",
+        scenario_rules scenario_small schedule schemes stepsize contact_lines study thermal_page verify vtkhdf""",
     "mechanical_fmu": """
         augment contact_newton contact_patch elastic_contact elastic_patch elastic_spec elements_bending
         elements_locking elements_points flow_strain friction points_logstrain points_material points_melting
@@ -26,7 +26,7 @@ FAST = {
     "stability": """
         conduction freezing rods""",
     "thermal_fmu": """
-        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_kept thermal_newton
+        lumped thermal_anisotropy thermal_entropy thermal_fields thermal_friction thermal_caches thermal_newton
         thermal_nonlinear thermal_rod thermal_space thermal_steady""",
 }
 FAST_FILES = {(TESTS / folder / f"test_{name}.py").resolve()

@@ -1,4 +1,7 @@
-"""All that flows into the nodes except by conduction inside: flux, film, radiation, sources, contact, friction."""
+"""Boundary terms of a stage: all heat into the nodes except by conduction inside, and the limits of boundary data.
+
+Flux, film, radiation, sources, contact and friction.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,15 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Property, resolve
 from thermal_fmu.cells import BadPropertyError
-from thermal_fmu.scene import Held
-from thermal_fmu.sources import Loads, warm_flow
-from thermal_fmu.surface_terms import at_nodes, exchange_flow, far_flow, film_flow, near_flow
+from thermal_fmu.scene import SubstepData
+from thermal_fmu.sources import ThermalLoads, temperature_source_flow
+from thermal_fmu.surface_terms import (
+    at_nodes,
+    exchange_flow,
+    film_flow,
+    gap_radiation_flow,
+    surroundings_radiation_flow,
+)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -21,10 +30,11 @@ TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact
 
 
 @dataclass(frozen=True)
-class Boundary:
-    """f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies.
+class BoundaryHeat:
+    """Heat into the nodes except by conduction inside.
 
-    terms : by mechanism [W], in the order of TERMS.  magnitude : sum of the sizes of all nodal contributions [W].
+    f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies [W].
+    terms : (n_terms,) by mechanism [W], as TERMS.  magnitude : sum of the sizes of all nodal contributions [W].
     The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
     across, as (nodes (n, 4), values (n, 4, 4)).
     """
@@ -38,8 +48,8 @@ class Boundary:
 
 
 @dataclass
-class _Sum:
-    """What has been added up so far."""
+class _HeatSum:
+    """A BoundaryHeat while its terms are added up."""
 
     f: Floats
     magnitude: float
@@ -48,21 +58,21 @@ class _Sum:
     across: list[tuple[Ints, Floats]] = field(default_factory=list)
 
     def gain(self, term: str, power: Floats) -> None:
-        """power : (n,) [W] enters the nodes."""
+        """Add power : (n,) [W] that enters the nodes."""
         self.f += power
         self.terms[term] += power.sum()
         self.magnitude += float(np.abs(power).sum())
 
     def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
-        """flow : (n, 2) [W] leaves nodes : (n, 2)."""
+        """Add flow : (n, 2) [W] that leaves nodes : (n, 2)."""
         self.f -= at_nodes(nodes, flow, self.f.size)
         self.terms[term] -= flow.sum()
         self.magnitude += float(np.abs(flow).sum())
 
     def cross(self, term: str, nodes: Ints, flow: Floats, slope: Floats) -> None:
-        """flow : (n, 4) [W] leaves nodes : (n, 4), slope : (n, 4, 4) [W/K].
+        """Add flow : (n, 4) [W] that leaves nodes : (n, 4), with slope : (n, 4, 4) [W/K].
 
-        Either side from its own shape functions: that they agree is what the ledger shows.
+        Either side from its own shape functions: that they agree is what the heat balance shows.
         """
         self.f -= at_nodes(nodes, flow, self.f.size)
         self.terms[f"{term}.slave"] -= flow[:, :2].sum()
@@ -71,98 +81,102 @@ class _Sum:
         self.across.append((nodes, slope))
 
 
-def boundary_flow(held: Held, loads: Loads, power_M: Floats, T: Floats) -> Boundary:
-    """The boundary terms at T : (n,) [K].  power_M : (n,) mechanical heat [W], E_M spread evenly over the substep."""
-    total = _Sum(np.zeros(T.size), 0.0, dict.fromkeys(TERMS, 0.0))
-    if held.flux_areas:
-        total.gain("flux", _flux(held, loads, T.size))
+def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T: Floats) -> BoundaryHeat:
+    """Evaluate the boundary terms at T : (n,) [K].
+
+    power_M : (n,) mechanical heat [W], E_M spread evenly over the substep.
+    """
+    total = _HeatSum(np.zeros(T.size), 0.0, dict.fromkeys(TERMS, 0.0))
+    if substep.flux_areas:
+        total.gain("flux", _flux(substep, loads, T.size))
     inside = np.zeros(T.size)
-    if held.plain is not None or held.sources or held.warm:
-        inside += _source(total, held, loads, T)
+    if substep.uniform_volumes is not None or substep.field_sources or substep.temperature_sources:
+        inside += _source(total, substep, loads, T)
         total.gain("source", inside)
     if power_M.any():
         inside = inside + power_M
         total.gain("mechanical", power_M)
-    _add_surroundings(total, held, loads, T)
-    _add_pairs(total, held, loads, T)
-    if held.friction is not None:
+    _add_surroundings(total, substep, loads, T)
+    _add_pairs(total, substep, loads, T)
+    if substep.friction is not None:
         # fault: friction of the master only -> pass | thermal_fmu/test_thermal_friction
-        total.gain("friction.slave", held.friction.slave)
-        total.gain("friction.master", held.friction.master)
-    return Boundary(total.f, inside, np.array([total.terms[name] for name in TERMS]), total.magnitude,
-                    tuple(total.places), tuple(total.across))
+        total.gain("friction.slave", substep.friction.slave)
+        total.gain("friction.master", substep.friction.master)
+    return BoundaryHeat(total.f, inside, np.array([total.terms[name] for name in TERMS]), total.magnitude,
+                        tuple(total.places), tuple(total.across))
 
 
-def _flux(held: Held, loads: Loads, n: int) -> Floats:
+def _flux(substep: SubstepData, loads: ThermalLoads, n: int) -> Floats:
     flux = np.zeros(n)
-    for q, area in zip(loads.fluxes, held.flux_areas, strict=True):
+    for q, area in zip(loads.fluxes, substep.flux_areas, strict=True):
         flux += q @ area if isinstance(q, np.ndarray) else q * area
     return flux
 
 
-def _source(total: _Sum, held: Held, loads: Loads, T: Floats) -> Floats:
-    """(n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
+def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> Floats:
+    """Return (n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
     source = np.zeros(T.size)
-    if held.plain is not None:
-        source += np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ held.plain
-    for of_field in held.sources:
+    if substep.uniform_volumes is not None:
+        source += np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ substep.uniform_volumes
+    for of_field in substep.field_sources:
         source += loads.Q_T[of_field.body] @ of_field.shapes
-    for warm in held.warm:
-        made, slope = warm_flow(warm, loads.Q_T[warm.body], T)
+    for source_of_T in substep.temperature_sources:
+        made, slope = temperature_source_flow(source_of_T, loads.Q_T[source_of_T.body], T)
         source += made
-        total.places.append((warm.block.slots, slope))
+        total.places.append((source_of_T.block.slots, slope))
     return source
 
 
-def _add_surroundings(total: _Sum, held: Held, loads: Loads, T: Floats) -> None:
-    for film, level in zip(held.films, loads.films, strict=True):
-        flow, slope = film_flow(film, level, T)
+def _add_surroundings(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
+    for film, levels in zip(substep.films, loads.films, strict=True):
+        flow, slope = film_flow(film, levels.h, levels.Te, T)
         total.leave("convection", film.points.nodes, flow)
         total.places.append((film.points.slots, slope))
-    for radiator, (factor, T_inf) in zip(held.radiators, loads.radiators, strict=True):
-        flow, slope = far_flow(radiator, held.sigma_SB, (factor, T_inf), T)
+    for radiator, around in zip(substep.radiators, loads.radiators, strict=True):
+        flow, slope = surroundings_radiation_flow(radiator, substep.sigma_SB, around.factor, around.T_inf, T)
         total.leave("radiation", radiator.points.nodes, flow)
         total.places.append((radiator.points.slots, slope))
 
 
-def _add_pairs(total: _Sum, held: Held, loads: Loads, T: Floats) -> None:
-    for group in held.groups:
-        factor = loads.pairs[group.pair][0 if group.closed else 1]
+def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
+    for group in substep.conduction_groups:
+        factors = loads.pairs[group.pair]
+        factor = factors.closed if group.closed else factors.open
         if factor != 0.0:
             flow, slope = exchange_flow(group, factor, T)
             total.cross(group.mechanism, group.nodes, flow, slope)
-    for near in held.near:
-        flow, slope = near_flow(near, held.sigma_SB, T)
+    for near in substep.radiation_groups:
+        flow, slope = gap_radiation_flow(near, substep.sigma_SB, T)
         total.cross("near_radiation", near.nodes, flow, slope)
 
 
-# What boundary data must keep to at the temperatures a stage ends with; Newton's method may stray on its way.
+# Limits of boundary data.  They hold at the temperatures a stage ends with; iterates may exceed them.
 
-def demand_limits(held: Held, loads: Loads, T: Floats) -> None:
-    """Kelvin where surfaces radiate, emissivities in (0, 1], film coefficients not negative, at T : (n,) [K].
+def demand_limits(substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
+    """Check boundary data at T : (n,) [K]: kelvin where surfaces radiate, emissivities in (0, 1], h not negative.
 
-    Raises BadPropertyError saying what was met.
+    Raises BadPropertyError naming the value that was met.
     """
-    for radiator, (_, level) in zip(held.radiators, loads.radiators, strict=True):
+    for radiator, levels in zip(substep.radiators, loads.radiators, strict=True):
         T_a = (radiator.points.N * T[radiator.points.nodes]).sum(axis=1)
         where = f"surface {radiator.radiator.where.surface}"
         _demand_kelvin(T_a, where)
-        T_inf = np.min(resolve(level, radiator.T_inf))
+        T_inf = np.min(resolve(levels.T_inf, radiator.T_inf))
         if T_inf < 0.0:
             raise BadPropertyError(f"{where} radiates to surroundings of {T_inf:.6g}: "
                                    "radiation needs temperatures in kelvin")
         _demand_emissivity(radiator.radiator.emissivity, T_a, where)
-    for group in held.near:
+    for group in substep.radiation_groups:
         for side, emissivity, N, nodes in (
                 ("slave", group.spec.emissivity_slave, group.N_s, group.nodes[:, :2]),
                 ("master", group.spec.emissivity_master, group.N_m, group.nodes[:, 2:])):
             T_a = (N * T[nodes]).sum(axis=1)
             _demand_kelvin(T_a, f"the {side} side of a pair")
             _demand_emissivity(emissivity, T_a, f"the {side} side of a pair")
-    for film, (h, _) in zip(held.films, loads.films, strict=True):
-        if film.h is not None and np.min(resolve(h, film.h)) < 0.0:
+    for film, film_levels in zip(substep.films, loads.films, strict=True):
+        if film.h is not None and np.min(resolve(film_levels.h, film.h)) < 0.0:
             raise BadPropertyError(f"the film coefficient of surface {film.film.where.surface} is negative "
-                                   f"({np.min(resolve(h, film.h)):.6g}) at a place of it")
+                                   f"({np.min(resolve(film_levels.h, film.h)):.6g}) at a place of it")
         if film.film.h_factor is not None:
             T_a = (film.points.N * T[film.points.nodes]).sum(axis=1)
             factor = film.film.h_factor(T_a)

@@ -1,4 +1,4 @@
-"""The cells of a scene: their blocks, geometry on given coordinates, conduction and storage."""
+"""Cells of a thermal scene: geometry on given coordinates, conduction, storage, and caches of what did not change."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
-from contact.half.quadrature import Table, table_of
+from contact.half.quadrature import CellQuadrature, table_of
 from thermal_fmu.kernels import (
     add_conduction,
     add_conduction_tensor,
@@ -21,18 +21,20 @@ from thermal_fmu.kernels import (
     shape_gradients,
     turn_of,
 )
-from thermal_fmu.phase_change import Fields
+from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Body, Conductivity
 from thermal_fmu.surface_terms import at_nodes
-
-# Conductivity tensors at quadrature points, with their derivatives by temperature and by solid fraction.
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Tensors:
-    """K, dK, dK_f : (ne, nq, 3), components xx, xy, yy of k [W/mK], dk/dT, dk/df_s.  principal : values of k_1, k_2."""
+    """Conductivity tensors at quadrature points, with their derivatives by temperature and by solid fraction.
+
+    K, dK, dK_f : (ne, nq, 3), components xx, xy, yy of k [W/mK], dk/dT [W/mK2], dk/df_s [W/mK].
+    principal : (ne, nq) values of k_1, and of k_2 where there is one [W/mK].
+    """
 
     K: Floats
     dK: Floats
@@ -41,9 +43,10 @@ class Tensors:
 
 
 def tensors(k: Conductivity, T: Floats, f_s: Floats | None, turn: Floats | None) -> Tensors:
-    """At T, f_s and the turn of the material : (ne, nq) [K, 1, rad]; None: solid, and not turned.
+    """Evaluate the conductivity tensor K = k_1 a a' + k_2 b b', a at angle + turn to x and b across it.
 
-    K = k_1 a a' + k_2 b b' with a at angle + turn to x and b across it.
+    T : (ne, nq) [K].  f_s : (ne, nq) solid fraction [1]; None: solid.  turn : (ne, nq) of the material [rad]; None: not
+    turned.
     """
     first = k.k_1(T, f_s)
     by_T, by_f = k.k_1.slope(T, f_s), k.k_1.phase_slope(T)
@@ -67,24 +70,25 @@ Ints = NDArray[np.int32]
 Slots = NDArray[np.int64]
 
 
-class InvertedCellError(ArithmeticError):
-    """The incoming coordinates turn a cell inside out."""
+class InvertedMeshError(ArithmeticError):
+    """Coordinates from outside turn a cell inside out."""
 
 
 class BadPropertyError(ArithmeticError):
-    """A conductivity or heat capacity is not positive at a temperature that was met."""
+    """A property takes a value it must not have at a temperature that was met, as a conductivity that is not positive.
+    """
 
 
 @dataclass(frozen=True)
-class Block:
+class CellBlock:
     """The cells of one kind in one body.
 
-    cells : (ne, nn) nodes.  numbers : (ne,) number e of each cell, 0-based, quads before triangles as in
-    interface.h5.  slots : (ne, nn, nn) places in the matrix data.  alone : whether the body has no other block.
+    cells : (ne, nn) nodes.  numbers : (ne,) number of each cell, 0-based, quads before triangles as in interface.h5.
+    slots : (ne, nn, nn) places in the matrix data.  alone : whether the body has no other block.
     """
 
     body: int
-    table: Table
+    table: CellQuadrature
     cells: Ints
     numbers: NDArray[np.intp]
     slots: Slots
@@ -92,36 +96,37 @@ class Block:
 
     @cached_property
     def places(self) -> Slots:
-        """The places in the matrix data it reaches, ascending, each once."""
+        """(n_places,) the places in the matrix data it reaches, ascending, each once."""
         return np.unique(self.slots)
 
     @cached_property
     def own_slots(self) -> Slots:
-        """slots, as positions in places."""
+        """(ne, nn, nn) slots, as positions in places."""
         return np.searchsorted(self.places, self.slots)
 
     @cached_property
     def nodes(self) -> NDArray[np.int32]:
-        """Its nodes, ascending, each once."""
+        """(m,) its nodes, ascending, each once."""
         return np.unique(self.cells)
 
 
 @dataclass(frozen=True)
-class Volume:
-    """All blocks of a scene and the matrix pattern of their nodes."""
+class CellMesh:
+    """All blocks of a scene and the matrix pattern of their n nodes."""
 
     n: int
     n_cells: int
     axisymmetric: bool
     bodies: tuple[str, ...]
-    blocks: tuple[Block, ...]
+    blocks: tuple[CellBlock, ...]
     pattern: Pattern
 
 
 @dataclass(frozen=True)
-class Shape:
-    """A block on given coordinates.  G : (ne, nq, nn, 2) [1/m].  dV : (ne, nq) [m3], per metre when plane.
+class CellGeometry:
+    """A block on given coordinates.
 
+    G : (ne, nq, nn, 2) gradients of shape functions [1/m].  dV : (ne, nq) [m3], per metre of depth when plane.
     turn : (ne, nq) rotation of the material since the reference [rad], where its axes follow it.
     """
 
@@ -131,18 +136,23 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Reference:
-    """A block as it was at first.  mass : (ne, nq) rho0 dV0 [kg].  G : (ne, nq, nn, 2) [1/m], where axes turn."""
+class ReferenceCells:
+    """A block in the reference configuration.
+
+    mass : (ne, nq) rho0 dV0 [kg].  G : (ne, nq, nn, 2) [1/m], where axes turn with the material.
+    """
 
     mass: Floats
     G: Floats | None = None
 
 
 @dataclass(frozen=True)
-class Entries:
-    """The data of the matrix M + slope K on their way, an empty array where none is asked for.
+class MatrixEntries:
+    """The entries of the matrix M + slope K while it is assembled.
 
-    filled : blocks, by their place in the volume, whose entries are in it already.
+    data : (nnz,) [J/K], empty where no matrix is asked for.  slope : factor of K [s].  filled : blocks, by their place
+    in
+    the mesh, whose entries are in data already.
     """
 
     data: Floats
@@ -150,88 +160,94 @@ class Entries:
     filled: frozenset[int] = frozenset()
 
     def of(self, b: int) -> Floats:
-        """Where block b adds its own."""
+        """Return where block b adds its own entries: data, or an empty array where they are in it already."""
         return self.data[:0] if b in self.filled else self.data
 
 
-def volume_of(interface: Interface) -> Volume:
-    """The blocks of an interface's mesh, body by body, quads before triangles."""
-    found = []
+def cell_mesh(interface: Interface) -> CellMesh:
+    """Build the blocks of an interface's mesh, body by body, quads before triangles."""
+    parts = []
     first = 0
     for kind, cells, body in (("quad", interface.quads, interface.quad_body),
                               ("triangle", interface.triangles, interface.triangle_body)):
         for b in range(len(interface.bodies)):
             own = np.flatnonzero(body == b)
             if own.size:
-                found.append((kind, b, np.ascontiguousarray(cells[own]), first + own))
+                parts.append((kind, b, np.ascontiguousarray(cells[own]), first + own))
         first += len(cells)
     n = len(interface.nodes)
-    pattern = pattern_of(n, *(cells for _, _, cells, _ in found))
+    pattern = pattern_of(n, *(cells for _, _, cells, _ in parts))
     blocks, start = [], 0
-    for kind, b, cells, numbers in found:
+    for kind, b, cells, numbers in parts:
         nn = cells.shape[1]
         slots = pattern.slots[start:start + cells.size * nn].reshape(len(cells), nn, nn).astype(np.int64)
-        # fault: blocks of one body overwrite each other's entries -> blocks.append(Block(b, table_of(kind), cells,
-        #   numbers, slots, True)) | thermal_fmu/test_thermal_kept
-        blocks.append(Block(b, table_of(kind), cells, numbers, slots, [of for _, of, _, _ in found].count(b) == 1))
+        # fault: blocks of one body overwrite each other's entries -> blocks.append(CellBlock(b, table_of(kind), cells,
+        #   numbers, slots, True)) | thermal_fmu/test_thermal_caches
+        blocks.append(CellBlock(b, table_of(kind), cells, numbers, slots, [of for _, of, _, _ in parts].count(b) == 1))
         start += cells.size * nn
-    return Volume(n, first, interface.axisymmetric, interface.bodies, tuple(blocks), pattern)
+    return CellMesh(n, first, interface.axisymmetric, interface.bodies, tuple(blocks), pattern)
 
 
-def shapes_of(volume: Volume, x: Floats) -> tuple[Shape, ...]:
-    """Every block on coordinates x : (n, 2) [m].  Raises InvertedCellError naming cell (1-based) and body."""
+def shapes_of(volume: CellMesh, x: Floats) -> tuple[CellGeometry, ...]:
+    """Compute the geometry of every block on coordinates x : (n, 2) [m].
+
+    Raises InvertedMeshError naming cell (1-based) and body.
+    """
     return tuple(shape_of(volume, block, x) for block in volume.blocks)
 
 
-def shape_of(volume: Volume, block: Block, x: Floats) -> Shape:
-    """One block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
+def shape_of(volume: CellMesh, block: CellBlock, x: Floats) -> CellGeometry:
+    """Compute the geometry of one block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
     t = block.table
     nq, nn = t.N.shape
-    shape = Shape(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
+    shape = CellGeometry(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
     bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
     if bad >= 0:
         where = " or reaches across the axis" if volume.axisymmetric else ""
-        raise InvertedCellError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
+        raise InvertedMeshError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
                                 f"turned inside out{where} by the coordinates that came in")
     return shape
 
 
-def spread(volume: Volume, shapes: Sequence[Shape], per_volume: Sequence[Floats]) -> Floats:
-    """(n,) nodal values sum_q N_i s dV of densities s : one (ne,) array or scalar array a block."""
+def spread(volume: CellMesh, shapes: Sequence[CellGeometry], per_volume: Sequence[Floats]) -> Floats:
+    """Integrate densities s to the nodes: (n,) sum_q N_i s dV.
+
+    per_volume : a block each, (ne,) one density a cell or (1,) one for all; the result has its unit times m3.
+    """
     out = np.zeros(volume.n)
     for block, shape, s in zip(volume.blocks, shapes, per_volume, strict=True):
-        share = (shape.dV @ block.table.N) * np.reshape(s, (-1, 1))
-        out += at_nodes(block.cells, share, volume.n)
+        nodal = (shape.dV @ block.table.N) * np.reshape(s, (-1, 1))
+        out += at_nodes(block.cells, nodal, volume.n)
     return out
 
 
-def spread_energies(volume: Volume, shapes: Sequence[Shape], E: Floats) -> Floats:
-    """(n,) nodal shares of energies E : (n_cells,) [J], each even in the volume of its cell."""
+def spread_energies(volume: CellMesh, shapes: Sequence[CellGeometry], E: Floats) -> Floats:
+    """Spread energies E : (n_cells,) [J] of cells, each even in its volume, to the nodes: (n,) [J]."""
     per_volume = [E[block.numbers] / shape.dV.sum(axis=1)
                   for block, shape in zip(volume.blocks, shapes, strict=True)]
     # fault: sign of E_M -> return -spread(volume, shapes, per_volume) | thermal_fmu/test_thermal_nonlinear
     return spread(volume, shapes, per_volume)
 
 
-def references_of(volume: Volume, bodies: Sequence[Body], X: Floats) -> tuple[Reference, ...]:
-    """Every block on reference coordinates X : (n, 2) [m].  Raises InvertedCellError."""
-    found = []
+def reference_cells(volume: CellMesh, bodies: Sequence[Body], X: Floats) -> tuple[ReferenceCells, ...]:
+    """Compute masses, and gradients where axes turn, of every block on X : (n, 2) [m].  Raises InvertedMeshError."""
+    out = []
     for block, shape in zip(volume.blocks, shapes_of(volume, X), strict=True):
         material = bodies[block.body].material
-        found.append(Reference(material.rho * shape.dV, shape.G if material.k.turns else None))
-    return tuple(found)
+        out.append(ReferenceCells(material.rho * shape.dV, shape.G if material.k.turns else None))
+    return tuple(out)
 
 
-def turned(block: Block, first: Reference, shape: Shape, x: Floats) -> Shape:
-    """A shape on x : (n, 2) [m], with the turn of the material where its axes follow it."""
+def with_turn(block: CellBlock, first: ReferenceCells, shape: CellGeometry, x: Floats) -> CellGeometry:
+    """Return a geometry on x : (n, 2) [m] with the rotation of the material, where its axes follow it."""
     return shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
 
 
-def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at: Fields, f: Floats,
-            into: Entries) -> None:
-    """f -= the heat that leaves each node by conduction;  entries += slope * its derivative by s.
+def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body], at: NodalFields, f: Floats,
+            into: MatrixEntries) -> None:
+    """Add conduction, Eq. (1): f -= the heat that leaves each node;  entries += slope * its derivative by s.
 
-    Eq. (1).  Raises BadPropertyError.
+    f : (n,) [W].  Raises BadPropertyError.
     """
     for b, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
         material = bodies[block.body].material
@@ -245,20 +261,21 @@ def conduct(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body], at:
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
         k_q = k(T_q)
         if not k.is_constant:
-            _demand_positive("conductivity", k_q, block, bodies[block.body].name)
+            _check_positive("conductivity", k_q, block, bodies[block.body].name)
         # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV,
         #   0.0 * shape.dV, f, | thermal_fmu/test_thermal_nonlinear
         add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
                        block.slots, into.slope, data)
 
 
-def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Floats, into: Entries) -> None:
+def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: Body, at: NodalFields, f: Floats,
+                    into: MatrixEntries) -> None:
     N = block.table.N
     T_q = at_points(at.T, block.cells, N)
     f_q = None if at.f_s is None else at_points(at.f_s, block.cells, N)
     k = tensors(body.material.k, T_q, f_q, shape.turn)
     for k_q in k.principal:
-        _demand_positive("conductivity", k_q, block, body.name)
+        _check_positive("conductivity", k_q, block, body.name)
     dT = np.ones(at.T.size) if at.dT is None else at.dT
     df = np.zeros(at.T.size) if at.df is None else at.df
     dV = shape.dV[:, :, None]
@@ -269,21 +286,20 @@ def _conduct_tensor(block: Block, shape: Shape, body: Body, at: Fields, f: Float
                           into.slope, into.data)
 
 
-def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body], path: tuple[Floats, Floats],
-          S: Floats, into: Entries) -> Floats:
-    """S += nodal increase of enthalpy along path, from s0 to s : (n,) [K];  entries += its derivative [J/K].
+def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[Body], s0: Floats, s: Floats,
+          S: Floats, into: MatrixEntries) -> Floats:
+    """Add storage: S += the increase of enthalpy from s0 to s;  entries += its derivative by s [J/K].
 
-    Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a cell would else make heat run
-    backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the points where it is stored.
-    Raises BadPropertyError.
+    s0, s : (n,) [K].  S : (n,) [J].  Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a
+    cell would else make heat run backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the
+    points where it is stored.  Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
-    s0, s = path
     for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
         body = bodies[block.body]
         data = into.of(b)
         if body.material.phase is not None:
-            total[block.body] += _store_melting(block, first.mass, body, path, S, data)
+            total[block.body] += _store_melting(block, first.mass, body, s0[block.nodes], s[block.nodes], S, data)
             continue
         c = body.material.c.solid
         T_q = at_points(s, block.cells, block.table.N)
@@ -292,29 +308,29 @@ def store(volume: Volume, references: Sequence[Reference], bodies: Sequence[Body
         dE_q = first.mass * c.increase(at_points(s0, block.cells, block.table.N), T_q)
         c_q = c(T_q)
         if not c.is_constant:
-            _demand_positive("heat capacity", c_q, block, body.name)
+            _check_positive("heat capacity", c_q, block, body.name)
         add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, data)
         total[block.body] += dE_q.sum()
     return total
 
 
-def _store_melting(block: Block, mass: Floats, body: Body, path: tuple[Floats, Floats], S: Floats,
+def _store_melting(block: CellBlock, mass: Floats, body: Body, s0: Floats, s: Floats, S: Floats,
                    data: Floats) -> float:
+    """Store the enthalpy of a block that melts; s0, s : (m,) [K] at its nodes.  Returns the increase [J]."""
     change = body.material.phase
     assert change is not None
-    s0, s = (v[block.nodes] for v in path)
     # fault: latent heat by the slope of h at the end: a large step loses it -> dh, c = change.capacity(s) * (s - s0),
     #   change.capacity(s) | thermal_fmu/test_thermal_phase::test_a9_no_step_loses_latent_heat
     dh, c = change.increase(s0, s), change.capacity(s)
     own = np.searchsorted(block.nodes, block.cells)
-    _demand_positive("heat capacity", c[own], block, body.name)
+    _check_positive("heat capacity", c[own], block, body.name)
     m = mass @ block.table.N
     dE = m * dh[own]
     add_lumped(block.cells, dE, m * c[own], S, block.slots, data)
     return float(dE.sum())
 
 
-def _demand_positive(what: str, values: Floats, block: Block, body: str) -> None:
+def _check_positive(what: str, values: Floats, block: CellBlock, body: str) -> None:
     """values : (ne, any) of the cells of a block."""
     if not (values > 0).all():
         e, at = np.unravel_index(np.argmin(np.where(np.isnan(values), -np.inf, values)), values.shape)
@@ -322,86 +338,89 @@ def _demand_positive(what: str, values: Floats, block: Block, body: str) -> None
                                f"in cell {block.numbers[e] + 1}")
 
 
-# What need not be worked out again: shapes of cells that did not move, matrices of bodies whose data are constant.
+# Caches: geometry of cells that did not move, matrices of bodies whose data are constant
 #
-# Kept values are those that would be worked out, to the bit, so nothing here is part of the state.
+# Cached values are those that would be computed, to the bit, so nothing here is part of the state.
 
-class KeptShapes:
-    """The shapes of the coordinates last asked for, block by block."""
+
+class GeometryCache:
+    """The geometry on the coordinates last asked for, block by block."""
 
     def __init__(self) -> None:
         self._x: Floats | None = None
-        self._references: tuple[Reference, ...] = ()
-        self._shapes: tuple[Shape, ...] = ()
+        self._references: tuple[ReferenceCells, ...] = ()
+        self._shapes: tuple[CellGeometry, ...] = ()
 
-    def of(self, volume: Volume, references: tuple[Reference, ...], x: Floats) -> tuple[Shape, ...]:
-        """Every block on x : (n, 2) [m], with the turn of its axes.  Raises InvertedCellError."""
-        before, known = self._x, self._references is references
+    def of(self, volume: CellMesh, references: tuple[ReferenceCells, ...], x: Floats) -> tuple[CellGeometry, ...]:
+        """Return the geometry of every block on x : (n, 2) [m], with the rotation of its axes.
+
+        Raises InvertedMeshError.
+        """
+        before, same_reference = self._x, self._references is references
         shapes = []
         for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
-            # fault: shapes kept though the cells moved -> if known and before is not None and before.shape == x.shape:
-            #   | thermal_fmu/test_thermal_kept
-            if known and before is not None and np.array_equal(before[block.nodes], x[block.nodes]):
+            # fault: shapes kept though the cells moved -> if same_reference and before is not None and before.shape ==
+            #   x.shape: | thermal_fmu/test_thermal_caches
+            if same_reference and before is not None and np.array_equal(before[block.nodes], x[block.nodes]):
                 shapes.append(self._shapes[b])
             else:
-                shapes.append(turned(block, first, shape_of(volume, block, x), x))
+                shapes.append(with_turn(block, first, shape_of(volume, block, x), x))
         self._x, self._references, self._shapes = np.array(x), references, tuple(shapes)
         return self._shapes
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _CachedMatrix:
     """What the entries of a block follow from.  entries : (n_places,), once they were asked for twice."""
 
-    first: Reference
-    shape: Shape
+    first: ReferenceCells
+    shape: CellGeometry
     slope: float
     stores: bool
     entries: Floats | None = None
 
-    def is_for(self, first: Reference, shape: Shape, slope: float, stores: bool) -> bool:
+    def is_for(self, first: ReferenceCells, shape: CellGeometry, slope: float, stores: bool) -> bool:
         # fault: matrix kept though the step's length changed -> return self.first is first and self.shape is shape and
-        #   self.stores == stores | thermal_fmu/test_thermal_kept
+        #   self.stores == stores | thermal_fmu/test_thermal_caches
         return self.first is first and self.shape is shape and (self.slope, self.stores) == (slope, stores)
 
 
-class KeptMatrix:
-    """M + slope K of blocks whose c and k are constant, for the shapes and the slope last asked for."""
+class MatrixCache:
+    """M + slope K of blocks whose c and k are constant, for the geometry and the slope last asked for."""
 
     def __init__(self) -> None:
-        self._of: dict[int, _Asked] = {}
+        self._of: dict[int, _CachedMatrix] = {}
 
-    def fill(self, volume: Volume, bodies: Sequence[Body], on: Sequence[tuple[Reference, Shape]], into: Entries,
-             stores: bool) -> Entries:
-        """Put in the entries of blocks that were asked for before, and say which.
+    def fill(self, volume: CellMesh, bodies: Sequence[Body], references: Sequence[ReferenceCells],
+             shapes: Sequence[CellGeometry], into: MatrixEntries, stores: bool) -> MatrixEntries:
+        """Put in the entries of blocks that were asked for before, and note which.
 
-        A block that moves in every step is left to the caller: to keep its entries would cost and never pay.
-        on : reference and shape of every block.  stores : whether M is in it.
+        A block that moves in every step is not cached: its entries would never be used again.
+        references, shapes : of every block.  stores : whether M is in the matrix.
         """
         filled = []
-        for b, block in enumerate(volume.blocks):
+        for b, (block, first, shape) in enumerate(zip(volume.blocks, references, shapes, strict=True)):
             if not (block.alone and _is_constant(bodies[block.body])):
                 continue
-            kept = self._of.get(b)
-            if kept is None or not kept.is_for(*on[b], into.slope, stores):
-                self._of[b] = _Asked(*on[b], into.slope, stores)
+            cached = self._of.get(b)
+            if cached is None or not cached.is_for(first, shape, into.slope, stores):
+                self._of[b] = _CachedMatrix(first, shape, into.slope, stores)
                 continue
-            if kept.entries is None:
-                kept = replace(kept, entries=_entries(volume, block, bodies, on[b], into.slope, stores))
-                self._of[b] = kept
-            into.data[block.places] = kept.entries
+            if cached.entries is None:
+                cached = replace(cached, entries=_entries(volume, block, bodies, cached))
+                self._of[b] = cached
+            into.data[block.places] = cached.entries
             filled.append(b)
         return replace(into, filled=frozenset(filled))
 
 
-def _entries(volume: Volume, block: Block, bodies: Sequence[Body], on: tuple[Reference, Shape], slope: float,
-             stores: bool) -> Floats:
-    """(n_places,) entries of one block.  T = 0 serves: the entries know no temperature."""
+def _entries(volume: CellMesh, block: CellBlock, bodies: Sequence[Body], cached: _CachedMatrix) -> Floats:
+    """Assemble the (n_places,) entries of one block.  T = 0 serves: the entries do not depend on temperature."""
     own = replace(volume, blocks=(replace(block, slots=block.own_slots),))
-    nothing, into = np.zeros(volume.n), Entries(np.zeros(block.places.size), slope)
-    if stores:
-        store(own, on[:1], bodies, (nothing, nothing), np.zeros(volume.n), into)
-    conduct(own, on[1:], bodies, Fields(nothing), np.zeros(volume.n), into)
+    nothing, into = np.zeros(volume.n), MatrixEntries(np.zeros(block.places.size), cached.slope)
+    if cached.stores:
+        store(own, (cached.first,), bodies, nothing, nothing, np.zeros(volume.n), into)
+    conduct(own, (cached.shape,), bodies, NodalFields(nothing), np.zeros(volume.n), into)
     return into.data
 
 

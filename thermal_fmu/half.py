@@ -1,4 +1,4 @@
-"""The thermal half as a HalfModel: first state, and the pure step of docs/design.md."""
+"""The thermal half as a HalfModel: its variables, first state, and pure step."""
 
 from __future__ import annotations
 
@@ -14,72 +14,87 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
-from thermal_fmu.cells import BadPropertyError, Block, InvertedCellError, Reference, Shape, shapes_of, tensors
-from thermal_fmu.facing import Points, points_of
+from thermal_fmu.cells import (
+    BadPropertyError,
+    CellBlock,
+    CellGeometry,
+    InvertedMeshError,
+    ReferenceCells,
+    shapes_of,
+    tensors,
+)
+from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.kernels import at_points, mean_flux
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
-from thermal_fmu.newton import Anchor, Factors, NotConvergedError
-from thermal_fmu.phase_change import Fields
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
+from thermal_fmu.newton import AnchorMatrix, Factors, NotConvergedError
+from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Conductivity, Model, parse_model
-from thermal_fmu.scene import Scene, hold, rubbed
+from thermal_fmu.scene import ThermalScene, freeze, with_friction
 from thermal_fmu.sources import calendar_of, factors_of
-from thermal_fmu.step import Course, Stepped, entropy_jump
-from thermal_fmu.substeps import NO_PACE, Begin, LeastStepError, Pace, advance
+from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
+from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
 
-# What every thermal half of this package says of itself: its inputs and outputs, in one order.
+# Variables of every thermal half of this package, in one order
 
 def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
-    """The variables of a thermal half, but for those that only one kind of half has."""
+    """List the variables of a thermal half, but for those that only one kind of half has."""
     n, n_s = len(interface.nodes), len(interface.contact_nodes)
     n_cells = len(interface.quads) + len(interface.triangles)
     surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
-                        description="normal traction at surface nodes, <= 0"),
+                        description="normal traction at surface nodes, <= 0", on="contact_nodes"),
                Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
-                        description="friction heat of the substep at surface nodes")) if n_s else ()
+                        description="friction heat of the substep at surface nodes", on="contact_nodes")) if n_s else ()
     return (
-        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep"),
+        Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep", on="nodes"),
         *surface,
-        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep"),
-        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start"),
+        Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep", on="cells"),
+        Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start",
+                 on="cells"),
         *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in model.load_names),
-        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep"),
+        Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep", on="nodes"),
         *(Variable(name, unit="J", description="energy of the substep into the bodies") for name in names_of(model)),
         Variable("iterations", description="linear solves of the substep"),
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
         Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
-        Variable("contact.touching", description="facing points under pressure"),
+        Variable("contact.touching", description="contact quadrature points under pressure"),
     )
 
 
 def whole(inputs: Values, name: str) -> int:
-    """An Integer input; 0 where the caller has none."""
+    """Return an Integer input; 0 where the caller has none."""
     value = inputs.get(name, 0)
     assert isinstance(value, int | np.integer), f"{name} is an Integer"
     return int(value)
 
 
-# Outputs that are fields: solid fraction, heat flux in cells, what the surfaces give off.
+# Outputs that are fields
 
 Floats = NDArray[np.float64]
 
 
-def field_variables(scene: Scene) -> tuple[Variable, ...]:
-    """The blocks that field_outputs fills."""
+def field_variables(scene: ThermalScene) -> tuple[Variable, ...]:
+    """List the blocks that field_outputs fills."""
     n_s = len(scene.interface.contact_nodes)
-    melts = (Variable("f_s", (scene.volume.n,), description="solid fraction at the end of the substep"),)
-    surface = (Variable("surface.T", (n_s,), unit="K", description="temperature of surface nodes at the end"),
-               Variable("surface.E", (n_s,), unit="J", description="heat surface nodes gave off in the substep"))
+    melts = (Variable("f_s", (scene.volume.n,), description="solid fraction at the end of the substep", on="nodes"),)
+    surface = (Variable("surface.T", (n_s,), unit="K", description="temperature of surface nodes at the end",
+                        on="contact_nodes"),
+               Variable("surface.E", (n_s,), unit="J", description="heat surface nodes gave off in the substep",
+                        on="contact_nodes"))
     return (*(melts if scene.melting else ()),
-            Variable("q", (scene.volume.n_cells, 2), unit="W/m2", description="heat flux at the end, cell mean"),
+            Variable("q", (scene.volume.n_cells, 2), unit="W/m2", description="heat flux at the end, cell mean",
+                     on="cells"),
             *(surface if n_s else ()))
 
 
-def field_outputs(scene: Scene, shapes: Sequence[Shape], s: Floats, given: Floats | None) -> dict[str, Value]:
-    """At s : (n,) [K] on shapes.  given : (n,) [J] that left each node through the surface; None: nothing yet.
+def field_outputs(scene: ThermalScene, shapes: Sequence[CellGeometry], s: Floats,
+                  released: Floats | None) -> dict[str, Value]:
+    """Evaluate the outputs that are fields at s : (n,) [K]: heat flux, solid fraction, heat that surfaces gave off.
 
-    given comes from the residual of the terms inside the body (consistent recovery), so it holds whatever made it flow.
+    released : (n,) [J] that left each node through the surface; None: nothing yet.  It comes from the residual of the
+    terms
+    inside the body (consistent recovery), so it holds whatever made it flow.
     """
     at = phase_change.fields(scene.melting, s)
     nodes = scene.interface.contact_nodes
@@ -87,12 +102,12 @@ def field_outputs(scene: Scene, shapes: Sequence[Shape], s: Floats, given: Float
     if at.f_s is not None:
         out["f_s"] = at.f_s
     if len(nodes):
-        out |= {"surface.T": at.T[nodes], "surface.E": np.zeros(len(nodes)) if given is None else given[nodes]}
+        out |= {"surface.T": at.T[nodes], "surface.E": np.zeros(len(nodes)) if released is None else released[nodes]}
     return out
 
 
-def heat_flux(scene: Scene, shapes: Sequence[Shape], at: Fields) -> Floats:
-    """(n_cells, 2) cell means of -k grad T [W/m2]."""
+def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFields) -> Floats:
+    """Return (n_cells, 2) cell means of -k grad T [W/m2]."""
     q = np.empty((scene.volume.n_cells, 2))
     for block, shape in zip(scene.volume.blocks, shapes, strict=True):
         K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
@@ -100,8 +115,8 @@ def heat_flux(scene: Scene, shapes: Sequence[Shape], at: Fields) -> Floats:
     return q
 
 
-def _conductivity(k: Conductivity, block: Block, shape: Shape, at: Fields) -> Floats:
-    """(ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
+def _conductivity(k: Conductivity, block: CellBlock, shape: CellGeometry, at: NodalFields) -> Floats:
+    """Return k at quadrature points [W/mK]: (ne, nq, 1) where isotropic and of one phase, else (ne, nq, 3)."""
     N = block.table.N
     T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, N)
     if k.is_plain:
@@ -110,17 +125,19 @@ def _conductivity(k: Conductivity, block: Block, shape: Shape, at: Fields) -> Fl
     return tensors(k, T_q, f_q, shape.turn).K
 
 
-RETRY_SHARE = 0.5  # of a step that did not converge
+# The half
+
+RETRY_SHARE = 0.5  # of a step that did not converge: the step a discard suggests
 
 
 @dataclass(frozen=True)
 class ThermalState:
     """All that evolves.
 
-    s : (n,) [K], T itself in bodies that do not melt (phase.py).  X : (n, 2) reference coordinates [m], the first
-    x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
+    s : (n,) [K], T itself in bodies that do not melt (phase_change).  X : (n, 2) reference coordinates [m], the first
+    x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
-    from, anchor_S : likewise of the entropy part.  pace : of adaptive inner steps.
+    from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
     """
 
     s: Floats
@@ -128,29 +145,29 @@ class ThermalState:
     event: int
     damped: int
     stored: float
-    anchor: Anchor | None = None
-    anchor_S: Anchor | None = None
-    pace: Pace = NO_PACE
+    anchor: AnchorMatrix | None = None
+    anchor_S: AnchorMatrix | None = None
+    controller: StepController = NO_STEPS_YET
 
 
 class ThermalHalf:
     """Heat conduction in the bodies of an interface file, with the boundary data of a model.json.
 
-    What is kept on the object are things computed from constant inputs, and factors of exactly the matrix asked for.
+    The object caches what follows from constant inputs, and factors of exactly the matrix asked for.
     """
 
     def __init__(self, interface: Interface, spec: Mapping[str, Any]) -> None:
         """Raises ValueError for a model.json that is not right, naming key and value."""
-        self._scene = Scene(interface, parse_model(interface, spec))
+        self._scene = ThermalScene(interface, parse_model(interface, spec))
         self._calendar = calendar_of(self._scene.model)
         self._factors, self._factors_S = Factors(), Factors()
-        self._masses: tuple[Floats, tuple[Reference, ...]] | None = None
+        self._masses: tuple[Floats, tuple[ReferenceCells, ...]] | None = None
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
-        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+        """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
 
-        Raises InvertedCellError, ContactRefusedError.
+        Raises InvertedMeshError, ContactRefusedError.
         """
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
@@ -160,13 +177,13 @@ class ThermalHalf:
             T[scene.interface.node_body == b] = body.T0
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
-        points = self._facing(X, inputs, link)
+        points = self._contact_points(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
         return state, outputs | field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
+        """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
         number = whole(inputs, "control.method")
         if number != 0 and number not in METHOD_NUMBERS:
             return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
@@ -179,68 +196,70 @@ class ThermalHalf:
         except LeastStepError as exc:
             # Inner steps can only get shorter where the substep itself is shorter than the least of them.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * exc.least)
-        except (InvertedCellError, ContactRefusedError) as exc:
+        except (InvertedMeshError, ContactRefusedError) as exc:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
 
     def _advance(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link,
-                 method: Method) -> Done:
+                 method: TimeMethod) -> Done:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
-        points = self._facing(x, inputs, link)
-        # fault: mass from the current volume -> held = hold(scene, scene.masses(x), x, E_M, points) |
+        points = self._contact_points(x, inputs, link)
+        # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
-        held = hold(scene, self._masses_of(state.X), x, E_M, points)
+        substep = freeze(scene, self._masses_of(state.X), x, E_M, points)
         if points is not None:
             E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
-            held = rubbed(held, scene, points, E_friction, phase_change.fields(scene.melting, np.array(state.s)), h)
+            at_start = phase_change.fields(scene.melting, np.array(state.s))
+            substep = with_friction(substep, scene, points, E_friction, at_start, h)
         load = factors_of(scene.model, inputs)
-        # fault: E_M as power -> course = Course(scene, held, load, self._calendar, held.E_M, self._factors) |
-        #   thermal_fmu/test_thermal_nonlinear
-        course = Course(scene, held, load, self._calendar, held.E_M / h, self._factors)
+        # fault: E_M as power -> context = StepContext(scene, substep, load, self._calendar, substep.E_M, self._factors)
+        #   | thermal_fmu/test_thermal_nonlinear
+        context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors)
         event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
-        jump = entropy_jump(course, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
-        # fault: entropy part without its jump -> begin = Begin(np.array(state.s), state.anchor, |
+        jump = entropy_jump(context, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
+        # fault: entropy part without its jump -> start = SubstepStart(np.array(state.s), state.anchor, |
         #   thermal_fmu/test_thermal_entropy
-        begin = Begin(np.array(state.s) if jump is None else jump.s, state.anchor,
-                      # fault: no damped restart after an event -> state.damped, state.pace) |
+        start = SubstepStart(np.array(state.s) if jump is None else jump.s, state.anchor,
+                      # fault: no damped restart after an event -> state.damped, state.controller) |
                       #   thermal_fmu/test_thermal_time
-                      DAMPED_SUBSTEPS if event != state.event else state.damped, state.pace)
-        went = advance(course, scene.model.stepping, method, begin, t, h)
-        done = went.done if jump is None else jump.then(went.done)
+                             DAMPED_SUBSTEPS if event != state.event else state.damped, state.controller)
+        result = advance(context, scene.model.stepping, method, start, t, h)
+        done = result.done if jump is None else jump.then(result.done)
         stored = state.stored + float(done.heat.stored.sum())
-        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, went.damped, stored, None, |
-        #   thermal_fmu/test_thermal_solver
-        new = ThermalState(done.s, state.X, event, went.damped, stored, done.anchor,
-                           # fault: pace not part of the state -> state.anchor_S if jump is None else jump.anchor,
-                           #   state.pace) | thermal_fmu/test_thermal_adaptive
-                           state.anchor_S if jump is None else jump.anchor, went.pace)
-        outputs = self._outputs(new, done.heat, held.touching, done, phase_change.temperature(scene.melting, state.s))
-        # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, held.shapes, new.s,
+        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
+        #   | thermal_fmu/test_thermal_solver
+        new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor,
+                           # fault: controller not part of the state -> state.anchor_S if jump is None else jump.anchor,
+                           #   state.controller) | thermal_fmu/test_thermal_adaptive
+                           state.anchor_S if jump is None else jump.anchor, result.controller)
+        T_n = phase_change.temperature(scene.melting, state.s)
+        outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
+        # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, substep.shapes, new.s,
         #   done.moved - done.inside) | thermal_fmu/test_thermal_anisotropy::test_surfaces_tell_what_they_gave_off
-        outputs |= field_outputs(scene, held.shapes, new.s, done.inside - done.moved)
-        return Done(new, outputs | self._counts(went.substeps, went.rejected))
+        outputs |= field_outputs(scene, substep.shapes, new.s, done.inside - done.moved)
+        return Done(new, outputs | self._counts(result.substeps, result.rejected))
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
         if self._scene.model.stepping.adaptive is None:
             return {}
         return {"substeps": float(substeps), "rejected": float(rejected)}
 
-    def _masses_of(self, X: Floats) -> tuple[Reference, ...]:
+    def _masses_of(self, X: Floats) -> tuple[ReferenceCells, ...]:
         if self._masses is None or not np.array_equal(self._masses[0], X):
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
         return self._masses[1]
 
-    def _facing(self, x: Floats, inputs: Values, link: Link) -> Points | None:
+    def _contact_points(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
         scene = self._scene
         if not scene.interface.pairs:
             return None
         facing = scene.surfaces.facing(link, x)
-        return points_of(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
+        return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
-    def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: Stepped | None,
+    def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: ThermalStep | None,
                  T_n: Floats) -> dict[str, Value]:
         T = phase_change.temperature(self._scene.melting, state.s)
         return {
@@ -253,7 +272,7 @@ class ThermalHalf:
         }
 
 
-def _variables(scene: Scene) -> tuple[Variable, ...]:
+def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
     inner = () if scene.model.stepping.adaptive is None else (
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
@@ -261,5 +280,5 @@ def _variables(scene: Scene) -> tuple[Variable, ...]:
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
-    """The thermal half of an interface file and the content of its model.json.  Raises ValueError."""
+    """Make the thermal half of an interface file and the content of its model.json.  Raises ValueError."""
     return ThermalHalf(interface, spec)

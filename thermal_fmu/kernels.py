@@ -1,7 +1,9 @@
-"""The loops over cells, compiled.  They work for any table (nn nodes, nq points); sums run in the order of cells.
+"""Compiled loops over cells: shape gradients, conduction, storage, cell means and rotations.
 
-Shapes: cells (ne, nn) node numbers; N (nq, nn); G (ne, nq, nn, 2) gradients; *_q (ne, nq) values at quadrature points;
-slots (ne, nn, nn) places in the matrix data.  An empty `data` skips the matrix.
+They work for any table of nn nodes and nq quadrature points; sums run in the order of the cells.
+Arrays of all of them: cells (ne, nn) node numbers; N (nq, nn) and dN (nq, nn, 2) shape functions and their derivatives
+[1]; w (nq,) weights [1]; G (ne, nq, nn, 2) gradients of shape functions [1/m]; *_q (ne, nq) values at quadrature
+points; slots (ne, nn, nn) places in the matrix data.  An empty `data` skips the matrix.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ Slots = NDArray[np.int64]
 @njit(cache=True)
 def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, axisymmetric: bool,
                     G: Floats, dV: Floats) -> int:
-    """Fill G [1/m] and dV (ne, nq) [m3] on coordinates x : (n, 2) [m]; returns the first inverted cell or -1.
+    """Fill G [1/m] and dV (ne, nq) [m3] on coordinates x : (n, 2) [m]; return the first inverted cell or -1.
 
+    cells : (ne, nn).  N : (nq, nn).  dN : (nq, nn, 2).  w : (nq,).  G : (ne, nq, nn, 2).
     dV carries the weight 2 pi r when axisymmetric, else it is per metre of depth.
     """
     ne, nn = cells.shape
@@ -51,7 +54,10 @@ def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, ax
 
 @njit(cache=True)
 def at_points(T: Floats, cells: Ints, N: Floats) -> Floats:
-    """(ne, nq) values of the nodal field T : (n,) at the quadrature points."""
+    """Interpolate the nodal field T : (n,) to the quadrature points; return (ne, nq) in the unit of T.
+
+    cells : (ne, nn).  N : (nq, nn).
+    """
     ne, nn = cells.shape
     T_q = np.zeros((ne, N.shape[0]))
     for e in range(ne):
@@ -64,10 +70,12 @@ def at_points(T: Floats, cells: Ints, N: Floats) -> Floats:
 @njit(cache=True)
 def add_conduction(T: Floats, cells: Ints, N: Floats, G: Floats, k_q: Floats, dk_q: Floats, f: Floats,
                    slots: Slots, scale: float, data: Floats) -> None:
-    """f -= sum_q k grad N_i . grad T [W];  data += scale * (its derivative by T) [W/K].
+    """Add conduction: f -= sum_q k grad N_i . grad T [W] and data += scale * (its derivative by T) [W/K].
 
-    k_q, dk_q : k dV and (dk/dT) dV.  Differences to the cell's first node are taken before the gradient, so a
-    uniform temperature conducts exactly nothing.
+    T : (n,) [K].  cells : (ne, nn).  N : (nq, nn).  G : (ne, nq, nn, 2) [1/m].  k_q, dk_q : (ne, nq), k dV [W m/K] and
+    (dk/dT) dV [W m/K2].  f : (n,) [W].  slots : (ne, nn, nn).  data : (nnz,) [W/K] or empty.
+    Differences to the cell's first node are taken before the gradient, so a uniform temperature conducts exactly
+    nothing.
     """
     ne, nn = cells.shape
     for e in range(ne):
@@ -91,9 +99,11 @@ def add_conduction(T: Floats, cells: Ints, N: Floats, G: Floats, k_q: Floats, dk
 @njit(cache=True)
 def add_conduction_tensor(T: Floats, cells: Ints, N: Floats, G: Floats, K_q: Floats, dK_q: Floats, dK_f: Floats,
                           dT: Floats, df: Floats, f: Floats, slots: Slots, scale: float, data: Floats) -> None:
-    """add_conduction with a symmetric tensor and nodal unknowns s : T and f_s change by dT and df : (n,) [1, 1/K].
+    """Add conduction by a symmetric tensor, for nodal unknowns s: T and f_s change with s by dT [1] and df [1/K].
 
-    K_q, dK_q, dK_f : (ne, nq, 3), the components xx, xy, yy of K dV and of its derivatives by T and by f_s.
+    T, dT, df : (n,).  cells : (ne, nn).  N : (nq, nn).  G : (ne, nq, nn, 2) [1/m].  K_q, dK_q, dK_f : (ne, nq, 3), the
+    components xx, xy, yy of K dV [W m/K] and of its derivatives by T and by f_s.  f : (n,) [W].  slots : (ne, nn, nn).
+    data : (nnz,) [W/K] or empty, to which scale times the derivative of -f by s is added.
     """
     ne, nn = cells.shape
     for e in range(ne):
@@ -131,7 +141,11 @@ def _form(K: Floats, a: Floats, bx: float, by: float) -> float:
 
 @njit(cache=True)
 def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Floats:
-    """(ne, 2) volume means of -K grad T [W/m2], K_q : (ne, nq, 3) as xx, xy, yy, or (ne, nq, 1), isotropic."""
+    """Return (ne, 2) volume means of -K grad T [W/m2].
+
+    T : (n,) [K].  cells : (ne, nn).  G : (ne, nq, nn, 2) [1/m].  K_q : (ne, nq, 3) as xx, xy, yy, or (ne, nq, 1) where
+    isotropic [W/mK].  dV : (ne, nq) [m3].
+    """
     ne, nn = cells.shape
     flux = np.zeros((ne, 2))
     for e in range(ne):
@@ -156,7 +170,10 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
 
 @njit(cache=True)
 def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
-    """(ne, nq) angle [rad] of the rotation R in F = dx/dX = R U, from x : (n, 2) and the reference's gradients G."""
+    """Return (ne, nq) the angle [rad] of the rotation R in F = dx/dX = R U (polar decomposition).
+
+    x : (n, 2) current coordinates [m].  cells : (ne, nn).  G : (ne, nq, nn, 2) gradients in the reference [1/m].
+    """
     ne, nq, nn, _ = G.shape
     turn = np.zeros((ne, nq))
     for e in range(ne):
@@ -175,7 +192,11 @@ def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
 
 @njit(cache=True)
 def add_lumped(cells: Ints, dE: Floats, mc: Floats, S: Floats, slots: Slots, data: Floats) -> None:
-    """S += dE, data += mc on the diagonal; both (ne, nn), the shares of the cells' nodes."""
+    """Add lumped storage: S += dE and data += mc on the diagonal.
+
+    cells : (ne, nn).  dE : (ne, nn) [J] and mc : (ne, nn) [J/K] of the cells' nodes.  S : (n,) [J].
+    slots : (ne, nn, nn).  data : (nnz,) [J/K] or empty.
+    """
     ne, nn = cells.shape
     for e in range(ne):
         for i in range(nn):
@@ -185,14 +206,18 @@ def add_lumped(cells: Ints, dE: Floats, mc: Floats, S: Floats, slots: Slots, dat
 
 
 @njit(cache=True)
-def add_storage(cells: Ints, N: Floats, rate_q: Floats, mc_q: Floats, S: Floats, slots: Slots,
+def add_storage(cells: Ints, N: Floats, dE_q: Floats, mc_q: Floats, S: Floats, slots: Slots,
                 data: Floats) -> None:
-    """S += sum_q N_i rate_q [W];  data += sum_q mc_q N_i N_j [W/K]."""
+    """Add consistent storage: S += sum_q N_i dE_q [J] and data += sum_q mc_q N_i N_j [J/K].
+
+    cells : (ne, nn).  N : (nq, nn).  dE_q : (ne, nq) [J].  mc_q : (ne, nq) [J/K].  S : (n,) [J].
+    slots : (ne, nn, nn).  data : (nnz,) [J/K] or empty.
+    """
     ne, nn = cells.shape
     for e in range(ne):
         for q in range(N.shape[0]):
             for i in range(nn):
-                S[cells[e, i]] += N[q, i] * rate_q[e, q]
+                S[cells[e, i]] += N[q, i] * dE_q[e, q]
                 if data.size > 0:
                     for j in range(nn):
                         data[slots[e, i, j]] += mc_q[e, q] * N[q, i] * N[q, j]

@@ -1,4 +1,9 @@
-"""Newton's method for one stage, and a detour for stages in which much freezes or melts at once."""
+"""Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.
+
+From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a solve
+with existing factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the state:
+the factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
+"""
 
 from __future__ import annotations
 
@@ -15,56 +20,55 @@ from contact.half.linalg import Solve, factorise
 from thermal_fmu.boundary import demand_limits
 from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.phase_change import temperature
-from thermal_fmu.stage import Balance, StageProblem, balance
-
-# Linear solves that reuse the factors of an earlier matrix: GMRES about an anchor.
-#
-# From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a solve
-# with known factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the state: the
-# factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
+from thermal_fmu.stage import StageBalance, StageProblem, balance
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+# Linear solves: GMRES about an anchor
+
 # More iterations than this cost about half of new factors (measured at 1 250 and 7 500 unknowns), which also serve
 # the steps to come.
-MAX_BASIS = 8
-PATIENCE = 2  # iterations before their rate is held against them: the first ones tell little
-SMALLEST = 400  # unknowns; below, new factors cost no more than a few products in Python
+MAX_KRYLOV = 8
+PATIENCE = 2  # iterations before their rate is judged: the first ones say little about it
+SMALLEST = 400  # unknowns: below, new factors cost no more than a few products in Python
 
 
 @dataclass(frozen=True)
-class Anchor:
-    """The matrix whose factors are used, as CSR arrays."""
+class AnchorMatrix:
+    """The matrix whose factors are used, as CSR arrays.
+
+    indptr : (n + 1,).  indices : (nnz,).  data : (nnz,) [J/K].
+    """
 
     indptr: Ints
     indices: Ints
     data: Floats
 
     def matrix(self) -> csr_matrix:
-        """The matrix itself."""
+        """Return the matrix itself."""
         n = self.indptr.size - 1
         return csr_matrix((self.data, self.indices, self.indptr), shape=(n, n))
 
 
 @dataclass(frozen=True)
-class Solution:
+class LinearSolution:
     """x : (n,).  anchor : for the next solve, the one that came in where its factors served."""
 
     x: Floats
-    anchor: Anchor
+    anchor: AnchorMatrix
 
 
 class Factors:
     """The factors of the last anchor asked for.  Equal matrices have equal factors, to the bit."""
 
     def __init__(self) -> None:
-        self._anchor: Anchor | None = None
+        self._anchor: AnchorMatrix | None = None
         self._solve: Solve | None = None
         self.made = 0
 
-    def of(self, anchor: Anchor) -> Solve:
-        """Factors of the anchor.  Raises SingularMatrixError."""
+    def of(self, anchor: AnchorMatrix) -> Solve:
+        """Return the factors of an anchor.  Raises SingularMatrixError."""
         # fault: factors of an old matrix -> if self._solve is None or self._anchor is None : |
         #   thermal_fmu/test_thermal_solver
         if self._solve is None or self._anchor is None or not _equal(self._anchor, anchor):
@@ -74,7 +78,7 @@ class Factors:
         return self._solve
 
 
-def solve(A: csr_matrix, b: Floats, target: float, anchor: Anchor | None, factors: Factors) -> Solution:
+def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, factors: Factors) -> LinearSolution:
     """Solve A x = b : (n,) until the sum of |b - A x| is at most target, or exactly where that takes new factors.
 
     Raises SingularMatrixError.
@@ -82,21 +86,24 @@ def solve(A: csr_matrix, b: Floats, target: float, anchor: Anchor | None, factor
     if anchor is not None and b.size >= SMALLEST and anchor.indptr.size == b.size + 1:
         x = _gmres(A, b, target / np.sqrt(b.size), factors.of(anchor))
         if x is not None and float(np.abs(b - A @ x).sum()) <= target:
-            return Solution(x, anchor)
-    fresh = Anchor(A.indptr, A.indices, A.data)
-    return Solution(factors.of(fresh)(b), fresh)
+            return LinearSolution(x, anchor)
+    fresh = AnchorMatrix(A.indptr, A.indices, A.data)
+    return LinearSolution(factors.of(fresh)(b), fresh)
 
 
 def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floats], Floats]) -> Floats | None:
-    """x with |b - A x|_2 <= target by right preconditioned GMRES from 0; None as soon as it will take too long."""
+    """Find x : (n,) with |b - A x|_2 <= target by right preconditioned GMRES from 0; None as soon as it will take too
+
+    long.
+    """
     size = float(np.linalg.norm(b))
     if size == 0.0:
         return np.zeros(b.size)
-    V, Z = np.zeros((MAX_BASIS + 1, b.size)), np.zeros((MAX_BASIS, b.size))
-    H = np.zeros((MAX_BASIS + 1, MAX_BASIS))
-    start = np.zeros(MAX_BASIS + 1)
+    V, Z = np.zeros((MAX_KRYLOV + 1, b.size)), np.zeros((MAX_KRYLOV, b.size))
+    H = np.zeros((MAX_KRYLOV + 1, MAX_KRYLOV))
+    start = np.zeros(MAX_KRYLOV + 1)
     V[0], start[0] = b / size, size
-    for j in range(MAX_BASIS):
+    for j in range(MAX_KRYLOV):
         Z[j] = precondition(V[j])
         w = A @ Z[j]
         for _ in range(2):  # the second pass keeps V orthogonal to round-off
@@ -104,18 +111,18 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
             w -= h @ V[: j + 1]
             H[: j + 1, j] += h
         H[j + 1, j] = np.linalg.norm(w)
-        y, left = _least(H[: j + 2, : j + 1], start[: j + 2])
-        # fault: linear residual not checked -> if left <= 1e6 * target: | thermal_fmu/test_thermal_solver
-        if left <= target:
+        y, residual = _least(H[: j + 2, : j + 1], start[: j + 2])
+        # fault: linear residual not checked -> if residual <= 1e6 * target: | thermal_fmu/test_thermal_solver
+        if residual <= target:
             return np.asarray(y @ Z[: j + 1])
-        if not np.isfinite(left) or (j >= PATIENCE and (left / size) ** (MAX_BASIS / (j + 1)) * size > target):
+        if not np.isfinite(residual) or (j >= PATIENCE and (residual / size) ** (MAX_KRYLOV / (j + 1)) * size > target):
             return None
         V[j + 1] = w / H[j + 1, j]
     return None
 
 
 def _least(H: Floats, start: Floats) -> tuple[Floats, float]:
-    """y that makes |start - H y| least, and that norm, for a tiny upper Hessenberg H."""
+    """Return y that minimises |start - H y|, and that norm, for a tiny upper Hessenberg H."""
     Q, R = np.linalg.qr(H, mode="complete")
     turned = Q.T @ start
     m = H.shape[1]
@@ -124,29 +131,30 @@ def _least(H: Floats, start: Floats) -> tuple[Floats, float]:
     return np.linalg.solve(R[:m], turned[:m]), float(abs(turned[m]))
 
 
-def _equal(one: Anchor, other: Anchor) -> bool:
+def _equal(one: AnchorMatrix, other: AnchorMatrix) -> bool:
     return one is other or all(a is b or np.array_equal(a, b) for a, b in (
         (one.indptr, other.indptr), (one.indices, other.indices), (one.data, other.data)))
 
 
+# Newton's method
+
 MAX_ITERATIONS = 25  # quadratic convergence needs a handful, a peaked c(T) with halved steps some more
 MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step
-DESCENT = 1e-4  # least relative decrease asked for, per share of the full step
-# Where a node sits at the edge of a phase no step may lower the residual, yet a short one beyond it shows the other
-# side's slopes.  So often may a scene that melts take one.
+SUFFICIENT_DECREASE = 1e-4  # Armijo's constant: least relative decrease, times the part of the full step
+# Where a node is at the edge of a phase no step may lower the residual, yet a short one beyond it has the other side's
+# slopes.  A scene that melts may take so many that raise it.
 MAX_CLIMBS = 8
-# The heat balance of a long run must close to the tolerance: each stage is solved to a tenth of it.
-SHARE = 0.1
-LINEAR_SHARE = 0.3  # of what Newton asks for, so that a linear scene takes one solve
+STAGE_TOLERANCE = 0.1  # of the model's tolerance: the heat balance of a long run must close to it
+LINEAR_TOLERANCE = 0.3  # of the stage's tolerance, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
 
-# The detour: blur from 1 down by SHARPER to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt in one step
-# took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md); Newton's method alone
-# walks from cell to cell and stops where a node sits between two phases.
-SHARPER = 0.3
+# Phase continuation: blur from 1 down by BLUR_FACTOR to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt
+# in one step took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md).  Newton's
+# method alone goes from cell to cell and stops where a node is between two phases.
+BLUR_FACTOR = 0.3
 LEAST_BLUR = 1e-4
-ROUGH = 0.1
-MAX_RETREATS = 20  # each goes back half way (in the logarithm) to the last blur that was solved
+BLURRED_TOLERANCE = 0.1  # relative residual to which a blurred problem is solved
+MAX_RETREATS = 20  # each goes back half of the step (in the logarithm) to the last blur that was solved
 
 
 class NotConvergedError(ArithmeticError):
@@ -154,21 +162,24 @@ class NotConvergedError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Solved:
-    """s : (n,) [K] of the stage, its balance, the number of linear solves, the relative residual, the next anchor."""
+class SolvedStage:
+    """A stage that was solved.
+
+    s : (n,) [K].  iterations : linear solves.  residual : norm over scale [1].  anchor : of the next solve.
+    """
 
     s: Floats
-    balance: Balance
+    balance: StageBalance
     iterations: int
     residual: float
-    anchor: Anchor | None
+    anchor: AnchorMatrix | None
 
 
 def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
-                anchor: Anchor | None) -> Solved:
-    """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
+                anchor: AnchorMatrix | None) -> SolvedStage:
+    """Solve a stage from the guess s : (n,) [K] (prescribed values already in it).
 
-    Converged where the sum of |R| is a tenth of `tolerance` of the sum of all |heats|, or is round-off.
+    Converged where the sum of |R| is a tenth of `tolerance` times the sum of all |heats|, or is round-off.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
     try:
@@ -178,15 +189,17 @@ def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Fac
             raise
         # fault: no detour through blurred laws -> raise |
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
-        solved = _detour(problem, s, tolerance, factors, anchor)
-    demand_limits(problem.held, problem.loads, temperature(problem.scene.melting, solved.s))
+        solved = _phase_continuation(problem, s, tolerance, factors, anchor)
+    demand_limits(problem.substep, problem.loads, temperature(problem.scene.melting, solved.s))
     return solved
 
 
-def _detour(problem: StageProblem, s: Floats, tolerance: float, factors: Factors, anchor: Anchor | None) -> Solved:
-    blur, sharper, done, spent, retreats = 1.0, SHARPER, 1.0, 0, 0
+def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
+                        anchor: AnchorMatrix | None) -> SolvedStage:
+    """Solve a stage along problems whose melting is blurred less and less, each from the solution of the one before."""
+    blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
     while True:
-        goal = tolerance if blur == 0.0 else ROUGH
+        goal = tolerance if blur == 0.0 else BLURRED_TOLERANCE
         try:
             solved = newton(replace(problem, blur=blur), s, goal, factors, anchor)
         except NotConvergedError:
@@ -205,8 +218,9 @@ def _detour(problem: StageProblem, s: Floats, tolerance: float, factors: Factors
         blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
 
 
-def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors, anchor: Anchor | None) -> Solved:
-    """As solve_stage, without the detour."""
+def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
+           anchor: AnchorMatrix | None) -> SolvedStage:
+    """Solve as solve_stage does from s : (n,) [K], without phase continuation."""
     now = balance(problem, s, jacobian=True)
     floor = ROUND_OFF * _size(now.jacobian, s)
     climbs = MAX_CLIMBS if problem.scene.melting else 0
@@ -214,67 +228,67 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     #   thermal_fmu/test_thermal_newton::test_heat_that_is_not_finite_names_body_and_node
     _demand_finite(problem, now.R, "the heat")
     for iteration in range(MAX_ITERATIONS):
-        if now.norm <= max(SHARE * tolerance * now.scale, floor):
-            return Solved(s, now, iteration, now.share, anchor)
+        if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor):
+            return SolvedStage(s, now, iteration, now.relative_residual, anchor)
         if now.jacobian is None:
             now = balance(problem, s, jacobian=True)
         assert now.jacobian is not None
-        target = LINEAR_SHARE * max(SHARE * tolerance * now.scale, floor)
+        target = LINEAR_TOLERANCE * max(STAGE_TOLERANCE * tolerance * now.scale, floor)
         solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors)
         step, anchor = solution.x, solution.anchor
         _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
         before = now.norm
-        s, now = descend(partial(balance, problem, jacobian=False), s, step, now, (floor, climbs > 0))
+        s, now = descend(partial(balance, problem, jacobian=False), s, step, now, floor, climbs > 0)
         climbs -= int(now.norm >= before and now.norm > floor)
-    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.share:.2e} of the heat that flows "
-                            f"(tolerance {SHARE * tolerance:.1e})")
+    raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.relative_residual:.2e} of the heat "
+                            f"that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
 
 
-class Trial(Protocol):
-    """A balance as far as a descent looks at it: the sum of |R| [J], and it as a share of the heat that flows."""
+class LineSearchBalance(Protocol):
+    """A balance as a line search sees it: the sum of |R| [J], and it as a part of the heat that flows [1]."""
 
     @property
     def norm(self) -> float: ...
     @property
-    def share(self) -> float: ...
+    def relative_residual(self) -> float: ...
 
 
-B = TypeVar("B", bound=Trial)
+B = TypeVar("B", bound=LineSearchBalance)
 
 
-def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: B,
-            allowed: tuple[float, bool]) -> tuple[Floats, B]:
-    """The longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no property that is not positive.
+def descend(balance_at: Callable[[Floats], B], s: Floats, step: Floats, before: B, floor: float,
+            may_climb: bool) -> tuple[Floats, B]:
+    """Find the longest of the steps 1, 1/2, 1/4 ... that lowers the residual and meets no bad property.
 
-    allowed : the residual that is round-off, and whether the best of them will do where none lowers it.
-    Raises NotConvergedError, BadPropertyError.
+    balance_at : evaluates the balance at an s : (n,) [K].  s : (n,) [K].  step : (n,) Newton's step [K].  floor : the
+    residual that is round-off [J].  may_climb : whether the best of the steps will do where none lowers the residual.
+    Returns the new s and its balance.  Raises NotConvergedError, BadPropertyError.
     """
-    floor, may_climb = allowed
-    share = 1.0
+    scale = 1.0
     refused: BadPropertyError | None = None
     best: tuple[Floats, B] | None = None
     for _ in range(MAX_HALVINGS):
-        trial = s + share * step
+        trial = s + scale * step
         try:
             after = balance_at(trial)
         except BadPropertyError as exc:
             refused = exc
         else:
-            if after.norm <= max((1.0 - DESCENT * share) * before.norm, floor):
+            if after.norm <= max((1.0 - SUFFICIENT_DECREASE * scale) * before.norm, floor):
                 return trial, after
             if best is None or after.norm < best[1].norm:
                 best = trial, after
-        share *= 0.5
+        scale *= 0.5
     if may_climb and best is not None:
         return best
     if refused is not None:
         raise refused
-    raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.share:.2e} "
+    raise NotConvergedError(f"no step along Newton's direction lowers the residual of {before.relative_residual:.2e} "
                             "of the heat that flows")
 
 
 def _demand_finite(problem: StageProblem, values: Floats, what: str) -> None:
-    """Name the first node at which values : (n,) are not finite."""
+    """Raise NotConvergedError naming the first node at which values : (n,) are not finite."""
     if np.isfinite(values).all():
         return
     interface = problem.scene.interface

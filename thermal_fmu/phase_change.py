@@ -1,4 +1,4 @@
-"""Melting: one unknown s a node that knows both temperature and phase, so that no step loses latent heat.
+"""Melting: one unknown s a node that gives both temperature and phase, so that no step loses latent heat.
 
 At a temperature of phase change T alone does not say how much has melted.  The nodal unknown of a body that melts is
 therefore s [K], along which T, f_s and the enthalpy h are explicit and never turn back:
@@ -26,13 +26,16 @@ from contact.half.functions import Property
 
 Floats = NDArray[np.float64]
 
-BLUR_SLOPE = 0.5  # between 0, the mush of a pure metal, and 1, a body that does not melt
+BLUR_SLOPE = 0.5  # dT/ds of the blurred law: between 0, the mush of a pure metal, and 1, a body that does not melt
 LEAST_SLOPE = 1e-3  # of dT/ds in the matrix of a steady state
 
 
 @dataclass(frozen=True)
 class PhaseChange:
-    """L : latent heat [J/kg].  T_s, T_l : solidus and liquidus [K].  solid, liquid : their heat capacity [J/kgK]."""
+    """Melting and freezing of a material.
+
+    L : latent heat [J/kg].  T_s, T_l : solidus and liquidus [K].  solid, liquid : their heat capacity [J/kgK].
+    """
 
     L: float
     T_s: float
@@ -42,7 +45,7 @@ class PhaseChange:
 
     @cached_property
     def W(self) -> float:
-        """Width of the mush in s [K]; with it dh/ds is about c_s there, so Newton's method sees no cliff."""
+        """Width of the mush in s [K]; with it dh/ds is about c_s there, without a cliff in the residual."""
         return self.T_l - self.T_s + self.L / float(self.solid(np.array(self.T_s)))
 
     @cached_property
@@ -51,29 +54,29 @@ class PhaseChange:
         return blend(self.solid, self.liquid, self.T_s, self.T_l)
 
     def temperature(self, s: Floats) -> Floats:
-        """T at s : (m,) [K]."""
+        """Return T : (m,) [K] at s : (m,) [K]."""
         mushy = self.T_s + self._phi(s) * (self.T_l - self.T_s)
         return np.where(s <= self.T_s, s, np.where(s < self.T_s + self.W, mushy, s - self._shift))
 
     def temperature_slope(self, s: Floats) -> Floats:
-        """dT/ds at s : (m,) [1]."""
+        """Return dT/ds : (m,) [1] at s : (m,) [K]."""
         return np.where(self._mushy(s), (self.T_l - self.T_s) / self.W, 1.0)
 
     def solid_fraction(self, s: Floats) -> Floats:
-        """f_s at s : (m,) [1]."""
+        """Return f_s : (m,) [1] at s : (m,) [K]."""
         return 1.0 - self._phi(s)
 
     def solid_fraction_slope(self, s: Floats) -> Floats:
-        """df_s/ds at s : (m,) [1/K]."""
+        """Return df_s/ds : (m,) [1/K] at s : (m,) [K]."""
         return np.where(self._mushy(s), -1.0 / self.W, 0.0)
 
     def unknown(self, T: Floats) -> Floats:
-        """s at T : (m,) [K].  What is exactly at T_s = T_l counts as liquid."""
+        """Return s : (m,) [K] at T : (m,) [K].  What is exactly at T_s = T_l counts as liquid."""
         phi = (T - self.T_s) / (self.T_l - self.T_s) if self.T_l > self.T_s else np.zeros(np.shape(T))
         return np.where(self.T_l <= T, T + self._shift, np.where(self.T_s >= T, T, self.T_s + phi * self.W))
 
     def increase(self, s0: Floats, s: Floats) -> Floats:
-        """h(s) - h(s0) [J/kg], phase by phase, so that the increases of a path add up."""
+        """Return h(s) - h(s0) [J/kg] of s0, s : (m,) [K], phase by phase, so that the increases of a path add up."""
         low0, low = np.minimum(s0, self.T_s), np.minimum(s, self.T_s)
         high0, high = (np.maximum(v - self._shift, self.T_l) for v in (s0, s))
         phi0, phi = self._phi(s0), self._phi(s)
@@ -84,7 +87,7 @@ class PhaseChange:
         return dh + self.mush.increase(self.T_s + phi0 * span, self.T_s + phi * span) if span > 0.0 else dh
 
     def capacity(self, s: Floats) -> Floats:
-        """dh/ds at s : (m,) [J/kgK]."""
+        """Return dh/ds : (m,) [J/kgK] at s : (m,) [K]."""
         T, slope = self.temperature(s), self.temperature_slope(s)
         mushy = self.L / self.W + (slope * self.mush(T) if self.T_l > self.T_s else 0.0)
         return np.where(self._mushy(s), mushy, np.where(s <= self.T_s, self.solid(T), self.liquid(T)))
@@ -102,15 +105,18 @@ class PhaseChange:
 
 @dataclass(frozen=True)
 class Melting:
-    """One body that melts: its nodes : (m,) and its phase change."""
+    """One body that melts.  nodes : (m,) of the body."""
 
     nodes: NDArray[np.intp]
     change: PhaseChange
 
 
 @dataclass(frozen=True)
-class Fields:
-    """What nodal s says: T : (n,) [K], and where a body melts f_s, dT/ds, df_s/ds : (n,), else None (then s is T)."""
+class NodalFields:
+    """What nodal s stands for.
+
+    T : (n,) [K].  f_s [1], dT = dT/ds [1], df = df_s/ds [1/K] : (n,) where a body melts, else None (then s is T).
+    """
 
     T: Floats
     f_s: Floats | None = None
@@ -119,13 +125,16 @@ class Fields:
 
 
 def melting_of(node_body: NDArray[np.integer], changes: Sequence[PhaseChange | None]) -> tuple[Melting, ...]:
-    """The bodies that melt, from node_body : (n,) and the phase change of each body."""
+    """List the bodies that melt.
+
+    node_body : (n,) body of each node.  changes : the phase change of each body, or None.
+    """
     return tuple(Melting(np.flatnonzero(node_body == b), change)
                  for b, change in enumerate(changes) if change is not None)
 
 
 def temperature(melting: Sequence[Melting], s: Floats) -> Floats:
-    """T : (n,) [K] of s : (n,) [K]; s itself, the same array, where nothing melts."""
+    """Return T : (n,) [K] of s : (n,) [K]; s itself, the same array, where nothing melts."""
     if not melting:
         return s
     T = s.copy()
@@ -135,7 +144,7 @@ def temperature(melting: Sequence[Melting], s: Floats) -> Floats:
 
 
 def unknown(melting: Sequence[Melting], T: Floats) -> Floats:
-    """s : (n,) [K] of T : (n,) [K]; T itself, the same array, where nothing melts."""
+    """Return s : (n,) [K] of T : (n,) [K]; T itself, the same array, where nothing melts."""
     if not melting:
         return T
     s = T.copy()
@@ -145,7 +154,7 @@ def unknown(melting: Sequence[Melting], T: Floats) -> Floats:
 
 
 def solid_fraction(melting: Sequence[Melting], s: Floats) -> Floats:
-    """f_s : (n,) of s : (n,) [K]; 1 in bodies that do not melt."""
+    """Return f_s : (n,) [1] of s : (n,) [K]; 1 in bodies that do not melt."""
     f_s = np.ones(s.size)
     for body in melting:
         f_s[body.nodes] = body.change.solid_fraction(s[body.nodes])
@@ -153,29 +162,32 @@ def solid_fraction(melting: Sequence[Melting], s: Floats) -> Floats:
 
 
 def prescribe(melting: Sequence[Melting], s: Floats, T: Floats, fixed: NDArray[np.bool_]) -> Floats:
-    """s : (n,) [K] with the temperatures T : (n,) [K] put in at fixed nodes; T itself where nothing melts.
+    """Put the temperatures T : (n,) [K] into s : (n,) [K] at fixed nodes; return T itself where nothing melts.
 
-    There T must be s but for the fixed nodes.
+    fixed : (n,) True at fixed nodes.  Where nothing melts T must be s but for the fixed nodes.
     """
     return np.where(fixed, unknown(melting, T), s) if melting else T
 
 
-def fields(melting: Sequence[Melting], s: Floats) -> Fields:
-    """T and f_s with their derivatives at s : (n,) [K]."""
+def fields(melting: Sequence[Melting], s: Floats) -> NodalFields:
+    """Evaluate T and f_s with their derivatives at s : (n,) [K]."""
     if not melting:
-        return Fields(s)
+        return NodalFields(s)
     dT, df = np.ones(s.size), np.zeros(s.size)
     for body in melting:
         own = s[body.nodes]
         dT[body.nodes] = body.change.temperature_slope(own)
         df[body.nodes] = body.change.solid_fraction_slope(own)
-    return Fields(temperature(melting, s), solid_fraction(melting, s), dT, df)
+    return NodalFields(temperature(melting, s), solid_fraction(melting, s), dT, df)
 
 
-def blurred(melting: Sequence[Melting], at: Fields, s: Floats, blur: float, fixed: NDArray[np.bool_]) -> Fields:
-    """The fields with T replaced by (1 - blur) T + blur (T_s + BLUR_SLOPE (s - T_s - W/2)) at free nodes that melt.
+def blurred(melting: Sequence[Melting], at: NodalFields, s: Floats, blur: float,
+            fixed: NDArray[np.bool_]) -> NodalFields:
+    """Replace T by (1 - blur) T + blur (T_s + BLUR_SLOPE (s - T_s - W/2)) at free nodes that melt.
 
-    At blur = 1 no melting is left in T(s), at 0 all of it is: a path along which Newton's method can walk.
+    s : (n,) [K].  fixed : (n,) True at fixed nodes.  At blur = 1 no melting is left in T(s), at 0 all of it is: a path
+    that
+    Newton's method can follow (phase continuation).
     """
     assert at.dT is not None
     T, dT = at.T.copy(), at.dT.copy()
@@ -187,21 +199,22 @@ def blurred(melting: Sequence[Melting], at: Fields, s: Floats, blur: float, fixe
     return replace(at, T=T, dT=dT)
 
 
-def sloped(at: Fields) -> Fields:
-    """The fields with dT/ds >= LEAST_SLOPE, for a steady matrix: without storage a melting point leaves it singular."""
+def sloped(at: NodalFields) -> NodalFields:
+    """Keep dT/ds >= LEAST_SLOPE, for a steady matrix: without storage a melting point makes it singular."""
     return at if at.dT is None else replace(at, dT=np.maximum(at.dT, LEAST_SLOPE))
 
 
-def between(start: Fields, end: Fields, theta: float) -> Fields:
-    """start + theta (end - start), with the derivatives of the end: those of the fields themselves lack a theta."""
+def between(start: NodalFields, end: NodalFields, theta: float) -> NodalFields:
+    """Return start + theta (end - start), with the derivatives of the end: those of the fields themselves lack a theta.
+    """
     T = (1.0 - theta) * start.T + theta * end.T
     if start.f_s is None or end.f_s is None:
-        return Fields(T)
-    return Fields(T, (1.0 - theta) * start.f_s + theta * end.f_s, end.dT, end.df)
+        return NodalFields(T)
+    return NodalFields(T, (1.0 - theta) * start.f_s + theta * end.f_s, end.dT, end.df)
 
 
 def blend(solid: Property, liquid: Property, T_s: float, T_l: float) -> Property:
-    """(1 - phi) solid + phi liquid, phi = (T - T_s)/(T_l - T_s), as one piecewise polynomial on [T_s, T_l]."""
+    """Return (1 - phi) solid + phi liquid, phi = (T - T_s)/(T_l - T_s), as one piecewise polynomial on [T_s, T_l]."""
     if solid is liquid:
         return solid
     ends = np.concatenate([[] if p.curve is None else p.curve.x for p in (solid, liquid)])
@@ -218,7 +231,7 @@ def blend(solid: Property, liquid: Property, T_s: float, T_l: float) -> Property
 
 
 def taylor(p: Property, T: float) -> Floats:
-    """Coefficients of p in powers of the distance above T [K], lowest first."""
+    """Return (k,) coefficients of p in powers of the distance above T [K], lowest first."""
     if p.curve is None or not p.low <= T < p.high:
         return p(np.array([T]))
     return np.array([float(p.curve(T, k)) / factorial(k) for k in range(len(p.curve.c))])

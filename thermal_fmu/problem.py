@@ -14,7 +14,7 @@ from contact.half.checks import keys, known, made, nodes_on, number, signal
 from contact.half.functions import Field, Property, Signal, field_from, positive_property, property_from
 from contact.half.interface import Interface
 from contact.laws import Law, parse_law
-from thermal_fmu.methods import METHOD_NAMES, METHODS, Method, theta_method
+from thermal_fmu.methods import METHOD_NAMES, METHODS, TimeMethod, theta_method
 from thermal_fmu.phase_change import PhaseChange
 
 Ints = NDArray[np.int32]
@@ -246,7 +246,7 @@ class Stepping:
     adaptive: Adaptive | None
     tolerance: float
 
-    def method_of(self, name: str) -> Method:
+    def method_of(self, name: str) -> TimeMethod:
         """The method of that name, `theta` with this model's theta."""
         return theta_method(self.theta) if name == "theta" else METHODS[name]
 

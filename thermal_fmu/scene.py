@@ -1,4 +1,4 @@
-"""What never changes of a scene, and what follows from it alone."""
+"""A thermal scene, which never changes, and the data that a substep freezes: geometry, contact, friction heat."""
 
 from __future__ import annotations
 
@@ -13,51 +13,48 @@ from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, resolve
 from contact.half.interface import Interface
 from thermal_fmu.cells import (
-    KeptMatrix,
-    KeptShapes,
-    Reference,
-    Shape,
-    Volume,
-    references_of,
+    CellGeometry,
+    CellMesh,
+    GeometryCache,
+    MatrixCache,
+    ReferenceCells,
+    cell_mesh,
+    reference_cells,
     spread_energies,
-    volume_of,
 )
-from thermal_fmu.facing import Points, edge_slots, gauss_points
-from thermal_fmu.phase_change import Fields, Melting, melting_of
+from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
+from thermal_fmu.phase_change import Melting, NodalFields, melting_of
 from thermal_fmu.problem import Flux, Model
-from thermal_fmu.sources import HeldSource, WarmSource, hold_sources, plain_sources
+from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, plain_sources
 from thermal_fmu.surface_terms import (
-    Friction,
-    Ground,
-    Group,
-    HeldFilm,
-    HeldRadiator,
-    NearGroup,
+    ConductionGroup,
+    FrictionHeat,
+    FrozenFilm,
+    FrozenRadiator,
+    RadiationGroup,
+    SurfaceGeometry,
     at_nodes,
+    conduction_groups,
+    freeze_film,
+    freeze_radiator,
     friction_power,
-    groups_of,
-    hold_film,
-    hold_radiator,
-    near_groups,
-    slave_share,
+    radiation_groups,
+    slave_fraction,
 )
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Scene:
-    """Model, cells, surfaces, fixed nodes.
-
-    fixed : (n,) True where T is prescribed (or no cell uses the node).
-    """
+class ThermalScene:
+    """Model, mesh and surfaces of a thermal half, with what follows from them alone."""
 
     interface: Interface
     model: Model
 
     @cached_property
-    def volume(self) -> Volume:
-        return volume_of(self.interface)
+    def volume(self) -> CellMesh:
+        return cell_mesh(self.interface)
 
     @cached_property
     def surfaces(self) -> ContactSurfaces:
@@ -65,16 +62,17 @@ class Scene:
 
     @cached_property
     def film_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """Places in the matrix data of the edges of every film."""
+        """(n_edges, 2, 2) places in the matrix data of the edges of every film."""
         return tuple(edge_slots(self.volume.pattern, film.where.edges) for film in self.model.films)
 
     @cached_property
     def radiator_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """Places in the matrix data of the edges of every radiating surface."""
+        """(n_edges, 2, 2) places in the matrix data of the edges of every radiating surface."""
         return tuple(edge_slots(self.volume.pattern, r.where.edges) for r in self.model.radiators)
 
     @cached_property
     def fixed(self) -> NDArray[np.bool_]:
+        """(n,) True where T is prescribed (or no cell uses the node)."""
         fixed = self.interface.node_body < 0
         for boundary in self.model.prescribed:
             fixed[boundary.nodes] = True
@@ -89,138 +87,148 @@ class Scene:
         return slave
 
     @cached_property
-    def held_rows(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-        """Of the matrix data: which entries lie in a row or column of a fixed node, and their diagonal places."""
+    def fixed_entries(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+        """Of the matrix data: (nnz,) which entries lie in a row or column of a fixed node, and their diagonal places.
+        """
         pattern = self.volume.pattern
         row = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
         touched = self.fixed[row] | self.fixed[pattern.indices]
         return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
 
     @cached_property
-    def kept_shapes(self) -> KeptShapes:
-        """Shapes of the last coordinates."""
-        return KeptShapes()
+    def geometry_cache(self) -> GeometryCache:
+        """The geometry of the last coordinates."""
+        return GeometryCache()
 
     @cached_property
-    def kept_matrix(self) -> KeptMatrix:
-        """Matrices of blocks with constant data."""
-        return KeptMatrix()
+    def matrix_cache(self) -> MatrixCache:
+        """The matrices of blocks with constant data."""
+        return MatrixCache()
 
     @cached_property
     def melting(self) -> tuple[Melting, ...]:
         """The bodies that melt."""
         return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
 
-    def masses(self, X: Floats) -> tuple[Reference, ...]:
-        """Every block on reference coordinates X : (n, 2) [m]: its mass at quadrature points."""
-        return references_of(self.volume, self.model.bodies, X)
+    def masses(self, X: Floats) -> tuple[ReferenceCells, ...]:
+        """Compute the mass of every block at quadrature points on reference coordinates X : (n, 2) [m]."""
+        return reference_cells(self.volume, self.model.bodies, X)
 
 
-# What is held through a substep: geometry, facing points, and everything that follows from them.
+# Data frozen through a substep
 
 Ints = NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """Nodes whose temperature is prescribed.  shapes : (n_terms, n) of its field at them, None where uniform."""
+    """Nodes whose temperature is prescribed.
+
+    nodes : (m,).  shapes : (n_terms, m) of its field at them [1], None where uniform.
+    """
 
     nodes: Ints
     shapes: Floats | None
 
 
 @dataclass(frozen=True)
-class Held:
-    """Held through a substep.
+class SubstepData:
+    """What is constant through a substep.
 
-    sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of facing points under pressure.
-    plain : (n_bodies, n) volume of each body spread over its nodes [m3], None without uniform sources.  sources,
-    warm : where heat is made by a field, or by the temperature.  flux_areas : one (n,) or, by terms, (n_terms, n)
-    [m2] a prescribed flux.
-    films, radiators : surfaces open to the surroundings.  groups, near : where bodies exchange heat.
+    sigma_SB : [W/m2K4].  E_M : (n,) [J] of the substep.  touching : number of contact quadrature points under pressure.
+    uniform_volumes : (n_bodies, n) volume of each body spread over its nodes [m3], None without uniform sources.
+    field_sources, temperature_sources : where heat is made by a field, or by the temperature.
+    flux_areas : one (n,) or, by terms, (n_terms, n) [m2] a prescribed flux.
+    films, radiators : surfaces open to the surroundings.  conduction_groups, radiation_groups : where bodies exchange
+    heat.
     friction : [W] at nodes, None where none is made.
     """
 
     sigma_SB: float
-    shapes: tuple[Shape, ...]
-    masses: tuple[Reference, ...]
+    shapes: tuple[CellGeometry, ...]
+    masses: tuple[ReferenceCells, ...]
     E_M: Floats
-    plain: Floats | None
-    sources: tuple[HeldSource, ...]
-    warm: tuple[WarmSource, ...]
+    uniform_volumes: Floats | None
+    field_sources: tuple[FieldSource, ...]
+    temperature_sources: tuple[TemperatureSource, ...]
     fixed: tuple[Fixed, ...]
     flux_areas: tuple[Floats, ...]
-    films: tuple[HeldFilm, ...]
-    radiators: tuple[HeldRadiator, ...]
-    groups: tuple[Group, ...]
-    near: tuple[NearGroup, ...]
+    films: tuple[FrozenFilm, ...]
+    radiators: tuple[FrozenRadiator, ...]
+    conduction_groups: tuple[ConductionGroup, ...]
+    radiation_groups: tuple[RadiationGroup, ...]
     touching: int
-    friction: Friction | None = None
+    friction: FrictionHeat | None = None
 
 
-def hold(scene: Scene, masses: tuple[Reference, ...], x: Floats, E_M: Floats, points: Points | None) -> Held:
-    """Everything that follows from coordinates x : (n, 2) [m], energies E_M : (n_cells,) [J] and facing points.
+def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E_M: Floats,
+           points: ContactPoints | None) -> SubstepData:
+    """Compute everything that follows from coordinates x : (n, 2) [m], energies E_M and contact points.
 
-    Raises InvertedCellError.
+    E_M : (n_cells,) mechanical heat of the cells [J].  Raises InvertedMeshError.
     """
     volume, model = scene.volume, scene.model
-    # fault: conduction on the reference -> shapes = scene.kept_shapes.of(volume, masses, scene.interface.nodes) |
+    # fault: conduction on the reference -> shapes = scene.geometry_cache.of(volume, masses, scene.interface.nodes) |
     #   thermal_fmu/test_thermal_space
-    shapes = scene.kept_shapes.of(volume, masses, x)
-    ground = Ground(x, volume.axisymmetric, scene.surfaces, points)
-    return Held(
+    shapes = scene.geometry_cache.of(volume, masses, x)
+    geometry = SurfaceGeometry(x, volume.axisymmetric, scene.surfaces, points)
+    return SubstepData(
         model.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
-        plain_sources(volume, shapes, model.bodies), *hold_sources(volume, shapes, model.bodies, x),
+        plain_sources(volume, shapes, model.bodies), *freeze_sources(volume, shapes, model.bodies, x),
         # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
         #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
         #   thermal_fmu/test_thermal_fields
         tuple(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),
         tuple(_areas(b, x, volume) for b in model.fluxes),
-        tuple(hold_film(film, slots, ground) for film, slots in zip(model.films, scene.film_slots, strict=True)),
-        tuple(hold_radiator(radiator, slots, ground)
+        tuple(freeze_film(film, slots, geometry) for film, slots in zip(model.films, scene.film_slots, strict=True)),
+        tuple(freeze_radiator(radiator, slots, geometry)
               for radiator, slots in zip(model.radiators, scene.radiator_slots, strict=True)),
-        () if points is None else groups_of(points, model.pairs),
-        () if points is None else near_groups(points, model.pairs),
+        () if points is None else conduction_groups(points, model.pairs),
+        () if points is None else radiation_groups(points, model.pairs),
         0 if points is None else int((points.p > 0).sum()),
     )
 
 
-def rubbed(held: Held, scene: Scene, points: Points, E: Floats, at: Fields, h: float) -> Held:
-    """With the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
+def with_friction(substep: SubstepData, scene: ThermalScene, points: ContactPoints, E: Floats, at: NodalFields,
+                  h: float) -> SubstepData:
+    """Add the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
 
     at : temperatures at its start, from which the effusivities of both sides are taken.
     """
     if not E.any():
-        return held
+        return substep
     model, interface = scene.model, scene.interface
     whole = np.zeros(scene.volume.n)
     whole[interface.contact_nodes] = E
-    share = slave_share(points, model.pairs, model.bodies, interface.node_body, at)
-    return replace(held, friction=friction_power(points, share, whole, scene.slave_nodes, h))
+    fraction = slave_fraction(points, model.pairs, model.bodies, interface.node_body, at)
+    return replace(substep, friction=friction_power(points, fraction, whole, scene.slave_nodes, h))
 
 
-def _mechanical(volume: Volume, shapes: Sequence[Shape], E_M: Floats) -> Floats:
+def _mechanical(volume: CellMesh, shapes: Sequence[CellGeometry], E_M: Floats) -> Floats:
     if not E_M.any():
         return np.zeros(volume.n)
     return spread_energies(volume, shapes, E_M)
 
 
-def _areas(flux: Flux, x: Floats, volume: Volume) -> Floats:
+def _areas(flux: Flux, x: Floats, volume: CellMesh) -> Floats:
     points = gauss_points(flux.edges, x, volume.axisymmetric)
     nodes = flux.edges[points.edge]
-    share = points.area[:, None] * points.N
+    weights = points.area[:, None] * points.N
     if flux.value.is_uniform:
-        return at_nodes(nodes, share, volume.n)
+        return at_nodes(nodes, weights, volume.n)
     shapes = flux.value.shapes(np.einsum("pi,pij->pj", points.N, x[nodes]))
     assert shapes is not None
-    # fault: flux of a field not weighted in place -> return np.array([at_nodes(nodes, term.mean() * share, volume.n)
+    # fault: flux of a field not weighted in place -> return np.array([at_nodes(nodes, term.mean() * weights, volume.n)
     #   for term in shapes]) | thermal_fmu/test_thermal_fields
-    return np.array([at_nodes(nodes, term[:, None] * share, volume.n) for term in shapes])
+    return np.array([at_nodes(nodes, term[:, None] * weights, volume.n) for term in shapes])
 
 
-def prescribed_values(held: Held, levels: Sequence[Level], T: Floats) -> Floats:
-    """T : (n,) [K] with the prescribed temperatures put in; where two meet at a node the later one holds."""
+def prescribed_values(substep: SubstepData, levels: Sequence[Level], T: Floats) -> Floats:
+    """Put the prescribed temperatures into T : (n,) [K]; where two meet at a node the later one holds.
+
+    levels : of each prescribed temperature [K].  Returns a copy (n,) [K].
+    """
     out = T.copy()
-    for fixed, level in zip(held.fixed, levels, strict=True):
+    for fixed, level in zip(substep.fixed, levels, strict=True):
         out[fixed.nodes] = resolve(level, fixed.shapes)
     return out

@@ -1,15 +1,19 @@
-"""Heat made inside bodies: Q_T of Eq. (1), a field, times a factor of the cell's own temperature."""
+"""Heat sources in bodies, Q_T of Eq. (1), and the boundary data of a scene at one time.
+
+A source is a field, times a factor of the cell's own temperature.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import Field, Level, Property, Signal, resolve
-from thermal_fmu.cells import Block, Shape, Volume, spread
+from thermal_fmu.cells import CellBlock, CellGeometry, CellMesh, spread
 from thermal_fmu.kernels import at_points
 from thermal_fmu.problem import Body, Model
 from thermal_fmu.surface_terms import at_nodes
@@ -18,31 +22,31 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class HeldSource:
-    """A source that follows a field: shapes : (n_terms, n) of its terms spread over the nodes [m3]."""
+class FieldSource:
+    """A source that follows a field.  shapes : (n_terms, n) of its terms spread over the nodes [m3]."""
 
     body: int
     shapes: Floats
 
 
 @dataclass(frozen=True)
-class WarmSource:
+class TemperatureSource:
     """A source with a factor of temperature, on one block of cells.
 
-    volume : (ne, nq) of the quadrature points [m3].  shapes : (n_terms, ne nq), None where the field is uniform.
+    volume : (ne, nq) of the quadrature points [m3].  shapes : (n_terms, ne nq) [1], None where the field is uniform.
     """
 
     body: int
-    block: Block
+    block: CellBlock
     factor: Property
     volume: Floats
     shapes: Floats | None
 
 
-def plain_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body]) -> Floats | None:
-    """(n_bodies, n) volume of each body spread over its nodes [m3], 0 where it has no uniform source without factor.
+def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body]) -> Floats | None:
+    """Spread the volume of bodies with a uniform source without factor over their nodes: (n_bodies, n) [m3].
 
-    None where no body has one.
+    Rows of other bodies are 0.  None where no body has such a source.
     """
     if all(body.Q_T.is_zero or not is_plain(body) for body in bodies):
         return None
@@ -55,34 +59,34 @@ def plain_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body
 
 
 def is_plain(body: Body) -> bool:
-    """Whether its source is the same everywhere, at all temperatures."""
+    """Return whether a body's source is the same everywhere, at all temperatures."""
     return body.Q_T.is_uniform and body.Q_T_factor is None
 
 
-def hold_sources(volume: Volume, shapes: Sequence[Shape], bodies: Sequence[Body],
-                 x: Floats) -> tuple[tuple[HeldSource, ...], tuple[WarmSource, ...]]:
-    """The other sources of bodies on coordinates x : (n, 2) [m]."""
-    held, warm = [], []
+def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body],
+                   x: Floats) -> tuple[tuple[FieldSource, ...], tuple[TemperatureSource, ...]]:
+    """Spread the other sources of bodies on coordinates x : (n, 2) [m]: those of fields, and those with a factor."""
+    by_field, by_temperature = [], []
     for b, body in enumerate(bodies):
         if is_plain(body) or body.Q_T.is_zero:
             continue
         own = [(block, shape) for block, shape in zip(volume.blocks, shapes, strict=True) if block.body == b]
         if body.Q_T_factor is not None:
-            warm += [WarmSource(b, block, body.Q_T_factor, shape.dV, _at_quadrature(body.Q_T, block, x))
-                     for block, shape in own]
+            by_temperature += [TemperatureSource(b, block, body.Q_T_factor, shape.dV,
+                                                 _at_quadrature(body.Q_T, block, x)) for block, shape in own]
         else:
-            held.append(HeldSource(b, sum((_nodal(volume, body.Q_T, block, shape, x) for block, shape in own),
-                                          np.zeros((len(body.Q_T.terms), volume.n)))))
-    return tuple(held), tuple(warm)
+            by_field.append(FieldSource(b, sum((_nodal(volume, body.Q_T, block, shape, x) for block, shape in own),
+                                               np.zeros((len(body.Q_T.terms), volume.n)))))
+    return tuple(by_field), tuple(by_temperature)
 
 
-def _at_quadrature(field: Field, block: Block, x: Floats) -> Floats | None:
+def _at_quadrature(field: Field, block: CellBlock, x: Floats) -> Floats | None:
     if field.is_uniform:
         return None
     return field.shapes(np.einsum("qi,eij->eqj", block.table.N, x[block.cells]).reshape(-1, 2))
 
 
-def _nodal(volume: Volume, field: Field, block: Block, shape: Shape, x: Floats) -> Floats:
+def _nodal(volume: CellMesh, field: Field, block: CellBlock, shape: CellGeometry, x: Floats) -> Floats:
     at = _at_quadrature(field, block, x)
     assert at is not None, "a uniform source without factor is a plain one"
     # fault: source of a field not weighted in place -> return np.array([_to_nodes(block, term.mean() * shape.dV,
@@ -90,13 +94,13 @@ def _nodal(volume: Volume, field: Field, block: Block, shape: Shape, x: Floats) 
     return np.array([_to_nodes(block, term.reshape(shape.dV.shape) * shape.dV, volume.n) for term in at])
 
 
-def _to_nodes(block: Block, power: Floats, n: int) -> Floats:
-    """(n,) nodal sums of N_i times power : (ne, nq)."""
+def _to_nodes(block: CellBlock, power: Floats, n: int) -> Floats:
+    """Return (n,) nodal sums of N_i times power : (ne, nq)."""
     return at_nodes(block.cells, power @ block.table.N, n)
 
 
-def warm_flow(source: WarmSource, level: Level, T: Floats) -> tuple[Floats, Floats]:
-    """(n,) heat made at nodes [W] at T : (n,) [K], and (ne, nn, nn) the derivative of its opposite [W/K].
+def temperature_source_flow(source: TemperatureSource, level: Level, T: Floats) -> tuple[Floats, Floats]:
+    """Return (n,) heat made at nodes [W] at T : (n,) [K], and (ne, nn, nn) the derivative of its opposite [W/K].
 
     level : of Q_T [W/m3].  Q = Q_T(x, t) factor(T) at quadrature points, on the current volume.
     """
@@ -110,84 +114,108 @@ def warm_flow(source: WarmSource, level: Level, T: Floats) -> tuple[Floats, Floa
     return f, -np.einsum("eq,qi,qj->eij", dQ, N, N)
 
 
-# What the boundary data are at a stage time.
+# Boundary data at a stage time
 
-# A time this close to a kink, as a share of the substep and of the time itself, is on it: clocks of integer ticks
-# round a kink to 2^-40 of the end time, and the value on the wrong side of a jump would last a whole stage.
+# A time this close to a breakpoint, as a part of the substep and of the time itself, is on it: clocks of integer ticks
+# round a breakpoint to 2^-40 of the end time, and the value on the wrong side of a jump would last a whole stage.
 SNAP_STEP, SNAP_TIME = 1e-6, 4e-12
 
 LoadFactors = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Loads:
-    """Levels at one time, each in the order of the model: numbers, but for fields that depend on place.
+class FilmLevels(NamedTuple):
+    """A film at one time: h [W/m2K^(1 + exponent)] and Te [K], numbers or levels of fields."""
 
-    Q_T [W/m3] of bodies.  fluxes [W/m2].  films : (h [W/m2K], Te [K]).  radiators : (factor, T_inf [K]).
-    prescribed : temperatures [K].  pairs : (closed, open) factors.
+    h: Level
+    Te: Level
+
+
+class RadiatorLevels(NamedTuple):
+    """A radiating surface at one time.  factor : of its flow [1].  T_inf : [K], a number or a level of a field."""
+
+    factor: float
+    T_inf: Level
+
+
+class PairFactors(NamedTuple):
+    """The factors of a pair's conductances at one time [1], of its closed and of its open points."""
+
+    closed: float
+    open: float
+
+
+@dataclass(frozen=True)
+class ThermalLoads:
+    """Boundary data at one time, each in the order of the model: numbers, but for fields that depend on place.
+
+    Q_T [W/m3] of bodies.  fluxes [W/m2].  prescribed : temperatures [K].
     """
 
     Q_T: tuple[Level, ...]
     fluxes: tuple[Level, ...]
-    films: tuple[tuple[Level, Level], ...]
-    radiators: tuple[tuple[float, Level], ...]
+    films: tuple[FilmLevels, ...]
+    radiators: tuple[RadiatorLevels, ...]
     prescribed: tuple[Level, ...]
-    pairs: tuple[tuple[float, float], ...]
+    pairs: tuple[PairFactors, ...]
 
 
-def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Loads:
-    """Boundary data at t [s], at a jump before it (side = -1) or after it; factors : of the named ones."""
+def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> ThermalLoads:
+    """Evaluate the boundary data at t [s], before a jump then (side = -1) or after it; factors : of the named ones."""
     def now(field: Field, name: str = "") -> Level:
         return field.level(t, side) * factor(name)
 
     def factor(name: str) -> float:
         return factors[name] if name else 1.0
 
-    return Loads(
+    return ThermalLoads(
         tuple(now(b.Q_T) for b in model.bodies),
         tuple(now(b.value, b.name) for b in model.fluxes),
-        tuple((now(b.h, b.name), now(b.Te)) for b in model.films),
-        # fault: factor of radiation forgotten -> tuple((1.0, now(b.T_inf)) for b in model.radiators), |
+        tuple(FilmLevels(now(b.h, b.name), now(b.Te)) for b in model.films),
+        # fault: factor of radiation forgotten -> tuple(RadiatorLevels(1.0, now(b.T_inf)) for b in model.radiators), |
         #   thermal_fmu/test_thermal_radiation
-        tuple((factor(b.name), now(b.T_inf)) for b in model.radiators),
+        tuple(RadiatorLevels(factor(b.name), now(b.T_inf)) for b in model.radiators),
         tuple(now(b.value, b.name) for b in model.prescribed),
-        tuple((0.0, 0.0) if p is None else (p.closed_factor.at(t, side), p.open_factor.at(t, side))
-              for p in model.pairs),
+        tuple(PairFactors(0.0, 0.0) if p is None else
+              PairFactors(p.closed_factor.at(t, side), p.open_factor.at(t, side)) for p in model.pairs),
     )
 
 
 def factors_of(model: Model, inputs: Mapping[str, object]) -> dict[str, float]:
-    """The factor inputs load.<name> by name."""
+    """Return the factor inputs load.<name> by name."""
     return {name: float(np.asarray(inputs[f"load.{name}"], dtype=float)) for name in model.load_names}
 
 
 @dataclass(frozen=True)
 class Calendar:
-    """kinks : times at which any signal jumps or bends.  jumps : those at which one jumps."""
+    """The times [s] at which signals of a scene change abruptly.
 
-    kinks: NDArray[np.float64]
+    breakpoints : (m,) at which any signal jumps or bends.  jumps : (k,) at which one jumps.
+    """
+
+    breakpoints: NDArray[np.float64]
     jumps: NDArray[np.float64]
 
     def snap(self, t: float, h: float) -> float:
-        """The kink t is meant to be, else t itself; h : the substep [s]."""
-        if self.kinks.size == 0:
+        """Return the breakpoint t [s] is meant to be, else t itself; h : the substep [s]."""
+        if self.breakpoints.size == 0:
             return t
-        near = float(self.kinks[np.argmin(np.abs(self.kinks - t))])
+        near = float(self.breakpoints[np.argmin(np.abs(self.breakpoints - t))])
         # fault: no snap -> return t | thermal_fmu/test_thermal_time
         return near if abs(near - t) <= _tolerance(t, h) else t
 
     def jump_within(self, t: float, h: float) -> bool:
-        """Whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's."""
+        """Return whether a signal jumps at the start of [t, t + h] or inside it; a jump at its end is the next one's.
+        """
         early = _tolerance(t, h)
         return bool(((self.jumps >= t - early) & (self.jumps < t + h - early)).any())
 
 
 def calendar_of(model: Model) -> Calendar:
-    """The times at which the model's own signals bend and jump."""
+    """Collect the times at which the model's own signals bend and jump."""
     signals = model.signals
-    kinks = np.unique(np.concatenate([np.empty(0), *(s.kinks for s in signals)]))
+    breakpoints = np.unique(np.concatenate([np.empty(0), *(s.kinks for s in signals)]))
     jumps = np.unique(np.concatenate([np.empty(0), *(_jumps(s) for s in signals)]))
-    return Calendar(kinks, jumps)
+    return Calendar(breakpoints, jumps)
 
 
 def _jumps(signal: Signal) -> NDArray[np.float64]:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import Boundary, boundary_flow
-from thermal_fmu.cells import Entries, conduct, store
+from thermal_fmu.boundary import BoundaryHeat, boundary_flow
+from thermal_fmu.cells import MatrixEntries, conduct, store
 from thermal_fmu.methods import Stage
-from thermal_fmu.scene import Held, Scene
-from thermal_fmu.sources import Loads
+from thermal_fmu.scene import SubstepData, ThermalScene
+from thermal_fmu.sources import ThermalLoads
 
 Floats = NDArray[np.float64]
 
@@ -24,12 +24,12 @@ class StageProblem:
 
     s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
     earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).  blur : 0 is the problem itself,
-    up to 1 a friend of it in which T(s) rests less and less at melting (phase.blurred).
+    up to 1 a smoothed one in which melting shows less and less in T(s) (phase_change.blurred).
     """
 
-    scene: Scene
-    held: Held
-    loads: Loads
+    scene: ThermalScene
+    substep: SubstepData
+    loads: ThermalLoads
     stage: Stage
     dt: float
     s_n: Floats
@@ -40,14 +40,15 @@ class StageProblem:
 
 
 @dataclass(frozen=True)
-class Balance:
-    """A stage at one T.
+class StageBalance:
+    """The heat balance of a stage at one T.
 
-    R : (n,) what is missing at each node [J]; at fixed nodes it is the heat that came through them.
-    flow : (n,) [W] into the nodes, all but storage, held nodes' reactions included.  inside : (n,) [W] the part of
+    R : (n,) residual at each node [J]; at fixed nodes it is the heat that came through them.
+    flow : (n,) [W] into the nodes, all but storage, fixed nodes' reactions included.  inside : (n,) [W] the part of
     it that does not come through the surface: flow - inside does, by consistent recovery.
-    terms : boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum of the
-    sizes of all heats at all nodes [J].
+    terms : (n_terms,) boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum
+    of
+    the sizes of all heats at all nodes [J].
     """
 
     R: Floats
@@ -60,17 +61,17 @@ class Balance:
     jacobian: csr_matrix | None
 
     @property
-    def share(self) -> float:
-        """norm as a share of scale."""
+    def relative_residual(self) -> float:
+        """norm as a part of scale [1]."""
         return self.norm / self.scale if self.scale > 0 else 0.0
 
 
-def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
-    """Residual (and its derivative by s, rows and columns of fixed nodes replaced by the identity) at s : (n,) [K].
+def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
+    """Evaluate the residual at s : (n,) [K], and its derivative by s where asked for.
 
-    Raises BadPropertyError.
+    Rows and columns of fixed nodes are replaced by the identity.  Raises BadPropertyError.
     """
-    scene, held, stage = problem.scene, problem.held, problem.stage
+    scene, substep, stage = problem.scene, problem.substep, problem.stage
     volume, model = scene.volume, scene.model
     weight = stage.a * problem.dt
     data = np.zeros(volume.pattern.indices.size if jacobian else 0)
@@ -84,20 +85,19 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
         at = phase_change.sloped(at)
     # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
     slope = stage.theta * weight
-    on = tuple(zip(held.masses, held.shapes, strict=True))
-    into = Entries(data, slope)
+    into = MatrixEntries(data, slope)
     if jacobian:
-        into = scene.kept_matrix.fill(volume, model.bodies, on, into, problem.stores)
+        into = scene.matrix_cache.fill(volume, model.bodies, substep.masses, substep.shapes, into, problem.stores)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
-        stored = store(volume, held.masses, model.bodies, (problem.s_n, s), S, into)
+        stored = store(volume, substep.masses, model.bodies, problem.s_n, s, S, into)
     # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
-    #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, held.shapes, model.bodies,
-    #   at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
-    conduct(volume, held.shapes, model.bodies, at, f, into)
-    # fault: boundary terms at the start of the step -> boundary = boundary_flow(held, problem.loads, problem.power_M,
-    #   problem.s_n) | thermal_fmu/test_thermal_time
-    boundary = boundary_flow(held, problem.loads, problem.power_M, at.T)
+    #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, substep.shapes,
+    #   model.bodies, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
+    conduct(volume, substep.shapes, model.bodies, at, f, into)
+    # fault: boundary terms at the start of the step -> boundary = boundary_flow(substep, problem.loads,
+    #   problem.power_M, problem.s_n) | thermal_fmu/test_thermal_time
+    boundary = boundary_flow(substep, problem.loads, problem.power_M, at.T)
     inside = f + boundary.inside
     f += boundary.f
     R = S - problem.earlier - weight * f
@@ -105,17 +105,17 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> Balance:
     norm = float(np.abs(R - reaction).sum())
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
     matrix = _matrix(scene, boundary, slope, at.dT, data) if jacobian else None
-    return Balance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix)
+    return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix)
 
 
-def _matrix(scene: Scene, boundary: Boundary, slope: float, dT: Floats | None, data: Floats) -> csr_matrix:
+def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats) -> csr_matrix:
     pattern = scene.volume.pattern
     for slots, values in boundary.places:
         change = slope * values.ravel()
         # fault: boundary terms of a melting node unscaled -> np.add.at(data, slots.ravel(), change) |
         #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
         np.add.at(data, slots.ravel(), change if dT is None else change * dT[pattern.indices[slots.ravel()]])
-    touched, diagonal = scene.held_rows
+    touched, diagonal = scene.fixed_entries
     data[touched] = 0.0
     data[diagonal] = 1.0
     A = csr_matrix((data, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))

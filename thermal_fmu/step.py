@@ -1,4 +1,4 @@
-"""One step of a method: its stages solved in order, and the heat they moved; damped steps after jumps."""
+"""One step of a method: its stages in order, the heat they moved, its local error; damped starts and entropy jumps."""
 
 from __future__ import annotations
 
@@ -10,177 +10,201 @@ from numpy.typing import NDArray
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS
 from thermal_fmu.cells import spread_energies
-from thermal_fmu.heat import Heat, both_ways
-from thermal_fmu.methods import METHODS, Method, Stage
-from thermal_fmu.newton import Anchor, Factors, Solved, solve_stage
-from thermal_fmu.scene import Held, Scene, prescribed_values
-from thermal_fmu.sources import Calendar, LoadFactors, Loads, loads_at
+from thermal_fmu.heat import Heat, inflow_outflow
+from thermal_fmu.methods import METHODS, Stage, TimeMethod
+from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, solve_stage
+from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
+from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 from thermal_fmu.stage import StageProblem, balance
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Stepped:
-    """s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual, anchor of the next solve.
+class ThermalStep:
+    """A step that was solved.
 
-    moved : (n,) [J] that flowed into the nodes, held nodes' reactions included: their increase of enthalpy.
-    inside : (n,) [J] the part of it that did not come through the surface.
+    s : (n,) [K] at the end.  heat : of the step.  iterations : linear solves.  residual : worst relative residual [1].
+    anchor : of the next solve.  moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
+    increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.
     """
 
     s: Floats
     heat: Heat
     iterations: int
     residual: float
-    anchor: Anchor | None
+    anchor: AnchorMatrix | None
     moved: Floats
     inside: Floats
 
-    def then(self, more: Stepped) -> Stepped:
-        """This step and the one after it as one."""
+    def then(self, more: ThermalStep) -> ThermalStep:
+        """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual), moved=self.moved + more.moved,
                        inside=self.inside + more.inside)
 
 
 @dataclass(frozen=True)
-class Course:
-    """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep."""
+class StepContext:
+    """What every step of a substep needs beside time and state.
 
-    scene: Scene
-    held: Held
-    load: LoadFactors
+    power_M : (n,) [W], E_M spread evenly over the substep.
+    """
+
+    scene: ThermalScene
+    substep: SubstepData
+    load_factors: LoadFactors
     calendar: Calendar
     power_M: Floats
     factors: Factors
 
 
-def take_step(course: Course, method: Method, s_n: Floats, anchor: Anchor | None, t: float, dt: float) -> Stepped:
-    """From s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
+def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
+              dt: float) -> ThermalStep:
+    """Take one step from s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
-    model = course.scene.model
-    solved: list[Solved] = []
+    model = context.scene.model
+    solved: list[SolvedStage] = []
     for stage in method.stages:
         # The end of a step is before a jump that happens then.
-        at = course.calendar.snap(t + stage.c * dt, dt)
-        # fault: jump seen too early -> loads = loads_at(model, course.load, at, 1) | thermal_fmu/test_thermal_time
-        loads = loads_at(model, course.load, at, -1 if stage.c == 1.0 else 1)
-        end = course.calendar.snap(t + dt, dt)
-        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, course.load, end, -1)
+        at = context.calendar.snap(t + stage.c * dt, dt)
+        # fault: jump seen too early -> loads = loads_at(model, context.load_factors, at, 1) |
+        #   thermal_fmu/test_thermal_time
+        loads = loads_at(model, context.load_factors, at, -1 if stage.c == 1.0 else 1)
+        end = context.calendar.snap(t + dt, dt)
+        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, context.load_factors, end, -1)
         earlier = np.zeros(s_n.size)
         for weight, done in zip(stage.earlier, solved, strict=True):
             earlier += weight * dt * done.balance.flow
-        problem = StageProblem(course.scene, course.held, loads, stage, dt, s_n, course.power_M, earlier,
+        problem = StageProblem(context.scene, context.substep, loads, stage, dt, s_n, context.power_M, earlier,
                                method.stores)
-        guess = with_prescribed(course, held_T, solved[-1].s if solved else s_n)
-        solved.append(solve_stage(problem, guess, model.stepping.tolerance, course.factors, anchor))
+        guess = with_prescribed(context, held_T, solved[-1].s if solved else s_n)
+        solved.append(solve_stage(problem, guess, model.stepping.tolerance, context.factors, anchor))
         anchor = solved[-1].anchor
     moved, inside = np.zeros(s_n.size), np.zeros(s_n.size)
     for weight, done in zip(method.weights, solved, strict=True):
         moved += weight * dt * done.balance.flow
         inside += weight * dt * done.balance.inside
-    return Stepped(solved[-1].s, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
-                   max(s.residual for s in solved), anchor, moved, inside)
+    return ThermalStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
+                       max(s.residual for s in solved), anchor, moved, inside)
 
 
-def damped_step(course: Course, method: Method, s: Floats, anchor: Anchor | None, t: float, h: float) -> Stepped:
-    """A step after a jump: cut into parts of the damping method, where the method needs it.  Raises as take_step."""
+def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,
+                h: float) -> ThermalStep:
+    """Take a step from s : (n,) [K] after a jump, cut into steps of the damping method where the method needs it.
+
+    Raises as take_step.
+    """
     if method.damped is None:
-        return take_step(course, method, s, anchor, t, h)
-    name, parts = method.damped
-    done = take_step(course, METHODS[name], s, anchor, t, h / parts)
+        return take_step(context, method, s, anchor, t, h)
+    damping, parts = METHODS[method.damped.method], method.damped.parts
+    done = take_step(context, damping, s, anchor, t, h / parts)
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
         start = end - h / parts
-        done = done.then(take_step(course, METHODS[name], done.s, done.anchor, start, h / parts))
+        done = done.then(take_step(context, damping, done.s, done.anchor, start, h / parts))
     return done
 
 
-def with_prescribed(course: Course, loads: Loads, s: Floats) -> Floats:
-    """s : (n,) [K] with the prescribed temperatures of `loads` put in."""
-    melting = course.scene.melting
-    T = prescribed_values(course.held, loads.prescribed, phase_change.temperature(melting, s))
-    return phase_change.prescribe(melting, s, T, course.scene.fixed)
+def with_prescribed(context: StepContext, loads: ThermalLoads, s: Floats) -> Floats:
+    """Put the prescribed temperatures of `loads` into s : (n,) [K]."""
+    melting = context.scene.melting
+    T = prescribed_values(context.substep, loads.prescribed, phase_change.temperature(melting, s))
+    return phase_change.prescribe(melting, s, T, context.scene.fixed)
 
 
-def flow_at(course: Course, s: Floats, t: float, dt: float, side: int) -> tuple[Floats, Floats]:
-    """s : (n,) [K] with the prescribed values of t [s] put in, and (n,) [W] the heat that flows into each node.
+@dataclass(frozen=True)
+class NodalFlow:
+    """s : (n,) [K] with the prescribed values of its time put in.  f : (n,) heat that flows into each node [W]."""
 
-    dt : of the step [s], by which a kink is told.  side : the flow before a jump at t (-1) or after it (1).
+    s: Floats
+    f: Floats
+
+
+def flow_at(context: StepContext, s: Floats, t: float, dt: float, side: int) -> NodalFlow:
+    """Evaluate the heat flow into the nodes at s : (n,) [K] and t [s].
+
+    dt : of the step [s], within which a time is taken for a breakpoint.  side : before a jump at t (-1) or after it
+    (1).
     Raises BadPropertyError.
     """
-    loads = loads_at(course.scene.model, course.load, course.calendar.snap(t, dt), side)
-    s = with_prescribed(course, loads, s)
+    loads = loads_at(context.scene.model, context.load_factors, context.calendar.snap(t, dt), side)
+    s = with_prescribed(context, loads, s)
     steady = METHODS["steady"].stages[0]
-    problem = StageProblem(course.scene, course.held, loads, steady, 1.0, s, course.power_M, np.zeros(s.size), False)
-    return s, -balance(problem, s, jacobian=False).R
+    problem = StageProblem(context.scene, context.substep, loads, steady, 1.0, s, context.power_M, np.zeros(s.size),
+                           False)
+    return NodalFlow(s, -balance(problem, s, jacobian=False).R)
 
 
-def _heat(scene: Scene, method: Method, solved: list[Solved], dt: float) -> Heat:
-    """Energies with the weights of the stages; the reaction of a stage is its residual at fixed nodes."""
+def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt: float) -> Heat:
+    """Sum the energies of a step with the weights of its stages; a stage's reaction is its residual at fixed nodes."""
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     through = np.zeros(np.count_nonzero(scene.fixed))
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
         # fault: reaction of the last stage only -> through += (stage.c == 1.0) * s.balance.R[scene.fixed] |
         #   thermal_fmu/test_thermal_nonlinear
         through += w / stage.a * s.balance.R[scene.fixed]
-    return Heat(solved[-1].balance.stored, both_ways(through), np.asarray(terms))
+    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))
 
 
-# The local error of a step, from the heat that flows along it.
+# Local error
 
-def local_error(course: Course, start: tuple[Floats, Floats], done: Stepped, t: float,
-                h: float) -> tuple[float, tuple[Floats, Floats]]:
-    """Largest error at a free node [K] of the step `done` from t to t + h [s].
+def local_error(context: StepContext, start: NodalFlow, done: ThermalStep, t: float,
+                h: float) -> tuple[float, NodalFlow]:
+    """Estimate the largest error at a free node [K] of the step `done` from t to t + h [s].
 
-    start : s_0 (n,) [K] and the flow f_0 (n,) [W] where it began; the same of its end is returned too.  What it moved
-    is compared with Simpson's rule along the cubic through both ends,
+    start : the flow where the step began; that of its end is returned too.  What it moved is compared with Simpson's
+    rule
+    along the cubic through both ends,
 
         d = h/6 (f_0 + 4 f(s_m) + f_1) - (E_1 - E_0),   s_m = (s_0 + s_1)/2 + h/8 (ds_0/dt - ds_1/dt),
 
-    which is right to h^4 for any one-step method of order two or less; differences of temperatures alone see only one
+    which is right to h^4 for any one-step method of order two or less; differences of temperatures alone contain only
+    one
     of the several products of derivatives an error is made of.  Rates and error come from dR/ds of the step, whose
     factors are at hand: A^-1 f and A^-1 d, so that the stiff modes the step did not resolve do not drown the rest.
     Raises BadPropertyError, SingularMatrixError.
     """
-    free = ~course.scene.fixed
-    s_0, f_0 = start
-    s_1, f_1 = flow_at(course, done.s, t + h, h, -1)
+    free = ~context.scene.fixed
+    s_0, f_0 = start.s, start.f
+    end = flow_at(context, done.s, t + h, h, -1)
+    s_1, f_1 = end.s, end.f
     if done.anchor is None:
-        return 0.0, (s_1, f_1)  # nothing was solved: nothing flows
-    factors = course.factors.of(done.anchor)
+        return 0.0, end  # nothing was solved: nothing flows
+    factors = context.factors.of(done.anchor)
     bend = factors(np.where(free, f_0 - f_1, 0.0))
     # fault: middle of a chord for the middle of the path -> middle = 0.5 * (s_0 + s_1) + 0.0 * bend |
     #   thermal_fmu/test_thermal_adaptive
     middle = 0.5 * (s_0 + s_1) + np.where(free, 0.125 * h * bend, 0.0)
-    _, f_m = flow_at(course, middle, t + 0.5 * h, h, 1)
+    f_m = flow_at(context, middle, t + 0.5 * h, h, 1).f
     # fault: local error by the trapezoidal rule -> missing = h / 2.0 * (f_0 + f_1) - done.moved |
     #   thermal_fmu/test_thermal_adaptive
     missing = h / 6.0 * (f_0 + 4.0 * f_m + f_1) - done.moved
     error = factors(np.where(free, missing, 0.0))
-    return float(np.abs(error[free]).max(initial=0.0)), (s_1, f_1)
+    return float(np.abs(error[free]).max(initial=0.0)), end
 
 
-# The entropy part of the adiabatic split: a temperature jump at the start of a substep.
+# Entropy part of the adiabatic split
 
-def entropy_jump(course: Course, E_S: Floats, s_n: Floats, anchor: Anchor | None, factors: Factors,
-                 t: float) -> Stepped:
-    """Find s with E(s) - E(s_n) = E_S spread over the nodes; prescribed nodes stay, and what they hold back counts.
+def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorMatrix | None, factors: Factors,
+                 t: float) -> ThermalStep:
+    """Find s with E(s) - E(s_n) = E_S spread over the nodes: the entropy part of the adiabatic split.
 
-    E_S : (n_cells,) [J].  factors, anchor : the jump's own, for its matrix is that of storage alone.
+    E_S : (n_cells,) [J].  s_n : (n,) [K].  factors, anchor : the jump's own, for its matrix is that of storage alone.
+    Prescribed nodes stay, and the heat they hold back counts.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
-    scene = course.scene
-    given = spread_energies(scene.volume, course.held.shapes, E_S)
-    loads = loads_at(scene.model, course.load, course.calendar.snap(t, 0.0), 1)
-    problem = StageProblem(scene, course.held, loads, Stage(0.0, 1.0, 1.0), 0.0, s_n, course.power_M, given, True)
+    scene = context.scene
+    given = spread_energies(scene.volume, context.substep.shapes, E_S)
+    loads = loads_at(scene.model, context.load_factors, context.calendar.snap(t, 0.0), 1)
+    problem = StageProblem(scene, context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s_n, context.power_M, given, True)
     solved = solve_stage(problem, s_n, scene.model.stepping.tolerance, factors, anchor)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E_S.sum()
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)
-    # fault: entropy part at held nodes lost -> heat = Heat(solved.balance.stored, both_ways(0.0 * held_back), terms) |
-    #   thermal_fmu/test_thermal_entropy
-    heat = Heat(solved.balance.stored, both_ways(held_back), terms)
-    return Stepped(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)
+    # fault: entropy part at substep nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
+    #   terms) | thermal_fmu/test_thermal_entropy
+    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms)
+    return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

@@ -1,4 +1,4 @@
-"""Inner steps of one substep, as long as the local error and the change of T allow."""
+"""One communication substep: in one step, by adaptive inner steps, or by load increments to the steady state."""
 
 from __future__ import annotations
 
@@ -10,42 +10,55 @@ import numpy as np
 from contact.half.linalg import SingularMatrixError
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Method
-from thermal_fmu.newton import Anchor, NotConvergedError, Solved, solve_stage
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
+from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, solve_stage
 from thermal_fmu.problem import Adaptive, Stepping
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
 from thermal_fmu.stage import StageProblem, balance
-from thermal_fmu.step import Course, Floats, Stepped, damped_step, flow_at, local_error, take_step, with_prescribed
+from thermal_fmu.step import (
+    Floats,
+    NodalFlow,
+    StepContext,
+    ThermalStep,
+    damped_step,
+    flow_at,
+    local_error,
+    take_step,
+    with_prescribed,
+)
 
-# How long the next inner step may be: a controller with memory.
+# Length of the next inner step: a PI controller
 
-SAFETY = 0.9
-# The proportional and the integral share: a pure integral one swings where the bound changes from step to step.
+SAFETY = 0.9  # of the length that would just meet the bound
+# Exponents (times 1/(order + 1)) of the error of this step and of the last one.  A purely integral controller
+# oscillates where the bound changes from step to step.
 OF_ERROR, OF_LAST_ERROR = 0.7, 0.4
-MOST_GROWTH, MOST_CUT = 4.0, 0.1
+MOST_GROWTH, MOST_CUT = 4.0, 0.1  # of a length from one step to the next
 FAILED_CUT = 0.5  # of a step that was not solved
-SMALLEST = 1e-6  # share of a bound: one that is not felt at all must not be divided by
-SHORTENED = 1.0 - 1e-9  # of a length: what is left beyond it is round-off, not a step
+SMALLEST = 1e-6  # of a bound: a smaller measure is raised to it before it divides
+SHORTENED = 1.0 - 1e-9  # of a length: a remainder beyond it is round-off, not a step
 
 
 @dataclass(frozen=True)
-class Pace:
-    """What inner steps hand on.  h : length to try next [s], 0: not known yet.
+class StepController:
+    """What adaptive inner steps remember.  h : length to try next [s], 0: none yet.
 
-    error : of the last inner step, as a share of the tolerance; 1 where its method or its data were others.
+    error : of the last inner step, as a part of the tolerance; 1 where its method or its data were others.
     """
 
     h: float = 0.0
     error: float = 1.0
 
 
-NO_PACE = Pace()
+NO_STEPS_YET = StepController()
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A step that was solved.  error, change : estimated local error and largest change of T, as shares of what is
-    allowed.  order : the error falls like h^(order + 1).
+class StepMeasure:
+    """How far a solved step is from its bounds.
+
+    error, change : estimated local error and largest change of T, as parts of what is allowed [1].
+    order : the error falls like h^(order + 1).
     """
 
     error: float
@@ -54,37 +67,40 @@ class Measure:
 
     @property
     def passes(self) -> bool:
-        """Whether it keeps to both bounds; a measure that is no number does not."""
+        """Whether it is within both bounds; NaN is not."""
         # fault: max_dT not kept to -> return self.error <= 1.0 | thermal_fmu/test_thermal_adaptive
         return self.error <= 1.0 and self.change <= 1.0
 
 
-def length(h: float, left: float) -> float:
-    """The step to try where h [s] is wished (0: no wish) and `left` [s] remain: never a sliver for the last one."""
-    if h == 0.0 or h >= SHORTENED * left:
-        return left
+def step_length(h: float, remaining: float) -> float:
+    """Return the step to try [s] where h is wished (0: no wish) and `remaining` remain [s], without a tiny last step.
+    """
+    if h == 0.0 or h >= SHORTENED * remaining:
+        return remaining
     # fault: a sliver for the last inner step -> return h | thermal_fmu/test_thermal_adaptive
-    return 0.5 * left if 2.0 * h > left else h
+    return 0.5 * remaining if 2.0 * h > remaining else h
 
 
-def shorter(h: float, found: Measure | None) -> float:
-    """The next try after a step h [s] that did not pass; found : None where it was not solved."""
-    if found is None:
+def shorter_step(h: float, measure: StepMeasure | None) -> float:
+    """Return the next try [s] after a step h [s] that did not pass; measure : None where it was not solved."""
+    if measure is None:
         return FAILED_CUT * h
-    by_error = SAFETY * max(found.error, SMALLEST) ** (-1.0 / (found.order + 1))
-    return h * max(MOST_CUT, min(SAFETY, by_error, SAFETY / max(found.change, SMALLEST)))
+    by_error = SAFETY * max(measure.error, SMALLEST) ** (-1.0 / (measure.order + 1))
+    return h * max(MOST_CUT, min(SAFETY, by_error, SAFETY / max(measure.change, SMALLEST)))
 
 
-def after(pace: Pace, h: float, found: Measure, retried: bool) -> Pace:
-    """The pace after a step h [s] that passed; retried : a longer one did not."""
-    power = found.order + 1
-    error = max(found.error, SMALLEST)
-    growth = SAFETY * error ** (-OF_ERROR / power) * pace.error ** (OF_LAST_ERROR / power)
-    growth = min(growth, SAFETY / max(found.change, SMALLEST), 1.0 if retried else MOST_GROWTH)
-    if not retried and h < SHORTENED * pace.h:
-        return Pace(max(pace.h, growth * h), pace.error)  # cut short by a kink, which says nothing against the pace
-    return Pace(growth * h, error)
+def after_step(controller: StepController, h: float, measure: StepMeasure, retried: bool) -> StepController:
+    """Return the controller after a step h [s] that passed; retried : a longer one did not."""
+    power = measure.order + 1
+    error = max(measure.error, SMALLEST)
+    growth = SAFETY * error ** (-OF_ERROR / power) * controller.error ** (OF_LAST_ERROR / power)
+    growth = min(growth, SAFETY / max(measure.change, SMALLEST), 1.0 if retried else MOST_GROWTH)
+    if not retried and h < SHORTENED * controller.h:
+        return StepController(max(controller.h, growth * h), controller.error)  # cut short by a breakpoint
+    return StepController(growth * h, error)
 
+
+# Inner steps of a substep
 
 LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given
 
@@ -98,152 +114,154 @@ class LeastStepError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Progress:
-    """A substep on its way.  s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.
+class SubstepProgress:
+    """A substep part of the way.
 
+    s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.
     substeps, rejected : inner steps that passed, and that did not.
     """
 
     s: Floats
-    anchor: Anchor | None
-    pace: Pace
+    anchor: AnchorMatrix | None
+    controller: StepController
     damped: int
-    done: Stepped | None = None
+    done: ThermalStep | None = None
     substeps: int = 0
     rejected: int = 0
 
 
 @dataclass(frozen=True)
-class Walk:
-    """What every inner step of a substep needs.  least : [s]."""
+class SubstepPlan:
+    """What every inner step of a substep needs.  least : the shortest allowed [s]."""
 
-    course: Course
-    method: Method
+    context: StepContext
+    method: TimeMethod
     adaptive: Adaptive
     least: float
 
 
 @dataclass(frozen=True)
-class Place:
-    """A point on the way.  t [s], s : (n,) [K] with the prescribed values of t after a jump, f : (n,) flow there [W].
-
-    s and f only where an error is estimated.
-    """
+class StepPoint:
+    """A time t [s] between two inner steps, and the flow after a jump there; None where no error is estimated."""
 
     t: float
-    s: Floats | None = None
-    f: Floats | None = None
+    flow: NodalFlow | None = None
 
 
 @dataclass(frozen=True)
-class Tried:
-    """An inner step that was solved, its measure, and where it led."""
+class SolvedStep:
+    """An inner step that was solved, its measure, and the point it led to."""
 
-    done: Stepped
-    found: Measure
-    there: Place
+    done: ThermalStep
+    measure: StepMeasure
+    there: StepPoint
 
 
-def walk(course: Course, method: Method, adaptive: Adaptive, progress: Progress, t: float, h: float) -> Progress:
-    """The substep [t, t + h].  Inner steps end at every kink of the half's own signals; after a jump one is damped.
+def inner_steps(context: StepContext, method: TimeMethod, adaptive: Adaptive, progress: SubstepProgress, t: float,
+                h: float) -> SubstepProgress:
+    """Take adaptive inner steps through [t, t + h] [s].
 
-    Raises LeastStepError.
+    They end at every breakpoint of the half's own signals; after a jump one is damped.  Raises LeastStepError.
     """
     least = min(adaptive.least or LEAST_SHARE * h, h)
-    plan = Walk(course, method, adaptive, least)
+    plan = SubstepPlan(context, method, adaptive, least)
     begin = t
-    for end in ends_within(course.calendar, t, h):
-        if course.calendar.jump_within(begin, end - begin):
+    for end in ends_within(context.calendar, t, h):
+        if context.calendar.jump_within(begin, end - begin):
             progress = replace(progress, damped=DAMPED_SUBSTEPS)
-        place = _place(plan, progress.s, begin, end - begin)
-        while place.t < end:
-            progress, place = _inner_step(plan, progress, place, end)
+        point = _point(plan, progress.s, begin, end - begin)
+        while point.t < end:
+            progress, point = _inner_step(plan, progress, point, end)
         begin = end
     return progress
 
 
 def ends_within(calendar: Calendar, t: float, h: float) -> tuple[float, ...]:
-    """The kinks inside [t, t + h] and its end; kinks closer together than a clock can tell are one."""
+    """Return the breakpoints inside [t, t + h] [s] and its end; those closer together than a clock resolves are one."""
     near = SNAP_STEP * h + SNAP_TIME * abs(t)
     ends: list[float] = []
-    for kink in calendar.kinks:
-        # fault: inner steps across kinks -> if (ends[-1] if ends else t) + near < kink < t - h: |
+    for time in calendar.breakpoints:
+        # fault: inner steps across kinks -> if (ends[-1] if ends else t) + near < time < t - h: |
         #   thermal_fmu/test_thermal_adaptive
-        if (ends[-1] if ends else t) + near < kink < t + h - near:
-            ends.append(float(kink))
+        if (ends[-1] if ends else t) + near < time < t + h - near:
+            ends.append(float(time))
     return (*ends, t + h)
 
 
-def _place(plan: Walk, s: Floats, t: float, h: float) -> Place:
-    return Place(t) if isinf(plan.adaptive.tolerance) else Place(t, *flow_at(plan.course, s, t, h, 1))
+def _point(plan: SubstepPlan, s: Floats, t: float, h: float) -> StepPoint:
+    return StepPoint(t) if isinf(plan.adaptive.tolerance) else StepPoint(t, flow_at(plan.context, s, t, h, 1))
 
 
-def _inner_step(plan: Walk, progress: Progress, place: Place, end: float) -> tuple[Progress, Place]:
-    """One step that passes, and where it led."""
-    left = end - place.t
-    size, rejected, anchor = length(progress.pace.h, left), 0, progress.anchor
+def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, end: float) -> tuple[SubstepProgress,
+                                                                                                     StepPoint]:
+    """Take one step that passes; return the progress and the point it led to."""
+    remaining = end - point.t
+    size, rejected, anchor = step_length(progress.controller.h, remaining), 0, progress.anchor
     while True:
-        tried = _attempt(plan, progress, anchor, place, end if size == left else place.t + size)
-        if isinstance(tried, Tried) and tried.found.passes:
-            pace = after(progress.pace, size, tried.found, rejected > 0)
-            return _gone(progress, tried.done, pace, rejected), tried.there
+        attempt = _attempt(plan, progress, anchor, point, end if size == remaining else point.t + size)
+        if isinstance(attempt, SolvedStep) and attempt.measure.passes:
+            controller = after_step(progress.controller, size, attempt.measure, rejected > 0)
+            return _advanced(progress, attempt.done, controller, rejected), attempt.there
         if size <= plan.least:
-            raise LeastStepError(f"an inner step of {size:.3g} s at {place.t:.9g} s {_why(tried)}; "
+            raise LeastStepError(f"an inner step of {size:.3g} s at {point.t:.9g} s {_why(attempt)}; "
                                  f"adaptive.least allows none shorter", plan.least)
-        found, anchor = (tried.found, tried.done.anchor) if isinstance(tried, Tried) else (None, anchor)
-        size, rejected = length(max(plan.least, shorter(size, found)), left), rejected + 1
+        measure, anchor = (attempt.measure, attempt.done.anchor) if isinstance(attempt, SolvedStep) else (None, anchor)
+        size, rejected = step_length(max(plan.least, shorter_step(size, measure)), remaining), rejected + 1
 
 
-def _attempt(plan: Walk, progress: Progress, anchor: Anchor | None, place: Place, stop: float) -> Tried | str:
-    """The step from `place` to stop [s] with its measure, or why there is none."""
-    method, course, h = plan.method, plan.course, stop - place.t
-    # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
+def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix | None, point: StepPoint,
+             stop: float) -> SolvedStep | str:
+    """Solve the step from `point` to stop [s] and measure it; return why it failed where it did."""
+    method, context, h = plan.method, plan.context, stop - point.t
+    # fault: inner steps not damped after_step a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
     take = damped_step if progress.damped > 0 else take_step
     try:
-        done = take(course, method, progress.s, anchor, place.t, h)
-        error, there = _error(plan, place, done, stop, h)
+        done = take(context, method, progress.s, anchor, point.t, h)
+        error, there = _error(plan, point, done, stop, h)
     except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
         return str(exc)
-    free, melting = ~course.scene.fixed, course.scene.melting
+    free, melting = ~context.scene.fixed, context.scene.melting
     dT = phase_change.temperature(melting, done.s) - phase_change.temperature(melting, progress.s)
     change = float(np.abs(dT[free]).max(initial=0.0)) / plan.adaptive.max_dT
-    used = METHODS[method.damped[0]] if progress.damped > 0 and method.damped is not None else method
-    return Tried(done, Measure(error, change, used.order), there)
+    used = METHODS[method.damped.method] if progress.damped > 0 and method.damped is not None else method
+    return SolvedStep(done, StepMeasure(error, change, used.order), there)
 
 
-def _error(plan: Walk, place: Place, done: Stepped, stop: float, h: float) -> tuple[float, Place]:
-    if place.s is None or place.f is None:
-        return 0.0, Place(stop)
-    error, there = local_error(plan.course, (place.s, place.f), done, place.t, h)
-    return error / plan.adaptive.tolerance, Place(stop, *there)
+def _error(plan: SubstepPlan, point: StepPoint, done: ThermalStep, stop: float, h: float) -> tuple[float, StepPoint]:
+    if point.flow is None:
+        return 0.0, StepPoint(stop)
+    error, end = local_error(plan.context, point.flow, done, point.t, h)
+    return error / plan.adaptive.tolerance, StepPoint(stop, end)
 
 
-def _gone(progress: Progress, done: Stepped, pace: Pace, rejected: int) -> Progress:
-    # After a damped step another method goes on: what its error was says nothing about the next one's.
-    pace = replace(pace, error=1.0) if progress.damped > 0 else pace
+def _advanced(progress: SubstepProgress, done: ThermalStep, controller: StepController,
+              rejected: int) -> SubstepProgress:
+    # After a damped step another method goes on, whose error has nothing to do with this one's.
+    controller = replace(controller, error=1.0) if progress.damped > 0 else controller
     total = done if progress.done is None else progress.done.then(done)
-    return Progress(done.s, done.anchor, pace, max(progress.damped - 1, 0), total, progress.substeps + 1,
-                    progress.rejected + rejected)
+    return SubstepProgress(done.s, done.anchor, controller, max(progress.damped - 1, 0), total, progress.substeps + 1,
+                           progress.rejected + rejected)
 
 
-def _why(tried: Tried | str) -> str:
-    if isinstance(tried, str):
-        return f"was not solved: {tried}"
-    return f"has {tried.found.error:.3g} of adaptive.tolerance and {tried.found.change:.3g} of adaptive.max_dT"
+def _why(attempt: SolvedStep | str) -> str:
+    if isinstance(attempt, str):
+        return f"was not solved: {attempt}"
+    return f"has {attempt.measure.error:.3g} of adaptive.tolerance and {attempt.measure.change:.3g} of adaptive.max_dT"
 
 
-# Steady states by load increments: R(T) = (1 - lambda) R(T_start), lambda from 0 to 1.
+# Steady states by load increments
 
 STEADY = METHODS["steady"]
-MAX_HALVINGS = 10  # of an increment; a path that needs steps of a thousandth of one is no path
+MAX_HALVINGS = 10  # of an increment: 1/1024 of one
 
 
-def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anchor | None, t: float,
-                   dt: float) -> Stepped:
-    """From s_start : (n,) [K] to the steady state under the loads of t + dt, prescribed values moving along.
+def steady_by_increments(context: StepContext, increments: int, s_start: Floats, anchor: AnchorMatrix | None, t: float,
+                         dt: float) -> ThermalStep:
+    """Go from s_start : (n,) [K] to the steady state under the loads of t + dt [s], prescribed values moving along.
 
-    The path starts where the residual is zero by construction.  An increment that fails is halved, and grows again as
-    the next ones succeed.  Raises NotConvergedError, SingularMatrixError.
+    The path R(T) = (1 - lambda) R(T_start), lambda from 0 to 1, starts where the residual is zero by construction.  An
+    increment that fails is halved, and grows again as the next ones succeed.  Raises NotConvergedError,
+    SingularMatrixError.
     """
     whole = 2**MAX_HALVINGS
     done, size, last = 0, whole, increments * whole  # lambda = done/last, exactly
@@ -253,13 +271,13 @@ def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anc
         size = min(size, last - done)
         try:
             if done + size == last:
-                stepped = take_step(course, STEADY, s, anchor, t, dt)
+                stepped = take_step(context, STEADY, s, anchor, t, dt)
                 return replace(stepped, iterations=iterations + stepped.iterations)
-            path = path or _path(course, s_start, t, dt)
+            path = path or _path(context, s_start, t, dt)
             solved = _increment(path, (done + size) / last, s, anchor)
         except (NotConvergedError, BadPropertyError) as exc:
             if size == 1:
-                return _all_at_once(course, s_start, anchor, (t, dt), f"at {done / last:.3g} of the load no "
+                return _all_at_once(context, s_start, anchor, t, dt, f"at {done / last:.3g} of the load no "
                                     f"increment helps: {exc}")
             size //= 2
             continue
@@ -267,87 +285,91 @@ def walk_to_steady(course: Course, increments: int, s_start: Floats, anchor: Anc
         done, size = done + size, min(2 * size, whole)
 
 
-def _all_at_once(course: Course, s_start: Floats, anchor: Anchor | None, when: tuple[float, float],
-                 why: str) -> Stepped:
-    """Where the path turns back before its end, its end may still be in reach of Newton's method from the start."""
+def _all_at_once(context: StepContext, s_start: Floats, anchor: AnchorMatrix | None, t: float, dt: float,
+                 why: str) -> ThermalStep:
+    """Solve the end of the path from its start: where the path turns back, Newton's method may still reach it."""
     try:
-        return take_step(course, STEADY, s_start, anchor, *when)
+        return take_step(context, STEADY, s_start, anchor, t, dt)
     except (NotConvergedError, BadPropertyError) as exc:
         raise NotConvergedError(why) from exc
 
 
 @dataclass(frozen=True)
 class _Path:
-    """problem : of lambda = 1.  f : (n,) [W] at the start.  s_start, s_end : (n,) [K], right at fixed nodes."""
+    """The path to a steady state.
 
-    course: Course
+    problem : of lambda = 1.  f : (n,) [W] at the start.  s_start, s_end : (n,) [K], right at fixed nodes.
+    """
+
+    context: StepContext
     problem: StageProblem
     f: Floats
     s_start: Floats
     s_end: Floats
 
 
-def _path(course: Course, s_start: Floats, t: float, dt: float) -> _Path:
-    model = course.scene.model
-    loads = loads_at(model, course.load, course.calendar.snap(t + dt, dt), -1)
-    problem = StageProblem(course.scene, course.held, loads, STEADY.stages[0], dt, s_start, course.power_M,
+def _path(context: StepContext, s_start: Floats, t: float, dt: float) -> _Path:
+    model = context.scene.model
+    loads = loads_at(model, context.load_factors, context.calendar.snap(t + dt, dt), -1)
+    problem = StageProblem(context.scene, context.substep, loads, STEADY.stages[0], dt, s_start, context.power_M,
                            np.zeros(s_start.size), False)
     f = -balance(problem, s_start, jacobian=False).R / dt
-    return _Path(course, problem, np.where(course.scene.fixed, 0.0, f), s_start,
-                 with_prescribed(course, loads, s_start))
+    return _Path(context, problem, np.where(context.scene.fixed, 0.0, f), s_start,
+                 with_prescribed(context, loads, s_start))
 
 
-def _increment(path: _Path, share: float, s: Floats, anchor: Anchor | None) -> Solved:
-    """share : lambda."""
-    course, problem = path.course, path.problem
-    fixed = course.scene.fixed
+def _increment(path: _Path, fraction: float, s: Floats, anchor: AnchorMatrix | None) -> SolvedStage:
+    """Solve the point of the path at lambda = fraction, from s : (n,) [K]."""
+    context, problem = path.context, path.problem
+    fixed = context.scene.fixed
     # fault: prescribed values do not move along -> guess = np.where(fixed, path.s_end, s) |
     #   thermal_fmu/test_thermal_steady
-    guess = np.where(fixed, (1.0 - share) * path.s_start + share * path.s_end, s)
+    guess = np.where(fixed, (1.0 - fraction) * path.s_start + fraction * path.s_end, s)
     # fault: increments without a path -> partial = replace(problem, earlier=0.0 * path.f) |
     #   thermal_fmu/test_thermal_steady
-    partial = replace(problem, earlier=-(1.0 - share) * problem.dt * path.f)
-    return solve_stage(partial, guess, course.scene.model.stepping.tolerance, course.factors, anchor)
+    partial = replace(problem, earlier=-(1.0 - fraction) * problem.dt * path.f)
+    return solve_stage(partial, guess, context.scene.model.stepping.tolerance, context.factors, anchor)
 
 
-# The way of one communication substep: by increments, by inner steps, damped, or in one.
+# One communication substep
 
 @dataclass(frozen=True)
-class Begin:
-    """Where a substep begins: s : (n,) [K], anchor of its first solve, (inner) steps still to be damped, pace."""
+class SubstepStart:
+    """Where a substep begins: s : (n,) [K], anchor of its first solve, (inner) steps still to be damped, controller."""
 
     s: Floats
-    anchor: Anchor | None
+    anchor: AnchorMatrix | None
     damped: int
-    pace: Pace
+    controller: StepController
 
 
 @dataclass(frozen=True)
-class Advanced:
-    """The substep as one step, what is left to be damped, the pace; inner steps that passed, and that did not."""
+class SubstepResult:
+    """The substep as one step, steps still to be damped, the controller; inner steps that passed, and that did not."""
 
-    done: Stepped
+    done: ThermalStep
     damped: int
-    pace: Pace
+    controller: StepController
     substeps: int = 1
     rejected: int = 0
 
 
-def advance(course: Course, stepping: Stepping, method: Method, begin: Begin, t: float, h: float) -> Advanced:
-    """From t to t + h [s].
+def advance(context: StepContext, stepping: Stepping, method: TimeMethod, begin: SubstepStart, t: float,
+            h: float) -> SubstepResult:
+    """Take a substep from t to t + h [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError; LeastStepError with adaptive inner steps.
     """
-    left = max(begin.damped - 1, 0)
+    still_damped = max(begin.damped - 1, 0)
     if not method.stores:
-        done = walk_to_steady(course, stepping.increments, begin.s, begin.anchor, t, h)
-        return Advanced(done, left, begin.pace)
+        done = steady_by_increments(context, stepping.increments, begin.s, begin.anchor, t, h)
+        return SubstepResult(done, still_damped, begin.controller)
     if stepping.adaptive is not None:
-        start = Progress(begin.s, begin.anchor, begin.pace, begin.damped)
-        end = walk(course, method, stepping.adaptive, start, t, h)
+        start = SubstepProgress(begin.s, begin.anchor, begin.controller, begin.damped)
+        end = inner_steps(context, method, stepping.adaptive, start, t, h)
         assert end.done is not None
-        return Advanced(end.done, end.damped, end.pace, end.substeps, end.rejected)
+        return SubstepResult(end.done, end.damped, end.controller, end.substeps, end.rejected)
     # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time
-    damped = DAMPED_SUBSTEPS if course.calendar.jump_within(t, h) else begin.damped
-    done = (damped_step if damped > 0 else take_step)(course, method, begin.s, begin.anchor, t, h)
-    return Advanced(done, max(damped - 1, 0), begin.pace)
+    damped = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else begin.damped
+    done = (damped_step if damped > 0 else take_step)(context, method, begin.s, begin.anchor, t, h)
+    return SubstepResult(done, max(damped - 1, 0), begin.controller)

@@ -1,7 +1,7 @@
-"""Radiation: to the surroundings, Eq. (12), and between facing points, Eq. (11).
+"""Heat through surfaces: films, Eqs. (5-7); contact and gaps, (8-10); radiation, (11) and (12); friction heat, 2.4.
 
-T^4 is continued below 0 K as T |T|^3, and an emissivity beyond its range as its nearest bound: Newton's method may pass
-there on its way.  What it ends with is checked (thermal_fmu/boundary.py).
+T^4 is continued below 0 K as T |T|^3, and an emissivity beyond its range as its nearest bound: iterates of Newton's
+method may lie there.  What it ends with is checked (thermal_fmu/boundary.py).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, Property, resolve
 from contact.laws import Law, closed_conductance, gap_factor, open_conductance
-from thermal_fmu.facing import EdgePoints, Points, gauss_points
-from thermal_fmu.phase_change import Fields
+from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
+from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Body, Exposed, Film, NearRadiation, PairLaws, Radiator
 
-# Where surfaces are open to their surroundings: whole edges, less what faces something, Eq. (7).
+# Exposed surfaces: whole edges, less what faces something, Eq. (7)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -27,7 +27,10 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class ExposedPoints:
-    """nodes : (n, 2).  N : (n, 2).  area : (n,) weighted with kappa [m2].  slots : (n, 2, 2) of the matrix data."""
+    """Quadrature points of a surface open to its surroundings.
+
+    nodes : (n, 2).  N : (n, 2) [1].  area : (n,) weighted with kappa [m2].  slots : (n, 2, 2) in the matrix data.
+    """
 
     nodes: Ints
     N: Floats
@@ -35,30 +38,30 @@ class ExposedPoints:
     slots: NDArray[np.int64]
 
     def places(self, x: Floats) -> Floats:
-        """(n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2)."""
+        """Return (n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2) [m]."""
         return np.einsum("pi,pij->pj", self.N, x[self.nodes])
 
 
 @dataclass(frozen=True)
-class Ground:
-    """What exposed points are found on.
+class SurfaceGeometry:
+    """What exposed points are placed on.
 
-    x : (n_nodes, 2) current coordinates [m].  points : what faces what, None where nothing can.
+    x : (n_nodes, 2) current coordinates [m].  points : contact quadrature points, None where nothing can face.
     """
 
     x: Floats
     axisymmetric: bool
     surfaces: ContactSurfaces
-    points: Points | None
+    points: ContactPoints | None
 
 
-def exposed_points(where: Exposed, slots: NDArray[np.int64], ground: Ground) -> ExposedPoints:
-    """The points of a surface open to its surroundings.  slots : (n_edges, 2, 2) of its edges.
+def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> ExposedPoints:
+    """Place the points of a surface open to its surroundings.  slots : (n_edges, 2, 2) of its edges in the matrix data.
 
     The whole edge counts with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.
     """
-    parts = [gauss_points(where.edges, ground.x, ground.axisymmetric)]
-    points, first = ground.points, ground.surfaces.first.get(where.surface)
+    parts = [gauss_points(where.edges, geometry.x, geometry.axisymmetric)]
+    points, first = geometry.points, geometry.surfaces.first.get(where.surface)
     if points is not None and first is not None and where.near is not None and where.far is not None:
         # fault: no kappa -> excess = 0.0 * points.gap | thermal_fmu/test_thermal_contact
         excess = gap_factor(points.gap, where.near, where.far) - 1.0
@@ -77,12 +80,14 @@ def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) ->
     return EdgePoints(edge[own].astype(np.intp), N[own], area[own])
 
 
+# Radiation, Eqs. (11) and (12)
+
 LEAST_EMISSIVITY = 1e-6  # met only between Newton's steps; it keeps 1/eps a number
 
 
 @dataclass(frozen=True)
-class HeldRadiator:
-    """A radiating surface on given coordinates.  T_inf : (n_terms, n) shapes at the points, None where uniform."""
+class FrozenRadiator:
+    """A radiating surface on given coordinates.  T_inf : (n_terms, n) shapes at the points [1], None where uniform."""
 
     radiator: Radiator
     points: ExposedPoints
@@ -90,10 +95,10 @@ class HeldRadiator:
 
 
 @dataclass(frozen=True)
-class NearGroup:
-    """Facing points of a pair that radiate to each other.
+class RadiationGroup:
+    """Contact quadrature points of a pair that radiate to each other.
 
-    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2).  area : (n,) weighted with 1 - w [m2].
+    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) weighted with 1 - w [m2].
     """
 
     spec: NearRadiation
@@ -103,44 +108,46 @@ class NearGroup:
     area: Floats
 
 
-def hold_radiator(radiator: Radiator, slots: NDArray[np.int64], ground: Ground) -> HeldRadiator:
-    """A radiating surface where it is open.  slots : (n_edges, 2, 2) of its edges."""
-    points = exposed_points(radiator.where, slots, ground)
+def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenRadiator:
+    """Place a radiating surface where it is open.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
+    points = exposed_points(radiator.where, slots, geometry)
     uniform = radiator.T_inf.is_uniform
-    return HeldRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(ground.x)))
+    return FrozenRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(geometry.x)))
 
 
-def near_groups(points: Points, pairs: Sequence[PairLaws | None]) -> tuple[NearGroup, ...]:
-    """The facing points that radiate to each other, touching or apart, by pair; Eq. (11) with its weight 1 - w."""
+def radiation_groups(points: ContactPoints, pairs: Sequence[PairLaws | None]) -> tuple[RadiationGroup, ...]:
+    """Collect the points that radiate to each other, touching or apart, by pair; Eq. (11) with its weight 1 - w."""
     groups = []
     for pair, laws in enumerate(pairs):
         if laws is None or laws.radiation is None:
             continue
         near, far = laws.radiation.near, laws.radiation.far
-        share = np.ones(points.gap.size)
+        weight = np.ones(points.gap.size)
         if near is not None and far is not None:
-            # fault: near radiation at every gap -> share -= 0.0 * gap_factor(points.gap, near, far) |
+            # fault: near radiation at every gap -> weight -= 0.0 * gap_factor(points.gap, near, far) |
             #   thermal_fmu/test_thermal_radiation
-            share -= gap_factor(points.gap, near, far)
-        at = np.flatnonzero((points.pair == pair) & (share > 0.0))
+            weight -= gap_factor(points.gap, near, far)
+        at = np.flatnonzero((points.pair == pair) & (weight > 0.0))
         if at.size:
-            groups.append(NearGroup(laws.radiation, points.nodes[at], points.N_s[at], points.N_m[at],
-                                    (share * points.area)[at]))
+            groups.append(RadiationGroup(laws.radiation, points.nodes[at], points.N_s[at], points.N_m[at],
+                                         (weight * points.area)[at]))
     return tuple(groups)
 
 
-def far_flow(held: HeldRadiator, sigma: float, level: tuple[float, Level], T: Floats) -> tuple[Floats, Floats]:
-    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: float, T_inf: Level,
+                                T: Floats) -> tuple[Floats, Floats]:
+    """Return (n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
 
-    sigma : [W/m2K4].  level : factor, and the level of T_inf [K].  Eq. (12): sigma eps(T) (T^4 - T_inf^4).
+    sigma : [W/m2K4].  factor : of the flow [1].  T_inf : level of the surroundings [K].
+    Eq. (12): factor sigma eps(T) (T^4 - T_inf^4).
     """
-    points = held.points
+    points = frozen.points
     T_a = (points.N * T[points.nodes]).sum(axis=1)
-    T_inf = resolve(level[1], held.T_inf)
-    eps, deps = _emissivity(held.radiator.emissivity, T_a)
-    strength = level[0] * sigma * points.area
+    around = resolve(T_inf, frozen.T_inf)
+    eps, deps = _emissivity(frozen.radiator.emissivity, T_a)
+    strength = factor * sigma * points.area
     # fault: radiation to 0 K whatever surrounds -> excess = _fourth(T_a) | thermal_fmu/test_thermal_radiation
-    excess = _fourth(T_a) - _fourth(T_inf)
+    excess = _fourth(T_a) - _fourth(around)
     flow = (strength * eps * excess)[:, None] * points.N
     # fault: derivative of far radiation -> dq = strength * (deps * excess + 3.0 * eps * np.abs(T_a) ** 3) |
     #   thermal_fmu/test_thermal_fields
@@ -148,8 +155,8 @@ def far_flow(held: HeldRadiator, sigma: float, level: tuple[float, Level], T: Fl
     return flow, dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
 
 
-def near_flow(group: NearGroup, sigma: float, T: Floats) -> tuple[Floats, Floats]:
-    """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
+def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[Floats, Floats]:
+    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
     T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q = (1 - w) sigma (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) leaves
     the slave's nodes by its shape functions and enters the master's by theirs.
@@ -181,17 +188,17 @@ def _fourth(T: float | Floats) -> Floats:
 
 
 def _emissivity(emissivity: Property, T: Floats) -> tuple[Floats, Floats]:
-    """Value and derivative by temperature at T : (n,) [K]."""
+    """Return value [1] and derivative [1/K] by temperature at T : (n,) [K]."""
     raw = emissivity(T)
     eps = np.clip(raw, LEAST_EMISSIVITY, 1.0)
     return eps, np.where(raw == eps, emissivity.slope(T), 0.0)
 
 
-# Convection from surfaces, covered or not: Eqs. (5-7).
+# Films, Eqs. (5-7)
 
 @dataclass(frozen=True)
-class HeldFilm:
-    """A film on given coordinates.  h, Te : (n_terms, n) shapes of its fields at the points, None where uniform."""
+class FrozenFilm:
+    """A film on given coordinates.  h, Te : (n_terms, n) shapes of its fields at the points [1], None where uniform."""
 
     film: Film
     points: ExposedPoints
@@ -199,25 +206,25 @@ class HeldFilm:
     Te: Floats | None
 
 
-def hold_film(film: Film, slots: NDArray[np.int64], ground: Ground) -> HeldFilm:
-    """A film where it acts.  slots : (n_edges, 2, 2) of its edges."""
-    points = exposed_points(film.where, slots, ground)
+def freeze_film(film: Film, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenFilm:
+    """Place a film where it acts.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
+    points = exposed_points(film.where, slots, geometry)
     if film.h.is_uniform and film.Te.is_uniform:
-        return HeldFilm(film, points, None, None)
-    places = points.places(ground.x)
-    return HeldFilm(film, points, film.h.shapes(places), film.Te.shapes(places))
+        return FrozenFilm(film, points, None, None)
+    places = points.places(geometry.x)
+    return FrozenFilm(film, points, film.h.shapes(places), film.Te.shapes(places))
 
 
-def film_flow(held: HeldFilm, level: tuple[Level, Level], T: Floats) -> tuple[Floats, Floats]:
-    """(n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+def film_flow(frozen: FrozenFilm, h: Level, Te: Level, T: Floats) -> tuple[Floats, Floats]:
+    """Return (n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
 
-    level : of hbar [W/m2K^(1 + exponent)] and of the ambient Te [K].
+    h, Te : levels of the coefficient [W/m2K^(1 + exponent)] and of the ambient [K].
     Eq. (5): h h_factor(T) |T - Te|^a (T - Te), odd in T - Te.
     """
-    film, points = held.film, held.points
+    film, points = frozen.film, frozen.points
     T_a = (points.N * T[points.nodes]).sum(axis=1)
-    dT = T_a - resolve(level[1], held.Te)
-    strength = resolve(level[0], held.h) * points.area
+    dT = T_a - resolve(Te, frozen.Te)
+    strength = resolve(h, frozen.h) * points.area
     if film.exponent != 0.0:
         # fault: film exponent even -> strength = strength * np.abs(dT) ** (2 * film.exponent) |
         #   thermal_fmu/test_thermal_time
@@ -236,53 +243,55 @@ def film_flow(held: HeldFilm, level: tuple[Level, Level], T: Floats) -> tuple[Fl
     return flow, slope
 
 
-# Sums at nodes.
+# Sums at nodes
 
-def at_nodes(nodes: NDArray[np.integer], share: Floats, n: int) -> Floats:
-    """(n,) sums at the nodes of what each place gives to its own; nodes, share : (n_places, m)."""
-    return np.bincount(nodes.ravel(), weights=share.ravel(), minlength=n).astype(np.float64, copy=False)
+def at_nodes(nodes: NDArray[np.integer], values: Floats, n: int) -> Floats:
+    """Sum values : (n_places, m) at their nodes : (n_places, m); return (n,) in their unit."""
+    return np.bincount(nodes.ravel(), weights=values.ravel(), minlength=n).astype(np.float64, copy=False)
 
 
-# Friction heat: what sliding made at surface nodes, shared out between the two sides (2.4).
+# Friction heat, split between the two sides
 
 @dataclass(frozen=True)
-class Friction:
-    """slave, master : (n,) [W] into the nodes of either side, spread evenly over the substep."""
+class FrictionHeat:
+    """Friction heat into the nodes of either side, spread evenly over the substep.  slave, master : (n,) [W]."""
 
     slave: Floats
     master: Floats
 
 
-def friction_power(points: Points, share: Floats, E: Floats, is_slave: NDArray[np.bool_], h: float) -> Friction:
-    """Power from energies E : (n,) [J] at nodes, over a substep h [s].
+def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_slave: NDArray[np.bool_],
+                   h: float) -> FrictionHeat:
+    """Turn friction energies E : (n,) [J] of nodes into power over a substep h [s].
 
-    share : (n_p,) of each facing point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
-    A node's energy goes to the facing points found from it by N A, from there by N_s to the slave's nodes and by N_m
-    to the master's.  A node that finds nothing keeps what it carries.
+    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
+    A node's energy goes to the contact quadrature points searched from it by N A, from there by N_s to the slave's
+    nodes
+    and by N_m to the master's.  A node that faces nothing keeps its energy.
     """
-    rubbed, N = points.found_from
+    with_friction, N = points.searched_from
     # fault: friction heat spread without areas -> weight = N | thermal_fmu/test_thermal_friction
     weight = N * points.area[:, None]
-    whole = at_nodes(rubbed, weight, E.size)
+    whole = at_nodes(with_friction, weight, E.size)
     faces = whole > 0.0
     per_area = np.divide(E, whole, out=np.zeros(E.size), where=faces)
-    Q = (per_area[rubbed] * weight).sum(axis=1)
-    # fault: joules of nodes that face nothing lost -> kept = np.where(faces, 0.0, 0.0 * E) |
+    Q = (per_area[with_friction] * weight).sum(axis=1)
+    # fault: joules of nodes that face nothing lost -> unshared = np.where(faces, 0.0, 0.0 * E) |
     #   thermal_fmu/test_thermal_friction
-    kept = np.where(faces, 0.0, E)
-    to_slave = at_nodes(points.nodes[:, :2], (share * Q)[:, None] * points.N_s, E.size)
-    to_master = at_nodes(points.nodes[:, 2:], ((1.0 - share) * Q)[:, None] * points.N_m, E.size)
-    slave, master = to_slave + np.where(is_slave, kept, 0.0), to_master + np.where(is_slave, 0.0, kept)
-    # fault: friction energy as power -> return Friction(slave, master) | thermal_fmu/test_thermal_friction
-    return Friction(slave / h, master / h)
+    unshared = np.where(faces, 0.0, E)
+    to_slave = at_nodes(points.nodes[:, :2], (slave_fraction * Q)[:, None] * points.N_s, E.size)
+    to_master = at_nodes(points.nodes[:, 2:], ((1.0 - slave_fraction) * Q)[:, None] * points.N_m, E.size)
+    slave, master = to_slave + np.where(is_slave, unshared, 0.0), to_master + np.where(is_slave, 0.0, unshared)
+    # fault: friction energy as power -> return FrictionHeat(slave, master) | thermal_fmu/test_thermal_friction
+    return FrictionHeat(slave / h, master / h)
 
 
-def slave_share(points: Points, pairs: Sequence[PairLaws | None], bodies: Sequence[Body],
-                node_body: NDArray[np.int32], at: Fields) -> Floats:
-    """(n_p,) share of the slave: the pair's friction_share, else e_s/(e_s + e_m) with effusivities sqrt(k rho c).
+def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodies: Sequence[Body],
+                   node_body: NDArray[np.int32], at: NodalFields) -> Floats:
+    """Return (n_p,) the slave's part of friction heat: the pair's friction_share, else e_s/(e_s + e_m).
 
-    Half-spaces that slide take heat by their effusivities while their surfaces stay equally warm.  at : the start of
-    the substep.
+    node_body : (n_nodes,) body of each node.  e : effusivities sqrt(k rho c); half-spaces that slide take heat by them
+    while their surfaces stay equally warm.  at : the start of the substep.
     """
     out = np.empty(points.pair.size)
     for pair, laws in enumerate(pairs):
@@ -297,19 +306,20 @@ def slave_share(points: Points, pairs: Sequence[PairLaws | None], bodies: Sequen
     return out
 
 
-def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: Fields) -> Floats:
+def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: NodalFields) -> Floats:
     T, f_s = ((N * v[nodes]).sum(axis=1) if v is not None else None for v in (at.T, at.f_s))
     assert T is not None
     return body.material.effusivity(T, f_s)
 
 
-# Heat exchanged between facing points, touching or apart: Eqs. (8-10), pairwise through one common area.
+# Conduction between contact quadrature points, touching or apart, Eqs. (8-10)
 
 @dataclass(frozen=True)
-class Group:
-    """Facing points of one pair under one law.
+class ConductionGroup:
+    """Contact quadrature points of one pair under one law.
 
     argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
+    N_s, N_m : (n, 2) [1].  area : (n,) [m2].
     """
 
     pair: int
@@ -323,12 +333,12 @@ class Group:
 
     @property
     def mechanism(self) -> str:
-        """The word of the heat ledger."""
+        """The name of its term in the heat balance."""
         return "contact" if self.closed else "gap"
 
 
-def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, ...]:
-    """The facing points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
+def conduction_groups(points: ContactPoints, laws: Sequence[PairLaws | None]) -> tuple[ConductionGroup, ...]:
+    """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
     groups = []
     for pair, own in enumerate(laws):
         if own is None:
@@ -337,16 +347,17 @@ def groups_of(points: Points, laws: Sequence[PairLaws | None]) -> tuple[Group, .
             at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
             if law is not None and at.size:
                 argument = (points.p if closed else points.gap)[at]
-                groups.append(Group(pair, closed, law, argument, points.nodes[at], points.N_s[at],
-                                    points.N_m[at], points.area[at]))
+                groups.append(ConductionGroup(pair, closed, law, argument, points.nodes[at], points.N_s[at],
+                                              points.N_m[at], points.area[at]))
     return tuple(groups)
 
 
-def exchange_flow(group: Group, factor: float, T: Floats) -> tuple[Floats, Floats]:
-    """(n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
+def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Floats, Floats]:
+    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the slave's nodes by its shape functions
-    and enters the master's by theirs.
+    T : (n_nodes,) [K].  factor : of the conductance [1].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the
+    slave's
+    nodes by its shape functions and enters the master's by theirs.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)

@@ -25,7 +25,7 @@ from contact.half.model import load_directory
 _ENTRY = '''\
 import half_entry_{tag} as entry
 
-entry.hold(globals())
+entry.keep_alive(globals())
 HalfSlave, load = entry.half({load!r}, {packages!r})
 
 

@@ -1,4 +1,4 @@
-"""The contact surfaces of a half, and how it asks the contact service about them."""
+"""The contact surfaces of a half, and its requests to the contact service."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ContactRefusedError(ArithmeticError):
 
 @dataclass(frozen=True)
 class History:
-    """What contact remembers, and the mechanical state keeps.
+    """The history of contact, which the mechanical state holds.
 
     multipliers : (n_s,) [Pa].  shear : (n_s,) [Pa], the shear tractions so far.  x : (n_s, 2) [m], where the surfaces
     were then.
@@ -47,17 +47,18 @@ class History:
 class ContactSurfaces:
     """The surfaces of the pairs of an interface file, as the contact service numbers them.
 
-    The name by which the service knows them is kept here and in no state: it is a hash of their content, the same from
-    every service, so it changes no bit of an answer.
+    Their name at the service is cached here and is in no state: it is a hash of their content, the same from every
+    service,
+    so it changes no bit of an answer.
     """
 
     def __init__(self, interface: Interface) -> None:
         self.interface = interface
-        self._known_as = ""
+        self._registered_as = ""
 
     @cached_property
     def message(self) -> Register:
-        """What the service is told of them."""
+        """The message that registers them."""
         return register_message(self.interface)
 
     @cached_property
@@ -67,12 +68,15 @@ class ContactSurfaces:
 
     @cached_property
     def first(self) -> dict[str, int]:
-        """Surface name -> number of its first edge."""
+        """Number of the first edge of each surface, by name."""
         return {name: int(np.searchsorted(self.message.edge_surface, i))
                 for i, name in enumerate(surface_names(self.interface))}
 
     def facing(self, link: Link, x: Floats) -> Facing:
-        """What faces what at coordinates x : (n_nodes, 2) [m].  Raises ContactRefusedError, LinkError."""
+        """Ask for the contact quadrature points at coordinates x : (n_nodes, 2) [m].
+
+        Raises ContactRefusedError, LinkError.
+        """
         at = self._at_surfaces(x)
         reply = self._ask(link, lambda name: Project(name, at))
         if not isinstance(reply, Facing):
@@ -80,7 +84,7 @@ class ContactSurfaces:
         return reply
 
     def tractions(self, link: Link, x: Floats, history: History) -> Tractions:
-        """Contact forces at x : (n_nodes, 2) [m].  Raises ContactRefusedError, LinkError."""
+        """Ask for the contact forces at x : (n_nodes, 2) [m].  Raises ContactRefusedError, LinkError."""
         at = self._at_surfaces(x)
         reply = self._ask(link, lambda name: Traction(name, at, history.multipliers, history.x, history.shear))
         if not isinstance(reply, Tractions):
@@ -88,7 +92,10 @@ class ContactSurfaces:
         return reply
 
     def couplings(self, link: Link, x: Floats, history: History) -> Couplings:
-        """How contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError, LinkError."""
+        """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].  Raises ContactRefusedError,
+
+        LinkError.
+        """
         at = self._at_surfaces(x)
         reply = self._ask(link, lambda name: Coupling(name, at, history.multipliers, history.x, history.shear))
         if not isinstance(reply, Couplings):
@@ -96,7 +103,7 @@ class ContactSurfaces:
         return reply
 
     def no_history(self, x: Floats) -> History:
-        """Nothing has pressed or slipped yet; the surfaces are at x : (n_nodes, 2) [m]."""
+        """Return the history before anything pressed or slipped, with the surfaces at x : (n_nodes, 2) [m]."""
         zeros = np.zeros(self.interface.contact_nodes.size)
         return History(zeros, self._at_surfaces(x), zeros)
 
@@ -104,18 +111,18 @@ class ContactSurfaces:
         return np.ascontiguousarray(x[self.interface.contact_nodes])
 
     def _ask(self, link: Link, request: Callable[[str], Request]) -> Reply:
-        """The reply; a service that does not know the surfaces (yet, or any more) is told them first."""
-        if self._known_as:
-            reply = link.ask(request(self._known_as))
+        """Ask the service; where it has not registered the surfaces (yet, or any more), register them first."""
+        if self._registered_as:
+            reply = link.ask(request(self._registered_as))
             # fault: surfaces forgotten -> if not (isinstance(reply, Refused) and reply.code == "never"): |
             #   thermal_fmu/test_thermal_half
             if not (isinstance(reply, Refused) and reply.code == "unknown_surfaces"):
                 return reply
-        told = link.ask(self.message)
-        if not isinstance(told, Registered):
-            raise ContactRefusedError(f"contact does not take the surfaces: {_reason(told)}")
-        self._known_as = told.surfaces
-        return link.ask(request(told.surfaces))
+        registered = link.ask(self.message)
+        if not isinstance(registered, Registered):
+            raise ContactRefusedError(f"contact does not take the surfaces: {_reason(registered)}")
+        self._registered_as = registered.surfaces
+        return link.ask(request(registered.surfaces))
 
 
 def _reason(reply: Reply) -> str:

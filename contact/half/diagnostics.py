@@ -1,9 +1,10 @@
-"""What happens to contact while a run goes on that nobody asked about but should know.
+"""Notes on contact: what a user should know before a run, and losses of contact while it goes on.
 
 A node that pressed at the end of one window and faces nothing at the end of the next has slid off the end, has been
 lifted off farther than gap_max, or has been pushed through: deeper behind the other surface than the search looks,
-where nothing pushes it back.  The last must not go by in silence.  Only such nodes are looked at: a window in which
-there are none costs a few comparisons.
+where nothing pushes it back.  The last must be reported.  Only such nodes are examined: a window in which there are
+none
+costs a few comparisons.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,22 +20,23 @@ from scipy.spatial import cKDTree
 
 from contact.half.interface import Interface, Pair, register_message
 from contact.messages import Facing, Floats
-from contact.search import ITSELF_BACK, project
+from contact.search import SELF_CONTACT_DEPTH, project
 from contact.surfaces import surfaces_of
 
-# What a user should know of a scene's contact before it starts, though it is no error: one sentence each.
+# Notes before a run, one sentence each
 
 # A penalty beyond this times E/h loses four digits of every solve, and Newton's method the rest.
-STIFF = 1e4
+MAX_PENALTY_RATIO = 1e4
 
 
 def facing_at(interface: Interface, x: Floats) -> Facing:
-    """What faces what with the nodes at x : (n_nodes, 2) [m].  Raises ValueError where x is no possible geometry."""
+    """Find what faces what with the nodes at x : (n_nodes, 2) [m].  Raises ValueError where x is no possible geometry.
+    """
     return project(surfaces_of(register_message(interface)), np.ascontiguousarray(x[interface.contact_nodes]))
 
 
 def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[str]:
-    """All of them; stiffness : body -> E [Pa] at the start, of the bodies that have one."""
+    """List the notes on a scene's contact at its start; stiffness : body -> E [Pa], of the bodies that have one."""
     if not interface.pairs:
         return []
     met = np.bincount(facing_at(interface, interface.nodes).pair, minlength=len(interface.pairs))
@@ -46,7 +49,7 @@ def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[st
 
 
 def nothing_faced(interface: Interface, pair: Pair, x: Floats) -> str:
-    """Why a pair without a facing point may have none; x : (n_nodes, 2) [m]."""
+    """Explain why a pair may have no contact quadrature point; x : (n_nodes, 2) [m]."""
     what = f"pair {pair.name}: nothing of {pair.slave} faces anything of {pair.master} at the start"
     if pair.slave == pair.master:
         return what
@@ -58,23 +61,24 @@ def nothing_faced(interface: Interface, pair: Pair, x: Floats) -> str:
 
 
 def nearest(interface: Interface, pair: Pair, x: Floats) -> float:
-    """The least distance [m] between a node of the slave and one of the master, at x : (n_nodes, 2) [m]."""
+    """Return the least distance [m] between a node of the slave and one of the master, at x : (n_nodes, 2) [m]."""
     slave, master = (x[np.unique(interface.surfaces[name])] for name in (pair.slave, pair.master))
     distances, _ = cKDTree(master).query(slave)
     return float(np.min(distances))
 
 
 def folding(interface: Interface, pair: Pair) -> list[str]:
-    """What a surface that faces itself leaves out."""
+    """Note what a surface that faces itself leaves out."""
     if pair.slave != pair.master:
         return []
     h = edge_lengths(interface, pair.slave)
     return [f"pair {pair.name}: {pair.slave} faces itself; edges that share a node never do, and a fold that overlaps "
-            f"by more than {ITSELF_BACK:g} of an edge ({ITSELF_BACK * h.min():.3g} m at the shortest) is not seen"]
+            f"by more than {SELF_CONTACT_DEPTH:g} of an edge ({SELF_CONTACT_DEPTH * h.min():.3g} m at the shortest) is "
+            "not seen"]
 
 
 def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
-    """A penalty that spoils the condition of the matrix."""
+    """Note a penalty that spoils the condition of the matrix."""
     soft = [(stiffness[body], body) for name in (pair.slave, pair.master)
             if (body := name.split(".")[0]) in stiffness]
     if not soft:
@@ -82,7 +86,7 @@ def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, floa
     # fault: penalty held against the harder body -> E, body = max(soft) | contact/test_notes
     E, body = min(soft)
     h = float(edge_lengths(interface, pair.slave).mean())
-    if not pair.eps_N * h > STIFF * E:
+    if not pair.eps_N * h > MAX_PENALTY_RATIO * E:
         return []
     return [f"pair {pair.name}: the penalty of {pair.eps_N:.3g} Pa/m is {pair.eps_N * h / E:.2g} times E/h (E of "
             f"{body}, h = {h:.3g} m): equations lose so many digits, and Newton's method may fail; 10 to 100 times E/h "
@@ -90,7 +94,7 @@ def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, floa
 
 
 def jumps(pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
-    """One point a node between bodies of which one deforms: its force comes and goes as a whole."""
+    """Note one point a node on a body that deforms: its force comes and goes as a whole."""
     # fault: one point a node not said to jump -> if True or not stiffness.keys() & {name.split(".")[0] for name in
     #   (pair.slave, pair.master)}: | contact/test_notes
     if not pair.by_node or not stiffness.keys() & {name.split(".")[0] for name in (pair.slave, pair.master)}:
@@ -101,21 +105,26 @@ def jumps(pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
 
 
 def edge_lengths(interface: Interface, surface: str) -> Floats:
-    """(n_edges,) [m] in the reference configuration."""
+    """Return (n_edges,) lengths [m] in the reference configuration."""
     ends = interface.nodes[interface.surfaces[surface]]
     return np.hypot(*(ends[:, 1] - ends[:, 0]).T)
 
 
 Flags = NDArray[np.bool_]
 
-# Rays reach an edge's length behind a surface, but along tilted normals; a node at the very end, sunk in by what the
-# penalty takes, is far from this.
-OUT_OF_REACH = 0.5
+# Losses of contact during a run
+
+# Rays reach an edge's length behind a surface, but along tilted normals; a node at the very end that penetrates as the
+# penalty allows is far from this.
+MAX_DEPTH = 0.5  # of the longest edge
 
 
 @dataclass(frozen=True)
-class Contact:
-    """x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], covered : (n_s,) share that faces something, of surface nodes."""
+class ContactSample:
+    """Contact at the end of a window.
+
+    x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa] and covered : (n_s,) [1], the part that faces something, of surface nodes.
+    """
 
     x: Floats
     t_N: Floats
@@ -131,8 +140,8 @@ class Slid:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What was seen so far.
+class ContactLog:
+    """What was noted so far.
 
     faced : pairs of which something faced something.  slid : pair -> slave nodes that slid off.  lost : pairs of
     which a node went through.
@@ -143,8 +152,16 @@ class Seen:
     lost: frozenset[str] = frozenset()
 
 
-class Watch:
-    """Watches the pairs of a scene."""
+class _Suspects(NamedTuple):
+    """Nodes (indices s) of a surface that pressed and now face nothing, and the surface they faced."""
+
+    surface: str
+    nodes: NDArray[np.intp]
+    other: str
+
+
+class ContactMonitor:
+    """Note contact losses of a scene's pairs, window after window."""
 
     def __init__(self, interface: Interface) -> None:
         self.interface = interface
@@ -157,58 +174,59 @@ class Watch:
         return {p.name: (np.searchsorted(s, np.unique(surfaces[p.slave])),
                          np.searchsorted(s, np.unique(surfaces[p.master]))) for p in self.interface.pairs}
 
-    def after(self, seen: Seen, t: float, before: Contact, now: Contact) -> tuple[Seen, tuple[str, ...]]:
-        """What has been seen when a window ended at t [s], and what to say of it at once."""
+    def after_window(self, log: ContactLog, t: float, before: ContactSample,
+                     now: ContactSample) -> tuple[ContactLog, tuple[str, ...]]:
+        """Compare the ends of two windows, the last at t [s]; return the log and the notes to give at once."""
         notes: list[str] = []
         # A rigid half tells the pressure of the whole surface, of nodes that have left long ago too.
         gone = (before.t_N < 0.0) & (before.covered > 0.0) & (now.covered == 0.0)
         for pair in self.interface.pairs:
             slave, master = self.sides[pair.name]
-            if pair.name not in seen.faced and now.covered[slave].any() and now.covered[master].any():
-                seen = replace(seen, faced=seen.faced | {pair.name})
+            if pair.name not in log.faced and now.covered[slave].any() and now.covered[master].any():
+                log = replace(log, faced=log.faced | {pair.name})
             if gone.any():
                 for own, nodes, other in ((pair.slave, slave, pair.master), (pair.master, master, pair.slave)):
                     suspects = nodes[gone[nodes]]
                     if suspects.size:
-                        seen, said = self._judge(seen, pair.name, t, (own, suspects, other), now)
+                        log, said = self._classify(log, pair.name, t, _Suspects(own, suspects, other), now)
                         notes += said
-        return seen, tuple(notes)
+        return log, tuple(notes)
 
-    def at_end(self, seen: Seen, x: Floats) -> list[str]:
-        """What to say when a run has ended with the nodes at x : (n_nodes, 2) [m]."""
+    def at_end(self, log: ContactLog, x: Floats) -> list[str]:
+        """List the notes of a run that ended with the nodes at x : (n_nodes, 2) [m]."""
         notes = []
         for pair in self.interface.pairs:
-            if pair.name not in seen.faced and pair.slave != pair.master:
+            if pair.name not in log.faced and pair.slave != pair.master:
                 notes.append(f"pair {pair.name}: {pair.slave} and {pair.master} never faced each other; in the end "
                              f"their nearest nodes are {nearest(self.interface, pair, x):.3g} m apart (gap_max "
                              f"{pair.gap_max:.3g} m)")
-            if pair.name in seen.slid:
-                slid = seen.slid[pair.name]
+            if pair.name in log.slid:
+                slid = log.slid[pair.name]
                 notes.append(f"pair {pair.name}: {_nodes(slid.nodes)} of {pair.slave} slid off the end of "
                              f"{pair.master}, the first by t = {slid.first:.6g} s")
         return notes
 
-    def _judge(self, seen: Seen, name: str, t: float, who: tuple[str, NDArray[np.intp], str],
-               now: Contact) -> tuple[Seen, list[str]]:
-        """Nodes of one side that pressed and now face nothing: who : (surface, indices s, the other surface)."""
-        own, suspects, other = who
+    def _classify(self, log: ContactLog, name: str, t: float, who: _Suspects,
+                  now: ContactSample) -> tuple[ContactLog, list[str]]:
+        """Classify nodes of one side that pressed and now face nothing: pushed through, or slid off an end."""
+        own, suspects, other = who.surface, who.nodes, who.other
         x = now.x[self.interface.contact_nodes[suspects]]
         depth, beside = behind(now.x[self.interface.surfaces[other]], x)
         reach = float(max(edge_lengths(self.interface, own).max(), edge_lengths(self.interface, other).max()))
-        # fault: nodes pushed through go by in silence -> through = beside & (depth > OUT_OF_REACH * reach) |
+        # fault: nodes pushed through go by in silence -> through = beside & (depth > MAX_DEPTH * reach) |
         #   contact/test_notes
-        through = ~beside & (depth > OUT_OF_REACH * reach)
+        through = ~beside & (depth > MAX_DEPTH * reach)
         notes = []
-        if through.any() and name not in seen.lost:
-            seen = replace(seen, lost=seen.lost | {name})
+        if through.any() and name not in log.lost:
+            log = replace(log, lost=log.lost | {name})
             notes.append(f"pair {name}: by t = {t:.6g} s {_nodes(int(through.sum()))} of {own} went through {other}, "
                          f"up to {depth[through].max():.3g} m deep, where contact (it looks {reach:.3g} m deep) no "
                          "longer pushes back: take smaller windows or a larger penalty")
         slave = next(p.slave for p in self.interface.pairs if p.name == name)
         if own == slave and beside.any():
-            known = seen.slid.get(name, Slid(0, t))
-            seen = replace(seen, slid={**seen.slid, name: Slid(known.nodes + int(beside.sum()), known.first)})
-        return seen, notes
+            earlier = log.slid.get(name, Slid(0, t))
+            log = replace(log, slid={**log.slid, name: Slid(earlier.nodes + int(beside.sum()), earlier.first)})
+        return log, notes
 
 
 def _nodes(n: int) -> str:
@@ -216,7 +234,9 @@ def _nodes(n: int) -> str:
 
 
 def behind(edges: Floats, points: Floats) -> tuple[Floats, Flags]:
-    """How far points lie behind a surface [m] (< 0: before it), and whether they lie beside it, beyond an end.
+    """Measure how far points lie behind a surface (n,) [m] (< 0: before it), and whether (n,) they lie beyond an end of
+
+    it.
 
     edges : (n_edges, 2, 2) [m], the body on the left.  points : (n, 2) [m].  Each against its nearest edge.
     """

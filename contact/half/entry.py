@@ -21,7 +21,7 @@ _right: dict[str, str] = {}
 
 
 def sources_hash(package: Path) -> str:
-    """Hash of the names and texts of all .py files of a package directory."""
+    """Hash the names and texts of all .py files of a package directory."""
     digest = hashlib.sha256()
     files = sorted((p.relative_to(package).as_posix(), p) for p in package.rglob("*.py"))
     for name, path in files:
@@ -58,13 +58,13 @@ def use_packages(packages: Mapping[str, str]) -> None:
 
 
 def _installed_is(name: str, expected: str) -> bool:
-    found = importlib.util.find_spec(name)
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
         return False
-    return sources_hash(Path(found.origin).parent) == expected
+    return sources_hash(Path(spec.origin).parent) == expected
 
 
-def hold(namespace: dict[str, Any]) -> None:
+def keep_alive(namespace: dict[str, Any]) -> None:
     """Add a reference to an entry script's namespace; to be called each time the script runs.
 
     pythonfmu's wrapper runs the script once more an instance and then gives up a reference it never had: without
@@ -74,7 +74,7 @@ def hold(namespace: dict[str, Any]) -> None:
 
 
 def half(load: str, packages: Mapping[str, str]) -> tuple[type, Callable[..., Any]]:
-    """The base class of a half's slave, and the half's load function, named "module:function"."""
+    """Return the base class of a half's slave, and the half's load function, named "module:function"."""
     use_packages(packages)
     base: type = importlib.import_module("contact.half.slave").HalfSlave
     module, _, name = load.partition(":")

@@ -1,8 +1,9 @@
-"""Factors by PARDISO whose analysis is made once a pattern.
+"""Sparse matrices of a half: assembly on a fixed pattern, and direct solves by SuperLU, or by PARDISO where chosen.
 
-The analysis (ordering, tree, supernodes) looks at the pattern alone: scaling and matching by values are switched off.
-So new factors on a known pattern are the same bits as those of a first call, and what is kept here is invisible.
-Where the values are symmetric half the matrix is factored, in half the time.
+PARDISO's analysis (ordering, tree, supernodes) is made once a pattern, from the pattern alone: scaling and matching by
+values are switched off.  So new factors on a cached pattern are the same bits as those of a first call, and the cache
+is
+invisible.  Where the values are symmetric half the matrix is factored, in half the time.
 """
 
 from __future__ import annotations
@@ -20,8 +21,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
-# Sparse assembly on a fixed pattern, and its direct solve by SuperLU, or by PARDISO where chosen.
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -34,7 +33,9 @@ class SingularMatrixError(ArithmeticError):
 class Pattern:
     """Where element blocks land in a symmetric-pattern CSR matrix of n rows.
 
-    slots : (n_entries,) place in `data` of every block entry, blocks in the order given to `pattern_of`, row-major.
+    indptr : (n + 1,).  indices : (nnz,).  slots : (n_entries,) place in `data` of every block entry, blocks in the
+    order
+    given to `pattern_of`, row-major.
     """
 
     n: int
@@ -43,13 +44,13 @@ class Pattern:
     slots: NDArray[np.intp]
 
     def matrix(self, entries: Floats) -> csr_matrix:
-        """Sum the entries of all blocks (flat, in order) into the matrix."""
+        """Sum the entries : (n_entries,) of all blocks (flat, in order) into the matrix."""
         data = np.bincount(self.slots, weights=entries, minlength=self.indices.size)
         return csr_matrix((data, self.indices, self.indptr), shape=(self.n, self.n))
 
 
 def pattern_of(n: int, *dofs: NDArray[np.integer]) -> Pattern:
-    """The pattern of square blocks on the given degrees of freedom.
+    """Build the pattern of square blocks on the given degrees of freedom.
 
     n : number of unknowns.  dofs : arrays (n_blocks, m), one per kind of block; block b couples all of dofs[b].
     """
@@ -79,10 +80,10 @@ Solve = Callable[[Floats], Floats]
 def factorise(A: csr_matrix, symmetric: bool | None = None) -> Solve:
     """Factor a square matrix, which must not change while its factors are used; the result solves A x = b.
 
-    symmetric : what the caller knows of the values; None: they are looked at, where it matters.
+    symmetric : whether the values are, as the caller says; None: they are compared, where it matters.
     SLIDELINE_SOLVER = superlu | pardiso chooses; the default is superlu, so that numbers do not depend on
     what is installed.  Equal matrices have equal factors, to the bit, whatever was factored before.
-    Raises SingularMatrixError; ImportError or ValueError where the choice cannot be kept.
+    Raises SingularMatrixError; ImportError or ValueError where the choice cannot be met.
     """
     choice = os.environ.get("SLIDELINE_SOLVER", "superlu")
     if choice not in ("superlu", "pardiso"):
@@ -105,19 +106,21 @@ def _superlu(A: csr_matrix) -> Solve:
     return solve
 
 
+# PARDISO
+
 POSITIVE, INDEFINITE, GENERAL = 2, -2, 11  # PARDISO's numbers of matrix types
 ANALYSE, FACTOR, SOLVE, RELEASE_FACTORS, RELEASE_ALL = 11, 22, 33, 0, -1  # and of phases
-MOST_PATTERNS = 4  # known at a time: two halves in one process, each with and without contact
+MAX_PATTERNS = 4  # known at a time: two halves in one process, each with and without contact
 ROUND_OFF = 1e-14  # of the largest entry: values that differ by less from their mirror image are symmetric
-# Small pivots are replaced in silence, so every solve is held against the matrix.  Newton's directions need few digits
-# and good factors leave many: a residual above this share of the right-hand side is no round-off.
-WRONG = 1e-4
+# Small pivots are replaced in silence, so every solve is checked against the matrix.  Newton's directions need few
+# digits and good factors leave many: a residual above this part of the right-hand side is no round-off.
+MAX_RELATIVE_RESIDUAL = 1e-4
 SINGULAR, NO_MEMORY = (-4, -7), (-2, -9)  # error numbers
 
 
 @cache
 def _library() -> Any:
-    """The entry point of MKL.  Raises ImportError."""
+    """Load the entry point of MKL.  Raises ImportError."""
     try:
         from pypardiso import PyPardisoSolver
     except ImportError as exc:
@@ -128,7 +131,7 @@ def _library() -> Any:
 
 
 def _settings(kind: int) -> Ints:
-    """iparm, numbered from 1 in the manual: none left to a default that looks at values."""
+    """Return iparm : (64,), numbered from 1 in the manual: none left to a default that looks at values."""
     iparm = np.zeros(64, dtype=np.int32)
     iparm[0] = 1  # (1) all of them are given here
     iparm[1] = 2  # (2) nested dissection
@@ -143,7 +146,7 @@ def _address(array: NDArray[Any] | None) -> ctypes.c_void_p | None:
 
 
 def _call(handle: NDArray[np.int64], kind: int, phase: int, iparm: Ints, *arrays: Any) -> int:
-    """arrays : data, indptr, indices, b, x.  Returns PARDISO's error number."""
+    """Call PARDISO; arrays : data, indptr, indices, b, x.  Returns its error number."""
     data, indptr, indices, b, x = arrays
     error, idle = ctypes.c_int32(0), np.zeros(1, dtype=np.int32)
     columns = 1 if b is None or b.ndim == 1 else b.shape[1]
@@ -172,7 +175,7 @@ class _Handle:
         self.run(ANALYSE, np.zeros(indices.size))
 
     def run(self, phase: int, data: Floats | None = None, b: Floats | None = None, x: Floats | None = None) -> None:
-        """Raises SingularMatrixError, MemoryError."""
+        """Run a phase.  data : (nnz,).  b, x : (n,) or (n, m).  Raises SingularMatrixError, MemoryError."""
         error = _call(self._pt, self.kind, phase, self.iparm, data, *self._arrays, b, x)
         if error in SINGULAR:
             raise SingularMatrixError("PARDISO met a pivot of zero")
@@ -183,7 +186,7 @@ class _Handle:
 
     @property
     def perturbed(self) -> int:
-        """How many pivots were too small and were replaced."""
+        """Number of pivots that were too small and were replaced."""
         return int(self.iparm[13])
 
 
@@ -196,7 +199,7 @@ class _Pattern:
     idle: list[_Handle] = field(default_factory=list)
 
     def is_of(self, A: csr_matrix) -> bool:
-        """Whether A has this pattern."""
+        """Return whether A has this pattern."""
         return all(a is b or np.array_equal(a, b) for a, b in ((self.indptr, A.indptr), (self.indices, A.indices)))
 
     @cached_property
@@ -211,42 +214,42 @@ class _Pattern:
 
     @cached_property
     def upper(self) -> tuple[Ints, Ints, NDArray[np.intp]]:
-        """indptr and indices of the upper triangle, and the places of its entries."""
+        """indptr (n + 1,) and indices (m,) of the upper triangle, and the places (m,) of its entries."""
         rows = np.repeat(np.arange(self.indptr.size - 1), np.diff(self.indptr))
         places = np.flatnonzero(self.indices >= rows)
         counts = np.bincount(rows[places], minlength=self.indptr.size - 1)
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), self.indices[places], places
 
     def is_symmetric(self, data: Floats) -> bool:
-        """Whether these entries are their own mirror image, to round-off."""
+        """Return whether the entries data : (nnz,) are their own mirror image, to round-off."""
         if self.mirrored is None:
             return False
         return bool(np.abs(data - data[self.mirrored]).max() <= ROUND_OFF * np.abs(data).max())
 
     def handle(self, kind: int) -> _Handle:
-        """One that is idle, or a new one."""
+        """Return an idle handle, or a new one."""
         for i, handle in enumerate(self.idle):
             if handle.kind == kind:
                 return self.idle.pop(i)
         return _Handle(kind, *((self.indptr, self.indices) if kind == GENERAL else self.upper[:2]))
 
 
-_known: list[_Pattern] = []  # the last used is the last
+_patterns: list[_Pattern] = []  # the last used is the last
 
 
 def _pattern_of(A: csr_matrix) -> _Pattern:
-    pattern = next((p for p in reversed(_known) if p.is_of(A)), None)
+    pattern = next((p for p in reversed(_patterns) if p.is_of(A)), None)
     if pattern is None:
         if not np.diff(A.indptr).all():
             raise SingularMatrixError("a row of the matrix is empty")
         pattern = _Pattern(A.indptr, A.indices)
     # The list is small: rebuilding it keeps the order of use.
-    _known[:] = [*(p for p in _known if p is not pattern), pattern][-MOST_PATTERNS:]
+    _patterns[:] = [*(p for p in _patterns if p is not pattern), pattern][-MAX_PATTERNS:]
     return pattern
 
 
 def _give_back(pattern: _Pattern, handle: _Handle) -> None:
-    """The analysis is kept for the next matrix, the factors are not: they are ten times as large."""
+    """Keep the analysis for the next matrix, but not the factors, which are ten times as large."""
     if all(other.kind != handle.kind for other in pattern.idle):
         handle.run(RELEASE_FACTORS)
         # fault: analysis of a pattern not kept -> handle.run(RELEASE_FACTORS) | contact/test_sparse
@@ -257,7 +260,7 @@ class Factored:
     """A matrix factored by PARDISO; called with b : (n,) or (n, m) it returns the x of A x = b."""
 
     def __init__(self, A: csr_matrix, symmetric: bool | None) -> None:
-        """Raises SingularMatrixError, MemoryError, ImportError."""
+        """Factor A.  Raises SingularMatrixError, MemoryError, ImportError."""
         if not A.has_sorted_indices:
             A = A.sorted_indices()
         pattern = _pattern_of(A)
@@ -285,20 +288,23 @@ class Factored:
         return handle
 
     def __call__(self, b: Floats) -> Floats:
-        """Raises SingularMatrixError where the factors do not solve the matrix they were made of."""
-        given = np.asfortranarray(b, dtype=np.float64)
-        x = np.zeros_like(given)
-        self._handle.run(SOLVE, self._data, given, x)
+        """Solve A x = b for b : (n,) or (n, m); return x in its shape.
+
+        Raises SingularMatrixError where the factors do not solve the matrix they were made of.
+        """
+        rhs = np.asfortranarray(b, dtype=np.float64)
+        x = np.zeros_like(rhs)
+        self._handle.run(SOLVE, self._data, rhs, x)
         x = np.ascontiguousarray(x)
-        share = _residual_share(self._A, x, b)
-        # fault: factors believed without a look at the residual -> if share < 0.0: | contact/test_sparse
-        if not share <= WRONG:
-            raise SingularMatrixError(f"the factors leave a residual of {share:.1e} of the right-hand side "
+        residual = _relative_residual(self._A, x, b)
+        # fault: factors believed without a look at the residual -> if residual < 0.0: | contact/test_sparse
+        if not residual <= MAX_RELATIVE_RESIDUAL:
+            raise SingularMatrixError(f"the factors leave a residual of {residual:.1e} of the right-hand side "
                                       f"({self._handle.perturbed} pivots were zero to working precision)")
         return x
 
 
-def _residual_share(A: csr_matrix, x: Floats, b: Floats) -> float:
-    """The largest |b - A x| / |b| of the columns of b : (n,) or (n, m)."""
+def _relative_residual(A: csr_matrix, x: Floats, b: Floats) -> float:
+    """Return the largest |b - A x| / |b| of the columns of b : (n,) or (n, m)."""
     size = np.linalg.norm(b, axis=0)
     return float(np.max(np.linalg.norm(b - A @ x, axis=0) / np.where(size > 0.0, size, 1.0), initial=0.0))

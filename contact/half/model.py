@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface, read_interface
-from contact.messages import Reply, Request
+from contact.rpc.link import Link as Link
 
 Floats = NDArray[np.float64]
 Value = Floats | float | int | str
@@ -26,12 +26,8 @@ Values = Mapping[str, Value]
 
 CAUSALITIES = ("input", "output", "parameter")
 KINDS = ("Real", "Integer", "String")
-
-
-class Link(Protocol):
-    """The way to the contact service (contact.link)."""
-
-    def ask(self, request: Request) -> Reply: ...
+PLACES = ("nodes", "cells", "contact_nodes", "bodies", "none")
+"""What the rows of an array may belong to, in the order of interface.h5; "none": an array of the half's own."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +39,7 @@ class Variable:
     kind : Real | Integer | String; only Reals may be arrays.
     variability : "" for the usual one: Real inputs and outputs continuous, Integer and String discrete, parameters
         fixed; "constant" for an output that never changes (its start is its value).
+    on : of an array, which of PLACES its rows belong to; "": its number of rows tells, and nothing where two have it.
     Raises ValueError where these do not fit together.
     """
 
@@ -54,12 +51,15 @@ class Variable:
     kind: str = "Real"
     variability: str = ""
     description: str = ""
+    on: str = ""
 
     def __post_init__(self) -> None:
         if self.causality not in CAUSALITIES or self.kind not in KINDS:
             raise ValueError(f"variable {self.name}: causality {self.causality}, kind {self.kind} are not known")
         if self.shape and self.kind != "Real":
             raise ValueError(f"variable {self.name}: only a Real may be an array")
+        if self.on and (self.on not in PLACES or not self.shape):
+            raise ValueError(f"variable {self.name}: on {self.on!r} is for arrays, and one of {', '.join(PLACES)}")
         if isinstance(self.start, str) != (self.kind == "String"):
             raise ValueError(f"variable {self.name}: start {self.start!r} does not suit a {self.kind}")
         if self.kind == "Real" and np.shape(self.start) not in ((), self.shape):

@@ -18,10 +18,10 @@ Floats = NDArray[np.float64]
 _KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "triangle": (ElementTriP1, 2)}
 
 @dataclass(frozen=True)
-class Table:
+class CellQuadrature:
     """Shape functions of one kind of cell at its quadrature points.
 
-    N : (nq, nn).  dN : (nq, nn, 2), derivatives by reference coordinates.  w : (nq,), weights.
+    N : (nq, nn) [1].  dN : (nq, nn, 2) [1], derivatives by reference coordinates.  w : (nq,) weights [1].
     """
 
     N: Floats
@@ -30,12 +30,12 @@ class Table:
 
 
 @cache
-def table_of(kind: str) -> Table:
-    """The table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
+def table_of(kind: str) -> CellQuadrature:
+    """Return the table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
     element_type, order = _KINDS[kind]
     element = element_type()
     X, w = get_quadrature(element.refdom, order)
     basis = [element.lbasis(X, i) for i in range(element.refdom.nnodes)]
     N = np.array([np.broadcast_to(phi, w.shape) for phi, _ in basis]).T
     dN = np.array([np.broadcast_to(dphi, X.shape) for _, dphi in basis]).transpose(2, 0, 1)
-    return Table(np.ascontiguousarray(N, dtype=float), np.ascontiguousarray(dN, dtype=float), np.array(w))
+    return CellQuadrature(np.ascontiguousarray(N, dtype=float), np.ascontiguousarray(dN, dtype=float), np.array(w))

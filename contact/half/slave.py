@@ -24,18 +24,19 @@ from pythonfmu.enums import Fmi2Status
 from contact.half.interface import Interface
 from contact.half.layout import Layout, checked_output, layout_of, standard_variables
 from contact.half.model import Discard, Done, Floats, HalfModel, Value, Values, load_directory
-from contact.half.state import StateError, from_bytes, kept, to_bytes
+from contact.half.state import StateError, from_bytes, frozen_copy, to_bytes
 from contact.messages import Reply, Request
 from contact.rpc.link import Link
 from contact.rpc.open import open_link
 
-# The values of a half's FMI variables: one float64 array for all Reals, where value reference = place.
-
 WELL, DISCARDED, FAILED, INTERRUPTED = range(4)  # status.code
 
 
-class Store:
-    """reals : (layout.n_real,).  integers, texts : in the order of the layout."""
+class VariableStore:
+    """The values of a half's FMI variables.
+
+    reals : (layout.n_real,) of all Reals, where value reference = place.  integers, texts : in the order of the layout.
+    """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
@@ -47,7 +48,7 @@ class Store:
     # By value reference, as FMI asks
 
     def get_reals(self, vrs: list[int]) -> list[float]:
-        """Values, in a list of their own length.  Raises ValueError for a reference that is no Real."""
+        """Return values, in a list of their own length.  Raises ValueError for a reference that is no Real."""
         values: list[float] = self.reals[self._place(vrs)].tolist()
         return values
 
@@ -60,17 +61,23 @@ class Store:
         self.reals[place] = np.fromiter(values, np.float64, len(values))
 
     def integer_at(self, vr: int, settable: bool = False) -> int:
-        """Place in integers of a value reference.  Raises ValueError for another kind, or where not settable."""
+        """Return the place in integers of a value reference.
+
+        Raises ValueError for another kind, or where not settable.
+        """
         return self._among(vr, "Integer", self.layout.n_real, settable)
 
     def text_at(self, vr: int, settable: bool = False) -> int:
-        """Place in texts of a value reference.  Raises ValueError for another kind, or where not settable."""
+        """Return the place in texts of a value reference.
+
+        Raises ValueError for another kind, or where not settable.
+        """
         return self._among(vr, "String", self.layout.n_real + len(self.layout.integers), settable)
 
     # By name, as the half asks
 
     def text(self, name: str) -> str:
-        """A text by its variable's name."""
+        """Return a text by its variable's name."""
         return self.texts[self.text_at(self.layout.first[name])]
 
     def set_text(self, name: str, value: str) -> None:
@@ -78,7 +85,7 @@ class Store:
         self.texts[self.text_at(self.layout.first[name])] = value
 
     def inputs(self) -> Values:
-        """What is set from outside, by name; copies, so that no model holds what changes under it."""
+        """Return copies of what is set from outside, by name, so that no model holds what changes under it."""
         store = self.reals[: self.layout.n_set].copy()
         store.flags.writeable = False
         values: dict[str, Value] = {name: store[a:b].reshape(shape) if shape else float(store[a])
@@ -89,14 +96,14 @@ class Store:
         return values
 
     def input_refused(self) -> str:
-        """Why the inputs cannot be used: the name of one that is not finite, or ""."""
+        """Return why the inputs cannot be used: the name of one that is not finite, or ""."""
         if np.isfinite(self.reals[: self.layout.n_set]).all():
             return ""
         name = (self.layout.not_finite(self.reals, "input") or self.layout.not_finite(self.reals, "parameter"))
         return f"input {name} holds a value that is not finite"
 
     def take_outputs(self, outputs: Values) -> str:
-        """Write outputs, all or none; why they are refused (one is not finite), or "".
+        """Write outputs, all or none; return why they are refused (one is not finite), or "".
 
         Raises ValueError for an output of another shape or kind, KeyError for one that was not declared: bugs.
         """
@@ -129,7 +136,7 @@ class Store:
     # Inside
 
     def _place(self, vrs: list[int]) -> slice | NDArray[np.intp]:
-        """Where value references lie; a slice if they are consecutive (the whole list is compared, not its ends)."""
+        """Return where value references lie; a slice if they are consecutive (the whole list is compared)."""
         n = len(vrs)
         if n == 0:
             return slice(0, 0)
@@ -153,17 +160,15 @@ class Store:
         return vr - start
 
 
-# A link to the contact service that opens when first asked, so that a half without contact opens none.
-
 class LinkOnDemand:
-    """A link (contact.link.Link) by its text."""
+    """A link (contact.rpc.link.Link) by its text, opened by its first request."""
 
     def __init__(self, spec: str) -> None:
         self.spec = spec
         self._link: Link | None = None
 
     def ask(self, request: Request) -> Reply:
-        """The reply to a request.  Raises contact.link.LinkError."""
+        """Ask the service.  Raises contact.rpc.link.LinkError."""
         if self._link is None:
             self._link = open_link(self.spec)
         return self._link.ask(request)
@@ -180,7 +185,7 @@ TEXT_LENGTH = 1500  # characters of one message: hosts cut at 2047
 
 
 def plain(text: str) -> str:
-    """A text any host's logger can take: hosts pass it to printf, where a percent sign writes to memory."""
+    """Make a text safe for any host's logger: hosts pass it to printf, where a percent sign writes to memory."""
     return text.replace("%", " percent").replace("\0", " ").encode("utf-8", "replace").decode("utf-8")
 
 
@@ -202,7 +207,7 @@ class Saved:
 
 @dataclass(frozen=True)
 class Unread:
-    """Bytes of a state, not looked at yet: the native wrapper gives no way to refuse them."""
+    """Bytes of a state that are decoded later: the native wrapper gives no way to refuse them."""
 
     data: bytes
 
@@ -225,7 +230,7 @@ def guarded(fallback: Callable[..., Any]) -> Callable[[Callable[..., Any]], Call
 
 
 def _is_refusal(exc: BaseException) -> bool:
-    """A computation that a half says cannot be done (its own ArithmeticError), not Python's: those are bugs."""
+    """Return whether a half refused a computation (its own ArithmeticError); Python's are bugs."""
     return isinstance(exc, ArithmeticError) and type(exc).__module__ != "builtins"
 
 
@@ -256,7 +261,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
             interface, model = load_directory(Path(resources))
             self._model: HalfModel | None = type(self).load(interface, model)
             hashes = " ".join(f"{k}:{v}" for k, v in self.packages.items())
-            self._store = Store(layout_of(self._model.variables, standard_variables(interface, hashes)))
+            self._store = VariableStore(layout_of(self._model.variables, standard_variables(interface, hashes)))
         except (ValueError, OSError) as exc:
             raise RuntimeError(plain(f"the half cannot be made: {exc}")) from None
         except Exception as exc:  # noqa: BLE001 a bug: the text below is all the host will ever show
@@ -295,7 +300,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
 
     @guarded(lambda slave, t, h: False)
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """One substep; False (a discard) leaves everything but status.* as it was."""
+        """Take one substep; False (a discard) leaves everything but status.* as it was."""
         if self._broken or self._model is None or not self._started:
             self._report(FAILED, self._broken or "a step was asked of a half that is not initialised")
             return False
@@ -334,7 +339,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
 
     @guarded(lambda slave, vrs: [math.nan] * len(vrs))
     def get_real(self, vrs: list[int]) -> list[float]:
-        """Reals by value reference; always a list of full length."""
+        """Return Reals by value reference; always a list of full length."""
         return self._store.get_reals(vrs)
 
     @guarded(_nothing)
@@ -344,7 +349,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
 
     @guarded(lambda slave, vrs: [FAILED] * len(vrs))
     def get_integer(self, vrs: list[int]) -> list[int]:
-        """Integers by value reference."""
+        """Return Integers by value reference."""
         return [self._store.integers[self._store.integer_at(vr)] for vr in vrs]
 
     @guarded(_nothing)
@@ -355,7 +360,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
 
     @guarded(lambda slave, vrs: [""] * len(vrs))
     def get_string(self, vrs: list[int]) -> list[str]:
-        """Texts by value reference."""
+        """Return texts by value reference."""
         return [plain(self._store.texts[self._store.text_at(vr)]) for vr in vrs]
 
     @guarded(_nothing)
@@ -370,7 +375,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
     def _get_fmu_state(self) -> Saved:
         # self._state is a private copy already and cannot be written to: sharing it is safe.
         store = self._store
-        return Saved(self.identity, self._time, kept(store.reals), tuple(store.integers), tuple(store.texts),
+        return Saved(self.identity, self._time, frozen_copy(store.reals), tuple(store.integers), tuple(store.texts),
                      self._state, self._started)
 
     @guarded(_nothing)
@@ -400,8 +405,8 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
     # Inside
 
     def _accept(self, state: Any, outputs: Values, time: float) -> str:
-        """Take a state and outputs over, all or nothing; why they are refused, or ""."""
-        state = kept(state)
+        """Take a state and outputs over, all or nothing; return why they are refused, or ""."""
+        state = frozen_copy(state)
         refusal = self._store.take_outputs(outputs)
         if not refusal:
             self._state, self._time = state, time

@@ -24,14 +24,14 @@ _KINDS = "biufcS"  # of array elements: no objects, whose bytes are addresses
 
 
 class StateError(ValueError):
-    """A state holds what cannot be kept, or bytes are not a state of this version and half."""
+    """A state has a part of a type that cannot be stored, or bytes are not a state of this version and half."""
 
 
-def kept(value: Any, where: str = "state") -> Any:
-    """A copy nobody else holds: arrays read-only, C or Fortran order as they were, never strided views.
+def frozen_copy(value: Any, where: str = "state") -> Any:
+    """Copy a value for a state: arrays read-only, C or Fortran order as they were, never strided views.
 
     The order of an array is part of it: sums over other strides may round otherwise.
-    Raises StateError naming the part that cannot be kept.
+    Raises StateError naming the part that cannot be stored.
     """
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in _KINDS:
@@ -43,17 +43,17 @@ def kept(value: Any, where: str = "state") -> Any:
     if value is None or isinstance(value, (bool, int, float, str, bytes, np.generic)):
         return value
     if isinstance(value, tuple):
-        return tuple(kept(v, f"{where}[{i}]") for i, v in enumerate(value))
+        return tuple(frozen_copy(v, f"{where}[{i}]") for i, v in enumerate(value))
     if isinstance(value, dict):
-        return {_text(k, where): kept(v, f"{where}[{k!r}]") for k, v in value.items()}
+        return {_text(k, where): frozen_copy(v, f"{where}[{k!r}]") for k, v in value.items()}
     if is_dataclass(value) and not isinstance(value, type):
-        return _rebuilt(type(value), {f.name: kept(getattr(value, f.name), f"{where}.{f.name}")
+        return _rebuilt(type(value), {f.name: frozen_copy(getattr(value, f.name), f"{where}.{f.name}")
                                       for f in fields(value)})
     raise StateError(f"{where}: a {type(value).__name__} cannot be kept in a state")
 
 
 def to_bytes(value: Any) -> bytes:
-    """Deterministic bytes of a state.  Raises StateError naming the part that cannot be kept."""
+    """Write a state as deterministic bytes.  Raises StateError naming the part that cannot be stored."""
     arrays: list[np.ndarray] = []
     header = json.dumps(_tree(value, arrays, "state"), separators=(",", ":")).encode()
     body = (a.tobytes(order="A") for a in arrays)
@@ -61,7 +61,7 @@ def to_bytes(value: Any) -> bytes:
 
 
 def from_bytes(data: bytes, packages: Collection[str]) -> Any:
-    """The state behind bytes made by to_bytes.
+    """Restore the state behind bytes made by to_bytes.
 
     packages : top-level packages whose dataclasses may be made; nothing else is imported or called.
     Raises StateError where the bytes are cut, of another version, or name what is not there.
@@ -116,7 +116,7 @@ def _tree(value: Any, arrays: list[np.ndarray], where: str) -> Any:
 
 
 def _value(tree: Any, data: bytes, at: int, packages: Collection[str]) -> tuple[Any, int]:
-    """The value of a tree whose arrays begin at byte `at`, and the byte after them."""
+    """Return the value of a tree whose arrays begin at byte `at`, and the byte after them."""
     if not isinstance(tree, dict):
         return tree, at
     if "a" in tree or "g" in tree:
@@ -157,16 +157,16 @@ def _class(of: str, packages: Collection[str]) -> type:
     module, _, path = of.partition(":")
     if module.partition(".")[0] not in packages:
         raise StateError(f"a state may not hold {of}: only classes of {', '.join(sorted(packages))}")
-    found: Any = importlib.import_module(module)
+    target: Any = importlib.import_module(module)
     for part in path.split("."):
-        found = getattr(found, part, None)
-    if not (isinstance(found, type) and is_dataclass(found)):
+        target = getattr(target, part, None)
+    if not (isinstance(target, type) and is_dataclass(target)):
         raise StateError(f"{of} is not a dataclass")
-    return found
+    return target
 
 
 def _rebuilt(kind: type, values: dict[str, Any]) -> Any:
-    """An instance with exactly these fields, made without __init__: the values were checked when first made."""
+    """Make an instance with exactly these fields, without __init__: the values were checked when first made."""
     expected = [f.name for f in fields(kind)]
     if sorted(expected) != sorted(values):
         raise StateError(f"{kind.__qualname__} has fields {expected}, the state {sorted(values)}")

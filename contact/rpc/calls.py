@@ -1,7 +1,7 @@
-"""The front desk of a server: which call is new, which is known, which is refused.  No transport in here.
+"""The calls of a server: a queue that carries each out once, and their statistics.  No transport in here.
 
 A client numbers its calls 1, 2, 3, ... and repeats a call under its number when no answer came.  So that a
-call is never carried out twice, the desk keeps the last answers of every client, lets a repeated call wait
+call is never carried out twice, the queue keeps the last answers of every client, lets a repeated call wait
 for the answer of the first, and refuses numbers it has already forgotten.
 """
 
@@ -28,7 +28,7 @@ _ENVELOPE = re.compile(r"([A-Za-z0-9_-]+)/([A-Za-z0-9_-]+)/([0-9]{1,18})")
 
 @dataclass(frozen=True)
 class Envelope:
-    """instance : whom the call is for.  client : who calls.  number : which of the client's calls."""
+    """The label of a call.  instance : whom it is for.  client : who calls.  number : which of the client's calls."""
 
     instance: str
     client: str
@@ -39,21 +39,21 @@ class Envelope:
 
 
 def parse_envelope(text: str) -> Envelope | None:
-    """The envelope in a text; None where it is not one."""
+    """Parse an envelope; None where the text is not one."""
     match = _ENVELOPE.fullmatch(text)
     return Envelope(match[1], match[2], int(match[3])) if match else None
 
 
 @dataclass(frozen=True)
 class Answered:
-    """What a call is answered.  ok : payload is a reply's bytes; else it is the UTF-8 text `code: message`."""
+    """The answer to a call.  ok : payload is a reply's bytes; else it is the UTF-8 text `code: message`."""
 
     ok: bool
     payload: bytes
 
 
 def failure(code: str, message: str) -> Answered:
-    """What is said to a call that gets no reply, and why."""
+    """Make the answer to a call that gets no reply, and why."""
     return Answered(False, f"{code}: {message}".encode())
 
 
@@ -72,8 +72,8 @@ class _Client(Generic[Waiter]):
     answers: OrderedDict[int, Answered] = field(default_factory=OrderedDict)
 
 
-class Desk(Generic[Waiter]):
-    """Takes calls from any thread and hands new ones to one worker, in order."""
+class CallQueue(Generic[Waiter]):
+    """Take calls from any thread and hand new ones to one worker, in order."""
 
     def __init__(self, instance: str) -> None:
         self.instance = instance
@@ -82,7 +82,7 @@ class Desk(Generic[Waiter]):
         self._lock = Lock()
 
     def arrive(self, label: str, payload: bytes, waiter: Waiter) -> Answered | None:
-        """What to answer at once, or None: the waiter gets its answer from `finish`."""
+        """Return what to answer at once, or None: the waiter gets its answer from `finish`."""
         envelope = parse_envelope(label)
         if envelope is None:
             return failure("bad_request", f"{label!r} is not instance/client/number")
@@ -105,7 +105,7 @@ class Desk(Generic[Waiter]):
         return None
 
     def finish(self, call: Call, answered: Answered) -> list[Waiter]:
-        """Keep the answer of a call carried out; returns all who wait for it."""
+        """Store the answer of a call carried out; return all who wait for it."""
         with self._lock:
             client = self._client(call.envelope.client)
             client.answers[call.envelope.number] = answered
@@ -123,7 +123,7 @@ class Desk(Generic[Waiter]):
         return client
 
 
-# What a server was asked, verb by verb: how often, how long it took, how many bytes.
+# Statistics of calls
 
 RECENT = 10_000  # calls a verb whose seconds are kept, for the median
 
@@ -145,8 +145,11 @@ class Verb:
 
 
 @dataclass(frozen=True)
-class Told:
-    """By name of the message that asks, in the order of their first calls.  since : seconds the server has lived."""
+class ServerStats:
+    """Statistics of a server's calls.
+
+    since : seconds the server has lived.  verbs : by name of the request, in the order of their first calls.
+    """
 
     since: float
     verbs: Mapping[str, Verb]
@@ -162,8 +165,8 @@ class _Count:
     recent: array[float] = field(default_factory=lambda: array("d"))
 
 
-class Tally:
-    """Counts calls; may be read from any thread while they go on."""
+class CallStats:
+    """Count calls; may be read from any thread while they go on."""
 
     def __init__(self) -> None:
         self._started = time.perf_counter()
@@ -171,7 +174,7 @@ class Tally:
         self._lock = Lock()
 
     def add(self, verb: str, seconds: float, bytes_in: int, bytes_out: int) -> None:
-        """One call more."""
+        """Count one call."""
         with self._lock:
             c = self._counts.setdefault(verb, _Count())
             if len(c.recent) < RECENT:
@@ -180,20 +183,20 @@ class Tally:
                 c.recent[c.count % RECENT] = seconds
             c.count += 1
             c.total += seconds
-            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_tally
+            # fault: the longest call is the shortest -> c.most = min(c.most, seconds) | contact/test_call_stats
             c.most = max(c.most, seconds)
             c.bytes_in += bytes_in
             c.bytes_out += bytes_out
 
-    def told(self) -> Told:
-        """All of it so far."""
+    def so_far(self) -> ServerStats:
+        """Return the statistics so far."""
         with self._lock:
-            return Told(time.perf_counter() - self._started, {
+            return ServerStats(time.perf_counter() - self._started, {
                 verb: Verb(c.count, c.total, median(c.recent), c.most, c.bytes_in, c.bytes_out)
                 for verb, c in self._counts.items()})
 
 
-def lines(told: Told) -> list[str]:
-    """The same for a log, a line a verb."""
+def lines(stats: ServerStats) -> list[str]:
+    """Format statistics for a log, a line a verb."""
     return [f"{name}: {v.count} calls, {v.total:.4g} s (median {v.typical:.3g} s, most {v.most:.3g} s), "
-            f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in told.verbs.items()]
+            f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in stats.verbs.items()]

@@ -1,4 +1,4 @@
-"""How a process behaves that a coupler started and will reap.
+"""Behaviour of a process that a coupler started and will reap.
 
 It lives exactly as long as its standard input is open at the other end: the kernel closes that pipe however
 the parent ends.  It ignores Ctrl-C (the parent gets it too, and reaps in order).  Its standard output is a
@@ -28,11 +28,11 @@ class Parent:
         self._lines = lines
 
     def say(self, line: str) -> None:
-        """One line to the parent."""
+        """Send one line to the parent."""
         os.write(self._output, f"{line}\n".encode())
 
     def hear(self, timeout: float) -> str:
-        """The next line from the parent.  Raises TimeoutError."""
+        """Wait for the next line from the parent.  Raises TimeoutError."""
         try:
             return self._lines.get(timeout=timeout)
         except Empty:

@@ -1,4 +1,4 @@
-"""The client's side of a call: a deadline, repeats under one number, and telling the slow from the dead."""
+"""The client's side of a call: a deadline, repeats under one number, and the difference between slow and dead."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any, cast
 
 from contact.codec import REPLIES, Kinds, WireError, decode, encode, kinds_of
 from contact.messages import Refused, Register, Registered, Reply, Request
-from contact.rpc.calls import Envelope, Told
+from contact.rpc.calls import Envelope, ServerStats
 from contact.rpc.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
 from contact.rpc.server import keys_of
-from contact.rpc.zenoh_session import CONNECT_TIMEOUT, Answer, Session, close_session, open_session
+from contact.rpc.zenoh_session import CONNECT_TIMEOUT, QueryAnswer, Session, close_session, open_session
 
 CALL_DEADLINE = 300.0  # s; a first request may compile kernels on a busy machine, a death is noticed at once
 STATUS_TIMEOUT = 2.0  # s
 RESTART_GRACE = 1.5  # s a client waits for a new instance after its service died
 PAUSES = (0.01, 0.02, 0.05, 0.1)  # s between repeats of a call; the last one stays
 
-TALLY = kinds_of([Told])
+STATS = kinds_of([ServerStats])
 
 
 def _nothing() -> None:
@@ -28,9 +28,9 @@ def _nothing() -> None:
 
 
 class Client:
-    """Calls one server, one call at a time.
+    """Call one server, one call at a time.
 
-    instance : which life of the server; found by its token when not given (exactly one must be alive).
+    instance : which life of the server; taken from its token when not given (exactly one must be alive).
     watch : called every quarter of a second while waiting; it may raise what ends the wait.
     """
 
@@ -45,7 +45,7 @@ class Client:
         self._pin(instance or self.find(CONNECT_TIMEOUT))
 
     def call(self, request: Any, deadline: float | None = None) -> Any:
-        """The reply to a request.
+        """Call the server; return the reply to a request.
 
         deadline : seconds, the client's own if not given.  Raises LinkError, or WireError for a request that
         cannot be sent.
@@ -70,7 +70,7 @@ class Client:
         raise AssertionError("the pauses never end")
 
     def find(self, patience: float) -> str:
-        """The one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
+        """Wait for the one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
         until = time.monotonic() + patience
         for pause in _pauses():
             alive = self._alive()
@@ -89,17 +89,17 @@ class Client:
         self._pin(self.find(patience))
 
     def status(self) -> str:
-        """What the server says of itself, on another thread than the one that may be stuck."""
+        """Ask what the server does, which another thread answers than the one that may be stuck."""
         answers = self._session.ask(self._keys.status, b"", "", STATUS_TIMEOUT, self._watch)
         return next((a.payload.decode() for a in answers if a.ok), "silent")
 
-    def tally(self) -> Told:
-        """What the server was asked so far, by all its clients.  Raises LinkError."""
-        answers = self._session.ask(self._keys.tally, b"", "", STATUS_TIMEOUT, self._watch)
-        told = next((a.payload for a in answers if a.ok), None)
-        if told is None:
+    def stats(self) -> ServerStats:
+        """Ask for the statistics of the server's calls, of all its clients.  Raises LinkError."""
+        answers = self._session.ask(self._keys.stats, b"", "", STATUS_TIMEOUT, self._watch)
+        payload = next((a.payload for a in answers if a.ok), None)
+        if payload is None:
             raise ServiceDownError(f"{self._role} does not say what it was asked")
-        return cast(Told, self._decoded(told, "tally", TALLY))
+        return cast(ServerStats, self._decoded(payload, "call statistics", STATS))
 
     def _pin(self, instance: str) -> None:
         self._instance = instance
@@ -109,7 +109,7 @@ class Client:
         found = self._session.tokens(keys_of(self._run, self._role, "*").token, self._watch)
         return {key.rsplit("/", 1)[1] for key in found}
 
-    def _opened(self, answers: list[Answer], envelope: Envelope, what: str) -> Any:
+    def _opened(self, answers: list[QueryAnswer], envelope: Envelope, what: str) -> Any:
         # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own
         # words count, and the same words twice are one answer.
         said = [a for a in answers if a.ok or a.spoken]
@@ -132,7 +132,7 @@ class Client:
             raise LinkProtocolError(f"{what}: {exc}") from exc
 
 
-def _busy(answer: Answer) -> bool:
+def _busy(answer: QueryAnswer) -> bool:
     return not answer.ok and answer.spoken and answer.payload.startswith(b"busy:")
 
 
@@ -145,7 +145,7 @@ def _pauses() -> Iterator[float]:
 class ZenohLink:
     """The contact service of a run, in its own process.
 
-    A service started anew knows no surfaces: the link keeps what was registered and registers it again.
+    A service started anew has no surfaces: the link stores what was registered and registers it again.
     """
 
     def __init__(self, endpoint: str, run: str, *, deadline: float = CALL_DEADLINE,
@@ -179,10 +179,10 @@ class ZenohLink:
         reply = self._call(request)
         unknown = isinstance(reply, Refused) and reply.code == "unknown_surfaces"
         if unknown and not isinstance(request, Register):
-            known = self._registered.get(request.surfaces)
-            # fault: the next life of the service is not told the surfaces -> if known is None and
-            #   isinstance(self._call(known), Registered): | contact/test_killed
-            if known is not None and isinstance(self._call(known), Registered):
+            registered = self._registered.get(request.surfaces)
+            # fault: the next life of the service is not told the surfaces -> if registered is None and
+            #   isinstance(self._call(registered), Registered): | contact/test_killed
+            if registered is not None and isinstance(self._call(registered), Registered):
                 return self._call(request)
         return reply
 

@@ -1,4 +1,4 @@
-"""How one asks the contact service, wherever it is: one method, three ways that give bitwise the same reply.
+"""Links to the contact service: one method, three transports that give bitwise the same reply.
 
     LinkError
     |-- LinkSpecError      the link's text is wrong, or names an address that is not allowed
@@ -41,10 +41,10 @@ class LinkProtocolError(LinkError):
 
 
 class Link(Protocol):
-    """The way to a contact service."""
+    """A connection to a contact service."""
 
     def ask(self, request: Request) -> Reply:
-        """The reply to a request.  Raises LinkError."""
+        """Ask the service; return its reply.  Raises LinkError."""
         ...
 
     def close(self) -> None: ...

@@ -1,4 +1,4 @@
-"""The link to a contact service that a text describes."""
+"""Open the link to a contact service that a text describes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
 
 
 def open_link(spec: str) -> Link:
-    """The link a text describes: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own process).
+    """Open a link: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own process).
 
     zenoh is imported only when asked for: an embedded run has no threads and no sockets of it.
     Raises LinkSpecError for any other text, ServiceDownError where no service listens.

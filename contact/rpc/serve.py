@@ -34,7 +34,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
 
     def end() -> None:
         """What is done when the parent is gone, on another thread than the one that may be deep in its work."""
-        log_tally(served)
+        log_call_stats(served)
         close_all_sessions()
 
     if options.child:
@@ -46,7 +46,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
     try:
         _serve(handle, session, options.run, say, stoppable=not options.child, served=served)
     finally:
-        log_tally(served)
+        log_call_stats(served)
         close_session(session)
     if options.child:
         # Nothing is left to do, and an interpreter with native threads does not always end quietly.
@@ -55,10 +55,10 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
     return 0
 
 
-def log_tally(served: list[Server]) -> None:
-    """Say once, in the log, what the server was asked; it is forgotten then."""
+def log_call_stats(served: list[Server]) -> None:
+    """Write the statistics of the server's calls to the log, once."""
     while served:
-        for line in lines(served.pop().tally.told()):
+        for line in lines(served.pop().stats.so_far()):
             print(line, file=sys.stderr, flush=True)
 
 

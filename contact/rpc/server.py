@@ -1,10 +1,10 @@
-"""The server's side of a call: one worker, each call once, and a word on what it is busy with.
+"""The server's side of a call: one worker, each call once, and a status that other threads can read.
 
 Keys, with a random instance for every life of a server, so that an answer of a former life is never taken for
-one of this, and two servers of one role are seen instead of silently both being heard:
+one of this, and two servers of one role are detected instead of silently both being heard:
     slideline/RUN/ROLE/INSTANCE/v1/ask      the calls; the label is the envelope (contact.rpc.calls)
-    slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, in words
-    slideline/RUN/ROLE/INSTANCE/v1/tally    what it was asked so far (contact.rpc.calls), a message
+    slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, as a text
+    slideline/RUN/ROLE/INSTANCE/v1/stats    counts and times of its calls so far (contact.rpc.calls), a message
     slideline/RUN/alive/ROLE/INSTANCE       the token
 """
 
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from contact.codec import Kinds, WireError, decode, encode
-from contact.rpc.calls import Answered, Desk, Tally, failure
+from contact.rpc.calls import Answered, CallQueue, CallStats, failure
 from contact.rpc.link import LinkError
 from contact.rpc.zenoh_session import Question, Session
 
@@ -32,44 +32,44 @@ class Keys:
 
     ask: str
     status: str
-    tally: str
+    stats: str
     token: str
 
 
 def keys_of(run: str, role: str, instance: str) -> Keys:
-    """instance : `*` makes patterns for all."""
+    """Return the keys of a life of a server; instance : `*` makes patterns for all."""
     base = f"slideline/{run}/{role}/{instance}/v1"
-    return Keys(f"{base}/ask", f"{base}/status", f"{base}/tally", f"slideline/{run}/alive/{role}/{instance}")
+    return Keys(f"{base}/ask", f"{base}/status", f"{base}/stats", f"slideline/{run}/alive/{role}/{instance}")
 
 
 class Server:
-    """Answers calls on a session.  `work` does so on the thread that calls it, one call after the other."""
+    """Answer calls on a session.  `work` does so on the thread that calls it, one call after the other."""
 
     def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
         self.instance = secrets.token_hex(6)
         self._requests = requests
-        self._desk: Desk[Question] = Desk(self.instance)
+        self._calls: CallQueue[Question] = CallQueue(self.instance)
         self._busy: tuple[str, float] | None = None
-        self.tally = Tally()
+        self.stats = CallStats()
         self._served = 0
         self._keys = keys_of(run, role, self.instance)
         self._declared = [
             session.answer(self._keys.ask, self._arrive),
             session.answer(self._keys.status, self._tell_status),
-            session.answer(self._keys.tally, self._tell_tally),
+            session.answer(self._keys.stats, self._tell_stats),
             session.show_token(self._keys.token),
         ]
 
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
-        while (call := self._desk.queue.get()) is not None:
+        while (call := self._calls.queue.get()) is not None:
             answered = self._carry_out(call.payload, handle)
-            for question in self._desk.finish(call, answered):
+            for question in self._calls.finish(call, answered):
                 self._answer(question, answered)
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""
-        self._desk.queue.put(None)
+        self._calls.queue.put(None)
 
     def __enter__(self) -> Self:
         return self
@@ -81,12 +81,12 @@ class Server:
     def _carry_out(self, payload: bytes, handle: Callable[[Any], Any]) -> Answered:
         started = time.monotonic()
         verb, answered = self._done(payload, handle, started)
-        self.tally.add(verb, time.monotonic() - started, len(payload), len(answered.payload))
+        self.stats.add(verb, time.monotonic() - started, len(payload), len(answered.payload))
         self._served += 1
         return answered
 
     def _done(self, payload: bytes, handle: Callable[[Any], Any], started: float) -> tuple[str, Answered]:
-        """The verb, and the answer."""
+        """Carry out a call; return the verb and the answer."""
         try:
             request = decode(payload, self._requests)
         except WireError as exc:
@@ -102,7 +102,7 @@ class Server:
             self._busy = None
 
     def _arrive(self, question: Question) -> None:
-        answered = self._desk.arrive(question.label, question.payload, question)
+        answered = self._calls.arrive(question.label, question.payload, question)
         if answered is not None:
             self._answer(question, answered)
 
@@ -115,8 +115,8 @@ class Server:
     def _tell_status(self, question: Question) -> None:
         busy = self._busy
         doing = f"busy with {busy[0]} for {time.monotonic() - busy[1]:.1f} s" if busy else "idle"
-        text = f"{doing}, {self._desk.queue.qsize()} waiting, {self._served} served"
+        text = f"{doing}, {self._calls.queue.qsize()} waiting, {self._served} served"
         question.answer(self._keys.status, True, text.encode())
 
-    def _tell_tally(self, question: Question) -> None:
-        question.answer(self._keys.tally, True, encode(self.tally.told()))
+    def _tell_stats(self, question: Question) -> None:
+        question.answer(self._keys.stats, True, encode(self.stats.so_far()))

@@ -1,4 +1,4 @@
-"""The only file that touches zenoh: sessions on loopback, and the four things done on them.
+"""Sessions of zenoh on loopback, and the four things done on them; the only file that imports zenoh.
 
 Traits of zenoh that shape this file.  A plain configuration listens on every interface and calls out by
 multicast: every endpoint is named here.  Every failure looks alike, an empty list of replies; the token of
@@ -31,8 +31,8 @@ _LOOPBACK = re.compile(r"tcp/(?:127\.0\.0\.1|\[::1\]|localhost):([0-9]{1,5})")
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What came back of a query.
+class QueryAnswer:
+    """An answer to a query.
 
     ok : a reply.  Else an error: in the answerer's own words if `spoken`, else in zenoh's (its timeout).
     label : the attachment.
@@ -83,19 +83,19 @@ class Session:
         return self._zenoh.declare_queryable(key, handler, complete=True)
 
     def show_token(self, key: str) -> Any:
-        """A token that vanishes with this process or its connection; undeclare() the result to end it."""
+        """Declare a token that vanishes with this process or its connection; undeclare() the result to end it."""
         return self._zenoh.liveliness().declare_token(key)
 
     def tokens(self, key: str, watch: Callable[[], None]) -> set[str]:
-        """The keys of all tokens that match."""
+        """Return the keys of all tokens that match."""
         def get(handler: Any) -> None:
             self._zenoh.liveliness().get(key, handler, timeout=1.0)
 
         return {str(r.ok.key_expr) for r in self._collect(get, 1.0, watch) if r.ok is not None}
 
     def ask(self, key: str, payload: bytes, label: str, timeout: float,
-            watch: Callable[[], None]) -> list[Answer]:
-        """The answers to a question, up to the first that somebody spoke; zenoh's own words may come before it.
+            watch: Callable[[], None]) -> list[QueryAnswer]:
+        """Ask a question; return the answers up to the first of a server's own; zenoh's own words may come before it.
 
         None at all: nobody has the key, or its owner died, or the line is cut.
         timeout : seconds.  watch : called while waiting; may raise what ends the wait.
@@ -105,10 +105,10 @@ class Session:
                             timeout=timeout, target=zenoh.QueryTarget.BEST_MATCHING,
                             consolidation=zenoh.ConsolidationMode.NONE)
 
-        answers: list[Answer] = []
+        answers: list[QueryAnswer] = []
         for reply in self._collect(get, timeout, watch):
             answers.append(answer := _answer(reply))
-            # fault: an answer waits for the end of its question -> if answer is None: | contact/test_tally
+            # fault: an answer waits for the end of its question -> if answer is None: | contact/test_call_stats
             if answer.ok or answer.spoken:  # zenoh says that nothing more comes a tenth of a millisecond later
                 break
         return answers
@@ -134,12 +134,12 @@ class Session:
             yield reply
 
 
-def _answer(reply: Any) -> Answer:
+def _answer(reply: Any) -> QueryAnswer:
     if reply.ok is not None:
         attachment = reply.ok.attachment
         label = attachment.to_string() if attachment is not None else ""
-        return Answer(True, True, label, reply.ok.payload.to_bytes())
-    return Answer(False, str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
+        return QueryAnswer(True, True, label, reply.ok.payload.to_bytes())
+    return QueryAnswer(False, str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
 
 
 _sessions: list[Session] = []
@@ -147,7 +147,7 @@ _sessions_lock = Lock()
 
 
 def open_session(*, listen: Iterable[str] = (), connect: Iterable[str] = ()) -> Session:
-    """A session with these endpoints: one this process has open already, or a new one.
+    """Open a session with these endpoints: one this process has open already, or a new one.
 
     listen : `tcp/127.0.0.1:0` takes a free port; the session says which.  Give it back with close_session.
     Raises LinkSpecError for an endpoint that is not loopback, ServiceDownError where a connect endpoint does
@@ -158,8 +158,8 @@ def open_session(*, listen: Iterable[str] = (), connect: Iterable[str] = ()) -> 
         check_loopback(endpoint)
     with _sessions_lock:
         for session in _sessions:
-            known = {*session.listen, *session.connect}
-            if session.pid == os.getpid() and not wanted_listen and known.issuperset(wanted_connect):
+            endpoints = {*session.listen, *session.connect}
+            if session.pid == os.getpid() and not wanted_listen and endpoints.issuperset(wanted_connect):
                 session.users += 1
                 return session
         session = _open(wanted_listen, wanted_connect)
@@ -184,7 +184,7 @@ def close_all_sessions() -> None:
 
 
 def check_loopback(endpoint: str) -> None:
-    """Raises LinkSpecError unless the endpoint is TCP on this machine's loopback.
+    """Check that an endpoint is TCP on this machine's loopback.  Raises LinkSpecError.
 
     There is no encryption and no password on these links, so nobody elsewhere may reach them.
     """

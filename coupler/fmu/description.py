@@ -14,19 +14,22 @@ import re
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.layout import VENDOR
+from contact.half.model import PLACES
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
 
-_CACHE_VERSION = 1
+_CACHE_VERSION = 2
 _INDEXED = re.compile(r"^(.+)\[(\d+(?:,\d+)*)\]$")
 _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
@@ -66,6 +69,15 @@ class _Scalar:
     kind: str
     unit: str
     start: str | None
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class _Element:
+    """A scalar of a block.  index : from 1, () of a scalar alone."""
+
+    index: tuple[int, ...]
+    scalar: _Scalar
 
 
 def read_description(extracted: Path) -> Description:
@@ -114,47 +126,57 @@ def _parse(text: bytes, path: Path) -> Description:
         tool=root.get("generationTool", ""),
         can_save=simulation.get("canGetAndSetFMUstate") in ("true", "1"),
         can_serialise=simulation.get("canSerializeFMUstate") in ("true", "1"),
-        fields=gather([_scalar(node) for node in root.iterfind("ModelVariables/ScalarVariable")]))
+        fields=gather([_scalar(node) for node in root.iterfind("ModelVariables/ScalarVariable")], _places(root)))
+
+
+def _places(root: ElementTree.Element) -> dict[str, str]:
+    """Block -> what its rows belong to, of those for which the annotation of this program says it."""
+    blocks = (block for tool in root.iterfind("VendorAnnotations/Tool") if tool.get("name") == VENDOR
+              for block in tool.iter("Block"))
+    return {block.get("name", ""): block.get("on", "") for block in blocks if block.get("on") in PLACES}
 
 
 def _scalar(node: ElementTree.Element) -> _Scalar:
     value = next(child for child in node if child.tag in _KINDS)
     return _Scalar(node.attrib["name"], int(node.attrib["valueReference"]), node.get("causality", "local"),
                    node.get("variability", "continuous" if value.tag == "Real" else "discrete"),
-                   value.tag, value.get("unit", "1"), value.get("start"))
+                   value.tag, value.get("unit", "1"), value.get("start"), node.get("description", ""))
 
 
-def gather(scalars: Sequence[_Scalar]) -> dict[str, Field]:
-    """Scalars a[1], a[2], ... to one block "a"; what does not fill a whole box of 1-based indices stays scalar."""
-    groups: dict[str, list[tuple[tuple[int, ...], _Scalar]]] = {}
+def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyType({})) -> dict[str, Field]:
+    """Scalars a[1], a[2], ... to one block "a"; what does not fill a whole box of 1-based indices stays scalar.
+
+    places : block -> what its rows belong to.
+    """
+    groups: dict[str, list[_Element]] = {}
     for scalar in scalars:
         match = _INDEXED.match(scalar.name)
         name, index = (match[1], tuple(map(int, match[2].split(",")))) if match else (scalar.name, ())
-        groups.setdefault(name, []).append((index, scalar))
+        groups.setdefault(name, []).append(_Element(index, scalar))
     fields: dict[str, Field] = {}
     for name, members in groups.items():
-        field = _block(name, members)
+        field = _block(name, members, places.get(name, ""))
         if field is not None:
             fields[name] = field
         else:
-            fields.update({s.name: _field(s.name, (), [s]) for _, s in members})
+            fields.update({m.scalar.name: _field(m.scalar.name, (), [m.scalar]) for m in members})
     return fields
 
 
-def _block(name: str, members: list[tuple[tuple[int, ...], _Scalar]]) -> Field | None:
-    indices = [index for index, _ in members]
-    if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for _, s in members}) > 1:
+def _block(name: str, members: list[_Element], on: str) -> Field | None:
+    indices, scalars = [m.index for m in members], [m.scalar for m in members]
+    if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for s in scalars}) > 1:
         return None
     shape = tuple(max(column) for column in zip(*indices, strict=True))
     whole = len(set(indices)) == len(members) == math.prod(shape)
     if not whole or any(min(index, default=1) < 1 for index in indices):
         return None
-    return _field(name, shape, [scalar for _, scalar in sorted(members, key=lambda m: m[0])])
+    return _field(name, shape, [m.scalar for m in sorted(members, key=lambda m: m.index)], on)
 
 
-def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar]) -> Field:
+def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar], on: str = "") -> Field:
     first = scalars[0]
-    return Field(Block(name, shape, first.unit, first.causality, first.kind),
+    return Field(Block(name, shape, first.unit, first.causality, first.kind, first.description, on),
                  np.array([s.reference for s in scalars], dtype=np.uint32),
                  None if shape else first.start, first.variability)
 
@@ -164,18 +186,18 @@ def _to_json(description: Description) -> dict[str, Any]:
         consecutive = (np.diff(refs.astype(np.int64)) == 1).all()
         return int(refs[0]) if consecutive else [int(r) for r in refs]
 
-    fields = [[f.block.name, list(f.block.shape), f.block.unit, f.block.causality, f.block.kind,
-               references(f.references), f.start, f.variability] for f in description.fields.values()]
+    fields = [[{**vars(f.block), "shape": list(f.block.shape)}, references(f.references), f.start, f.variability]
+              for f in description.fields.values()]
     return {**vars(description), "fields": fields}
 
 
 def _from_json(kept: dict[str, Any]) -> Description:
     fields = {}
-    for name, shape, unit, causality, kind, refs, start, variability in kept["fields"]:
+    for about, refs, start, variability in kept["fields"]:
+        block = Block(**{**about, "shape": tuple(about["shape"])})
         if isinstance(refs, int):
-            refs = np.arange(refs, refs + math.prod(shape))
-        block = Block(name, tuple(shape), unit, causality, kind)
-        fields[name] = Field(block, np.asarray(refs, dtype=np.uint32), start, variability)
+            refs = np.arange(refs, refs + math.prod(block.shape))
+        fields[block.name] = Field(block, np.asarray(refs, dtype=np.uint32), start, variability)
     return Description(kept["guid"], kept["identifier"], kept["tool"], kept["can_save"], kept["can_serialise"],
                        fields)
 

@@ -67,11 +67,19 @@ class _Buffer:
 
 
 @dataclass(frozen=True)
+class _Part:
+    """A field in a buffer.  first : the place of its first value."""
+
+    field: Field
+    first: int
+
+
+@dataclass(frozen=True)
 class _Run:
-    """Fields fetched in one call.  places : name, place of the first value in the buffer, field."""
+    """Fields fetched in one call."""
 
     buffer: _Buffer
-    places: tuple[tuple[str, int, Field], ...]
+    parts: tuple[_Part, ...]
 
 
 # Fetching this many values nobody asked for costs less than one more call.
@@ -94,8 +102,8 @@ def _runs(fields: Sequence[Field], reals: frozenset[int]) -> list[list[Field]]:
 def _run(fields: Sequence[Field]) -> _Run:
     first = int(fields[0].references[0])
     references = np.arange(first, int(fields[-1].references[-1]) + 1)
-    places = tuple((f.block.name, int(f.references[0]) - first, f) for f in fields)
-    return _Run(_buffer(references, "Real"), places)
+    parts = tuple(_Part(f, int(f.references[0]) - first) for f in fields)
+    return _Run(_buffer(references, "Real"), parts)
 
 
 def _buffer(references: NDArray[np.integer], kind: str) -> _Buffer:
@@ -170,10 +178,10 @@ class FmuHalf:
             return Advance(Status.DISCARD, f"output {bad} is not finite", {}, seconds)
         return Advance(Status.OK, "", values, seconds)
 
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Outputs as they stand.  Raises HalfError if one is not finite."""
+    def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
+        """Outputs as they stand.  Raises HalfError if one is not finite, where it has to be."""
         values, bad = self._get_all(names)
-        if bad:
+        if bad and finite:
             raise self._error(f"{bad} is not finite")
         return values
 
@@ -275,15 +283,16 @@ class FmuHalf:
         """
         key = tuple(names)
         if key not in self._plans:
-            self._plans[key] = [_run(part) for part in _runs([self._field(name)[0] for name in key], self._reals)]
+            self._plans[key] = [_run(fields) for fields in _runs([self._field(name)[0] for name in key], self._reals)]
         got: dict[str, Array] = {}
         finite = True
         for run in self._plans[key]:
             self._call("fmi2GetReal", run.buffer.references, run.buffer.n, run.buffer.pointer)
             values = np.array(run.buffer.values)
             finite = finite and bool(np.isfinite(values).all())
-            for name, first, field in run.places:
-                got[name] = values[first : first + len(field.references)].reshape(field.block.shape)
+            for part in run.parts:
+                block, size = part.field.block, len(part.field.references)
+                got[block.name] = values[part.first : part.first + size].reshape(block.shape)
         fields = {name: got[name] if name in got else self._get(name) for name in key}
         if finite and len(got) == len(fields):
             return fields, ""

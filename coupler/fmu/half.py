@@ -25,6 +25,8 @@ class Block:
     """One field of a half's FMI variables: `T[1]..T[n]` is block "T" of shape (n,); a scalar has shape ().
 
     causality : input | output | parameter.  kind : Real | Integer | String | Boolean.
+    description : the half's own words.  on : what its rows belong to (contact.half.model.PLACES), "" where the half
+    does not say.
     """
 
     name: str
@@ -32,6 +34,8 @@ class Block:
     unit: str
     causality: str
     kind: str
+    description: str = ""
+    on: str = ""
 
 
 @dataclass(frozen=True)
@@ -78,8 +82,8 @@ class Half(Protocol):
         """Set the inputs (only those that changed need be given), do one step from t to t + h, get the outputs."""
         ...
 
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Outputs as they stand."""
+    def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
+        """Outputs as they stand.  finite : whether one that is not finite is a HalfError."""
         ...
 
     def save(self) -> int:

@@ -20,11 +20,11 @@ from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.verbs import (
     VERBS,
+    Acknowledged,
     Close,
     Describe,
     Described,
     Deserialise,
-    Done,
     Failed,
     Initialise,
     LogTail,
@@ -88,8 +88,8 @@ def _answer(half: Half, verb: Verb) -> Any:
             return Values(half.initialise(t_start, t_end, parameters, inputs, outputs))
         case Step(t, h, inputs, outputs):
             return half.advance(t, h, inputs, outputs)
-        case Read(names):
-            return Values(half.read(names))
+        case Read(names, finite):
+            return Values(half.read(names, finite))
         case Save():
             return Token(half.save())
         case Restore(token):
@@ -104,7 +104,7 @@ def _answer(half: Half, verb: Verb) -> Any:
             return Text(half.log_tail())
         case Close():
             half.close()
-    return Done()
+    return Acknowledged()
 
 
 def _answer_or_stop(half: Half, verb: Verb, server: Server) -> Any:

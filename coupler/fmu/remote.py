@@ -13,11 +13,11 @@ from contact.rpc.link import LinkError
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Array, Status
 from coupler.fmu.verbs import (
+    Acknowledged,
     Close,
     Describe,
     Described,
     Deserialise,
-    Done,
     Failed,
     Initialise,
     LogTail,
@@ -68,17 +68,17 @@ class RemoteHalf:
             self._blame(0.0)
         return done
 
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        return self._call(Read(tuple(names)), Values).values
+    def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
+        return self._call(Read(tuple(names), finite), Values).values
 
     def save(self) -> int:
         return self._call(Save(), Token).token
 
     def restore(self, token: int) -> None:
-        self._call(Restore(token), Done)
+        self._call(Restore(token), Acknowledged)
 
     def release(self, token: int) -> None:
-        self._call(Release(token), Done)
+        self._call(Release(token), Acknowledged)
 
     def serialise(self, token: int) -> bytes:
         return self._call(Serialise(token), StateBytes).data
@@ -90,7 +90,7 @@ class RemoteHalf:
         return self._call(LogTail(), Text, LOG_DEADLINE).text
 
     def close(self) -> None:
-        self._call(Close(), Done, CLOSE_DEADLINE)
+        self._call(Close(), Acknowledged, CLOSE_DEADLINE)
 
     def _call(self, verb: Verb, kind: type[AnswerT], deadline: float | None = None) -> AnswerT:
         """The answer to a verb.  Raises HalfError, or what `blame` raises."""

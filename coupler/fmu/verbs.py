@@ -54,6 +54,7 @@ class Read:
     """Half.read.  Answered by Values."""
 
     names: tuple[str, ...]
+    finite: bool = True
 
 
 @dataclass(frozen=True)
@@ -77,14 +78,14 @@ class Token:
 
 @dataclass(frozen=True)
 class Restore:
-    """Half.restore.  Answered by Done."""
+    """Half.restore.  Answered by Acknowledged."""
 
     token: int
 
 
 @dataclass(frozen=True)
 class Release:
-    """Half.release.  Answered by Done."""
+    """Half.release.  Answered by Acknowledged."""
 
     token: int
 
@@ -124,11 +125,11 @@ class Text:
 
 @dataclass(frozen=True)
 class Close:
-    """Half.close, and the end of its process.  Answered by Done."""
+    """Half.close, and the end of its process.  Answered by Acknowledged."""
 
 
 @dataclass(frozen=True)
-class Done:
+class Acknowledged:
     """It is done."""
 
 
@@ -142,4 +143,4 @@ class Failed:
 
 Verb = Describe | Initialise | Step | Read | Save | Restore | Release | Serialise | Deserialise | LogTail | Close
 VERBS = kinds_of((Describe, Initialise, Step, Read, Save, Restore, Release, Serialise, Deserialise, LogTail, Close))
-ANSWERS = kinds_of((Described, Values, Advance, Token, StateBytes, Text, Done, Failed))
+ANSWERS = kinds_of((Described, Values, Advance, Token, StateBytes, Text, Acknowledged, Failed))

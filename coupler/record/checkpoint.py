@@ -23,14 +23,16 @@ from pathlib import Path
 from typing import Any
 
 from contact.codec import WireError, decode, encode, kinds_of
-from contact.half.diagnostics import Seen
+from contact.half.diagnostics import ContactLog
 from coupler.control.plan import Plan
 from coupler.control.state import Committed
 from coupler.errors import ResultsError
 from coupler.fmu.half import Half
+from coupler.fmu.outputs import On, OutputField
 from coupler.record.journal import Mark
 from coupler.record.paths import checkpoint_of, part_of
 from coupler.record.recorder import Recorder
+from coupler.record.tables import EXCHANGED
 from coupler.scenario import Scenario
 from coupler.scenario.document import plain_value
 from coupler.scenario.rule_model import Rule
@@ -56,8 +58,8 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a run has recorded and told, up to its last accepted window.
+class RunRecord:
+    """What a run has recorded, up to its last accepted window.
 
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
@@ -67,7 +69,7 @@ class Told:
 
     mark: Mark
     ledger: Ledger = field(default_factory=Ledger)
-    seen: Seen = field(default_factory=Seen)
+    seen: ContactLog = field(default_factory=ContactLog)
     said: tuple[str, ...] = ()
     noticed: tuple[str, ...] = ()
     framed: float = -1.0
@@ -83,7 +85,7 @@ class Checkpoint:
     """packages : role of a half -> hash of the sources it was built of.  halves : role -> bytes of its state."""
 
     committed: Committed
-    told: Told
+    record: RunRecord
     packages: dict[str, str]
     halves: dict[str, bytes]
 
@@ -202,13 +204,13 @@ class Keeper:
         """Whether enough time has passed since the last one."""
         return self._every is not None and time.monotonic() - self._last >= self._every
 
-    def keep(self, committed: Committed, told: Told) -> None:
+    def keep(self, committed: Committed, record: RunRecord) -> None:
         """Write a checkpoint; both halves stand at the end of the last accepted window.
 
         A disk that is full ends no run of hours: the older checkpoint stays, and `trouble` says why.
         """
         states = {role: state_of(half) for role, half in self._halves.items()}
-        checkpoint = Checkpoint(committed, told, packages_of(self._halves), states)
+        checkpoint = Checkpoint(committed, record, packages_of(self._halves), states)
         try:
             # What the checkpoint goes on from must be on the disk before the checkpoint is.
             self._recorder.sync()
@@ -265,12 +267,12 @@ def put_back(halves: Mapping[str, Half], checkpoint: Checkpoint, name: str) -> N
 
 # What a results file says of its run before the first window: the scenario, the halves, the plan, the machine.
 
-# Fields of the exchange that stand in every frame.
-EXCHANGED = {"thermal": ["T"], "mechanical": ["u", "p", "gap"]}
+def header_of(scenario: Scenario, plan: Plan, outputs: Sequence[OutputField],
+              probes: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    """Plain values that travel as JSON.
 
-
-def header_of(scenario: Scenario, plan: Plan, pictures: Mapping[str, Mapping[str, Sequence[str]]]) -> dict[str, Any]:
-    """Plain values that travel as JSON.  pictures : half -> "point", "cell" -> its fields for pictures alone."""
+    outputs : arrays of the halves that every frame holds beside the exchange.  probes : name -> "quantity", "unit".
+    """
     s, schedule = scenario, plan.schedule
     return {
         "title": s.title, "started": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -282,8 +284,13 @@ def header_of(scenario: Scenario, plan: Plan, pictures: Mapping[str, Mapping[str
                      "kinks": [schedule.clock.seconds(k) for k in sorted(schedule.kinks)],
                      "substeps": dict(plan.substeps)},
         "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
-        "probes": {n: {"quantity": p.quantity, "unit": p.unit} for n, p in s.probes.items()},
-        "fields": {role: {"point": [*EXCHANGED[role], *fields["point"]], "cell": list(fields["cell"])}
-                   for role, fields in pictures.items()},
+        "probes": {n: dict(about) for n, about in probes.items()},
+        "fields": {role: {"point": [*(f.name for f in exchanged), *_labels(outputs, role, On.NODES, On.CONTACT_NODES)],
+                          "cell": _labels(outputs, role, On.CELLS)} for role, exchanged in EXCHANGED.items()},
+        "outputs": [field.to_json() for field in outputs],
         "machine": platform.platform(), "versions": versions(),
     }
+
+
+def _labels(outputs: Sequence[OutputField], half: str, *on: On) -> list[str]:
+    return [f.label for f in outputs if f.half == half and f.on in on]

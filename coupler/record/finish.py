@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +18,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
-from coupler.record.journal import read_journal
+from coupler.fmu.outputs import On, OutputField, at_nodes, output_field
+from coupler.record.journal import JournalRecord, read_journal
 from coupler.record.paths import making_of, put_away
 from coupler.record.tables import (
     ERROR_FIELDS,
     ESTIMATE_FIELDS,
+    EXCHANGED,
     FIELDS,
     FORMAT,
     FORMAT_VERSION,
     ITERATE_FIELDS,
     WINDOW_FIELDS,
 )
-from coupler.record.vtkhdf import FieldFile
+from coupler.record.vtkhdf import FieldFile, FileField, MeshCells
 from coupler.schemes.state import PREFIX
 
 # What the records of a journal come to: rows of windows that stand, without those that were rewound.
@@ -37,8 +40,6 @@ KILLED = {"outcome": "killed", "message": "the run was killed; this is all it ha
 # What was spent on windows that were rewound is not forgotten with them.
 SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "mechanical_seconds", "fmi_seconds",
          "recording_seconds", "seconds")
-
-Record = tuple[str, dict[str, Any], dict[str, NDArray[Any]]]
 
 
 @dataclass
@@ -67,10 +68,11 @@ class Gathered:
     end: Mapping[str, Any] = field(default_factory=lambda: KILLED)
 
 
-def gathered(records: Iterable[Record]) -> Gathered:
+def gathered(records: Iterable[JournalRecord]) -> Gathered:
     """What the records after the header tell."""
     told, frames = Gathered(), 0
-    for kind, m, a in records:
+    for record in records:
+        kind, m, a = record.kind, record.meta, record.arrays
         if kind == "start":
             told.max_T = m.get("max_T")
         if kind == "frame":
@@ -126,27 +128,79 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
-                      frames: Iterable[tuple[str, dict[str, Any], Arrays]]) -> list[Path]:
+                      frames: Iterable[JournalRecord]) -> list[Path]:
     """Write every half's frames to a file in `folder`; returns the files written.
 
-    meta : the run's header; "fields" : half -> {"point": [...], "cell": [...]}, "field_files" : half ->
-    name of its file.
-    mesh : nodes, quads, triangles, quad_body, triangle_body.
+    meta : the run's header; "fields" : half -> {"point": [...], "cell": [...]}, "outputs" : what the halves say of
+    those that are no part of the exchange (OutputField), "field_files" : half -> name of its file.
+    mesh : nodes, quads, triangles, quad_body, triangle_body, contact_nodes.
     """
-    fields, names = meta["fields"], meta["field_files"]
+    fields, names, known = meta["fields"], meta["field_files"], outputs_of(meta)
     body = np.concatenate([mesh["quad_body"], mesh["triangle_body"]]).astype(np.int32)
+    cells, frames = MeshCells(mesh["quads"], mesh["triangles"], len(mesh["nodes"])), iter(frames)
+    begin = list(islice(frames, 1))
+    arrays = begin[0].arrays if begin else {}
+
+    def columns(half: str, at: str) -> list[FileField]:
+        return [_file_field(half, n, known, arrays) for n in fields[half][at]]
+
     with ExitStack() as stack:
-        files = {
-            half: stack.enter_context(FieldFile(
-                folder / names[half], mesh["quads"], mesh["triangles"], len(mesh["nodes"]),
-                tuple(about["point"]), tuple(about["cell"]), {"body": body}))
-            for half, about in fields.items()
-        }
-        for _, m, a in frames:
+        files = {half: stack.enter_context(FieldFile(folder / names[half], cells, columns(half, "point"),
+                                                     columns(half, "cell"), {"body": body})) for half in fields}
+        for frame in chain(begin, frames):
+            a = frame.arrays
             for half, file in files.items():
-                values = {n: a[n] for n in (*fields[half]["point"], *fields[half]["cell"])}
-                file.append(float(m["t_now"]), a["x"], values, values)
+                values = {n: _array(half, n, known, a, mesh) for n in (*fields[half]["point"], *fields[half]["cell"])}
+                file.append(float(frame.meta["t_now"]), a["x"], values, values)
     return [folder / names[half] for half in fields]
+
+
+def outputs_of(meta: Mapping[str, Any]) -> dict[tuple[str, str], OutputField]:
+    """Half and label -> what the half says of it; a header of an earlier version has none."""
+    fields = (output_field(about) for about in meta.get("outputs", ()))
+    return {(field.half, field.label): field for field in fields}
+
+
+def _file_field(half: str, name: str, known: Mapping[tuple[str, str], OutputField], first: Arrays) -> FileField:
+    """How a field is written.  first : the arrays of the first frame, which tell where the header does not."""
+    if field := known.get((half, name)):
+        return FileField(name, field.unit, field.components, field.description, field.on is On.CONTACT_NODES)
+    if own := next((f for f in EXCHANGED[half] if f.name == name), None):
+        return own
+    array = first.get(name, np.empty(0))
+    return FileField(name, components=int(np.prod(array.shape[1:])))
+
+
+def _array(half: str, name: str, known: Mapping[tuple[str, str], OutputField], a: Arrays, mesh: Arrays) -> NDArray[Any]:
+    """A field of a frame as it is written: on all nodes or all cells."""
+    field = known.get((half, name))
+    if field is None:
+        return a[name]
+    # fault: an output of one half is written under the same name of the other -> array = a.get(f"thermal/{name}",
+    #   a[f"{half}/{name}"]) | coupler/test_outputs::test_two_halves_may_have_outputs_of_one_name
+    array = a[f"{half}/{name}"]
+    return at_nodes(array, mesh["contact_nodes"], len(mesh["nodes"])) if field.on is On.CONTACT_NODES else array
+
+
+@dataclass
+class LooseArrays:
+    """Outputs without a place on the mesh, frame after frame.
+
+    fields : what they are.  t [s] : of the frames.  values : half and label -> the arrays of the frames.
+    """
+
+    fields: Mapping[tuple[str, str], OutputField]
+    t: list[float] = field(default_factory=list)
+    values: dict[tuple[str, str], list[NDArray[Any]]] = field(default_factory=dict)
+
+    def taken_from(self, frames: Iterable[JournalRecord]) -> Iterator[JournalRecord]:
+        """The frames, unchanged, after their arrays were taken."""
+        for frame in frames:
+            self.t.append(float(frame.meta["t_now"]))
+            for (half, label), about in self.fields.items():
+                if about.on in (On.BODIES, On.NOTHING):
+                    self.values.setdefault((half, label), []).append(frame.arrays[f"{half}/{label}"])
+            yield frame
 
 
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
@@ -181,19 +235,22 @@ def reason_of(exc: Exception) -> str:
 def _make(journal: Path, path: Path) -> bool:
     """Whether the run is complete."""
     records = read_journal(journal)
-    header = next(((m, a) for kind, m, a in records if kind == "run"), None)
+    header = next((r for r in records if r.kind == "run"), None)
     if header is None:
         raise ResultsError(f"{journal}: the run ended before its first window; nothing to recover")
-    meta, arrays = header
+    meta, arrays = header.meta, header.arrays
     meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
     told = gathered(records)
-    frames = (r for k, r in enumerate(r for r in read_journal(journal) if r[0] == "frame") if k in told.frames)
+    loose = LooseArrays(outputs_of(meta))
+    frames = loose.taken_from(
+        r for k, r in enumerate(r for r in read_journal(journal) if r.kind == "frame") if k in told.frames)
     with _folder(making_of(path)) as scratch:
         part = scratch / path.name
         parts = write_field_files(scratch, meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
             _write(f, meta, told)
             _write_contact(f, meta, arrays, told)
+            _write_outputs(f, meta["field_files"], loose)
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
     return str(told.end["outcome"]) == "completed"
@@ -242,7 +299,7 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:
-    """A group a pair: s and X of its strip, and (n_t, n) of each field; a row without one is nan."""
+    """A group a pair: s and X of its contact line, and (n_t, n) of each field; a row without one is nan."""
     names = [n for n in FIELDS if any(n in row for row in told.contact)]
     first = 0
     for pair in meta["pairs"] if names else ():
@@ -256,6 +313,20 @@ def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDAr
             group.create_dataset(n, data=np.array(rows, dtype=np.float32), compression="gzip", compression_opts=1)
             group[n].attrs["unit"] = FIELDS[n]
         first = here.stop
+
+
+def _write_outputs(f: h5py.File, files: Mapping[str, str], loose: LooseArrays) -> None:
+    """A group a half: its outputs at the times of the frames; of those on the mesh the place in the field file."""
+    group = f.create_group("fields", track_order=True)
+    group["t"] = np.array(loose.t)
+    for (half, label), about in loose.fields.items():
+        name = f"{half}/{label}"
+        if about.on in (On.BODIES, On.NOTHING):
+            data = np.array(loose.values.get((half, label), np.empty((0, *about.shape))))
+            group.create_dataset(name, data=data).attrs.update(unit=about.unit, description=about.description)
+        else:
+            place = "CellData" if about.on is On.CELLS else "PointData"
+            group[name] = h5py.ExternalLink(files[half], f"/VTKHDF/{place}/{label}")
 
 
 def _write_rows(group: h5py.Group, rows: list[Mapping[str, float]], prefix: str, missing: float) -> None:

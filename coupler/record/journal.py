@@ -102,8 +102,17 @@ class Journal:
         self.close()
 
 
-def read_journal(path: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, NDArray[Any]]]]:
-    """The whole records of a journal in order: (kind, meta, arrays).  A cut or damaged tail ends the reading.
+@dataclass(frozen=True)
+class JournalRecord:
+    """kind : run | start | window | frame | rewind | end.  meta : plain values.  arrays : by name."""
+
+    kind: str
+    meta: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+
+
+def read_journal(path: Path) -> Iterator[JournalRecord]:
+    """The whole records of a journal in order.  A cut or damaged tail ends the reading.
 
     Raises ResultsError if the file is no journal.
     """
@@ -123,7 +132,7 @@ def read_journal(path: Path) -> Iterator[tuple[str, dict[str, Any], dict[str, ND
             if zlib.crc32(record) != crc:
                 return
             try:
-                yield decode_record(record)
+                yield JournalRecord(*decode_record(record))
             except WireError:
                 return
 

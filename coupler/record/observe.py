@@ -1,75 +1,96 @@
-"""What happened to contact in a run, kept from window to window (contact.half.diagnostics says what is looked for)."""
+"""What a run records beside the exchange: outputs of the halves, probes, warnings about contact."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.diagnostics import Contact, Seen, Watch
+from contact.half.diagnostics import ContactLog, ContactMonitor, ContactSample
 from contact.half.interface import Interface
-from coupler.fmu.half import Half
+from coupler.errors import ScenarioError
+from coupler.fmu.half import Block, Half
+from coupler.fmu.outputs import On, OutputField, at_nodes, component_of, names_of, output_fields, place_of, unclear
 from coupler.record.tables import FRICTION
 from coupler.scenario import Probe
+from coupler.scenario.document import did_you_mean
 from coupler.schemes.state import Halves, Level
 
+Array = NDArray[np.float64]
+# The halves' blocks behind what every frame holds of the exchange (EXCHANGED in coupler.record.tables).
+OF_THE_EXCHANGE: Mapping[str, tuple[str, ...]] = {
+    "thermal": ("T",), "mechanical": ("x", "contact.t_N", "contact.gap")}
 
-class Watched:
-    """Of a run whose mechanical half says which nodes face something (outputs); of any other nothing is known."""
+
+class ContactWarnings:
+    """Contact that was lost, of a run whose mechanical half says which nodes face something (outputs).
+
+    Of any other run nothing is known.
+    """
 
     def __init__(self, interface: Interface, outputs: Collection[str]) -> None:
-        self._watch = Watch(interface) if "contact.covered" in outputs and interface.pairs else None
-        self._seen = Seen()
+        self._watch = ContactMonitor(interface) if "contact.covered" in outputs and interface.pairs else None
+        self._seen = ContactLog()
         self._said: tuple[str, ...] = ()
 
     @property
-    def memory(self) -> tuple[Seen, tuple[str, ...]]:
+    def memory(self) -> tuple[ContactLog, tuple[str, ...]]:
         """What was seen and said up to now."""
         return self._seen, self._said
 
-    def put_back(self, seen: Seen, said: tuple[str, ...]) -> None:
+    def put_back(self, seen: ContactLog, said: tuple[str, ...]) -> None:
         """Go on from what was remembered once."""
         self._seen, self._said = seen, said
 
     def after(self, before: Level, now: Level) -> tuple[str, ...]:
-        """What an accepted window brought that should not go by in silence."""
+        """The warnings of an accepted window."""
         if self._watch is None:
             return ()
-        self._seen, notes = self._watch.after(self._seen, now.t, _contact(before), _contact(now))
+        self._seen, notes = self._watch.after_window(self._seen, now.t, _contact(before), _contact(now))
         self._said = (*self._said, *notes)
         return notes
 
     def at_end(self, now: Level) -> list[str]:
-        """All that was said, and what is to be said at the end."""
+        """All warnings so far, and those of the end."""
         return list(self._said) + (self._watch.at_end(self._seen, now.x) if self._watch is not None else [])
 
 
-def _contact(level: Level) -> Contact:
-    return Contact(level.x, level.t_N, level.covered)
+def _contact(level: Level) -> ContactSample:
+    return ContactSample(level.x, level.t_N, level.covered)
 
 
-# What the halves tell for the record alone, beside the exchange: fields for pictures, what friction does.
+# Outputs that are recorded but not exchanged.
 
-Array = NDArray[np.float64]
-PICTURES: Mapping[str, Mapping[str, Sequence[str]]] = {
-    "thermal": {"point": ("f_s",), "cell": ("q",)}, "mechanical": {"point": (), "cell": ("sigma_v", "sigma")}}
+class ExtraOutputs:
+    """Every array that a half gives out and the exchange does not hold.
 
+    fields : what they are.  notes : a sentence on each whose place in the mesh cannot be told.
+    """
 
-def picture_names(halves: Halves) -> dict[str, dict[str, list[str]]]:
-    """half -> "point", "cell" -> those of PICTURES it has."""
-    own: Mapping[str, Half] = {"thermal": halves.thermal, "mechanical": halves.mechanical}
-    return {role: {at: [n for n in names if n in own[role].blocks] for at, names in kinds.items()}
-            for role, kinds in PICTURES.items()}
+    def __init__(self, halves: Halves, interface: Interface) -> None:
+        own: Mapping[str, Half] = {"thermal": halves.thermal, "mechanical": halves.mechanical}
+        other = {"thermal": halves.mechanical, "mechanical": halves.thermal}
+        self._halves = own
+        self.fields: tuple[OutputField, ...] = ()
+        self.notes: list[str] = []
+        for role, half in own.items():
+            taken = {n for n, b in other[role].blocks.items() if b.causality == "input"}
+            fields = output_fields(role, half.blocks, interface, OF_THE_EXCHANGE[role], taken)
+            self.fields += fields
+            self.notes += unclear(role, fields, interface)
 
-
-def pictures(halves: Halves) -> dict[str, Array]:
-    """Those fields as they are now."""
-    found: dict[str, Array] = {}
-    for half, kinds in zip((halves.thermal, halves.mechanical), picture_names(halves).values(), strict=True):
-        names = [n for of_kind in kinds.values() for n in of_kind]
-        found |= half.read(names) if names else {}
-    return found
+    def read(self) -> dict[str, Array]:
+        """HALF/LABEL -> the array as it is now, in its own shape; a value that is no number may be in it."""
+        found: dict[str, Array] = {}
+        for role, half in self._halves.items():
+            labels = {f.name: f"{role}/{f.label}" for f in self.fields if f.half == role}
+            if labels:
+                # Of a foreign half an output may be undefined in places: that ends no run.
+                found |= {labels[n]: v for n, v in half.read(list(labels), finite=False).items()}
+        return found
 
 
 def friction(halves: Halves) -> dict[str, Array]:
@@ -79,19 +100,101 @@ def friction(halves: Halves) -> dict[str, Array]:
     return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
 
 
-# Probes read from a level of the exchange.
+# Probes: of the exchange read from its level, of any other output of a half read from that half.
 
-def measure(probes: Mapping[str, Probe], interface: Interface, level: Level) -> Array:
-    """Values : (n_probes,) in SI, in the order of the probes."""
-    fields: dict[str, Array] = {}
-    for probe in probes.values():
-        if probe.quantity not in fields:
-            fields[probe.quantity] = _field(probe.quantity, interface, level)
-    return np.array([probe.of(fields[probe.quantity]) for probe in probes.values()])
+@dataclass(frozen=True)
+class _Source:
+    """Where a probe of an output is read.  column : of it, from 0; of an output without a place the value's number."""
+
+    half: str
+    block: Block
+    on: On
+    column: int
+
+
+class ProbeReader:
+    """Reads the probes of a scenario from its halves, which are loaded.
+
+    about : name -> "quantity", "unit", for the header of a run.
+    Raises ScenarioError for a probe of an output that its half does not have, or not at that place.
+    """
+
+    def __init__(self, probes: Mapping[str, Probe], interface: Interface, halves: Mapping[str, Half],
+                 file: Path | str = "") -> None:
+        self._probes, self._interface, self._halves, self._file = probes, interface, halves, str(file)
+        self._sources = {name: self._source(name, probe) for name, probe in probes.items() if probe.half}
+        self.about = {n: {"quantity": p.quantity,
+                          "unit": self._sources[n].block.unit if n in self._sources else p.unit}
+                      for n, p in probes.items()}
+
+    def values(self, level: Level) -> Array:
+        """(n_probes,) in SI, in the order of the probes; the halves are at the time of the level."""
+        fields: dict[str, Array] = {}
+        blocks = {role: half.read(names, finite=False) for role, half in self._halves.items()
+                  if (names := list({s.block.name: 0 for s in self._sources.values() if s.half == role}))}
+        found = []
+        for name, probe in self._probes.items():
+            if source := self._sources.get(name):
+                found.append(_of_output(probe, source, blocks[source.half][source.block.name], self._interface))
+                continue
+            if probe.quantity not in fields:
+                fields[probe.quantity] = _field(probe.quantity, self._interface, level)
+            found.append(probe.of(fields[probe.quantity]))
+        return np.array(found)
+
+    def named(self, level: Level) -> dict[str, float]:
+        """Name -> value."""
+        return dict(zip(self._probes, self.values(level).tolist(), strict=True))
+
+    def _source(self, name: str, probe: Probe) -> _Source:
+        interface, half, wanted = self._interface, probe.half, probe.output
+        blocks = {n: b for n, b in self._halves[half].blocks.items() if b.causality == "output" and b.kind == "Real"}
+        places = {n: place_of(b, interface) if b.shape else On.NOTHING for n, b in blocks.items()}
+        columns = {n: int(np.prod(b.shape if places[n] is On.NOTHING else b.shape[1:])) for n, b in blocks.items()}
+        # fault: a probe of an output that is not there is taken for the first there is -> found = component_of(wanted,
+        #   columns) or (next(iter(columns)), 0) | coupler/test_outputs::test_a_probe_of_what_a_half_does_not_have
+        found = component_of(wanted, columns)
+        if found is None:
+            raise self._error(name, probe, f"the {half} half gives out no {wanted}",
+                              did_you_mean(wanted, names_of(columns)))
+        source = _Source(half, blocks[found[0]], places[found[0]], found[1])
+        for message, remedy in _misplaced(probe, source, interface):
+            raise self._error(name, probe, message, remedy)
+        return source
+
+    def _error(self, name: str, probe: Probe, message: str, remedy: str) -> ScenarioError:
+        return ScenarioError(message, file=self._file, key=f"probes.{name}.{probe.quantity}", remedy=remedy)
+
+
+def _misplaced(probe: Probe, source: _Source, interface: Interface) -> Iterator[tuple[str, str]]:
+    """What is wrong with the place of a probe, and how to mend it; nothing where it fits its output."""
+    if (source.on is On.NOTHING) != probe.placeless:
+        yield (("this output has a place", "Say which point, surface or body.") if probe.placeless else
+               ("this output belongs to no place of the mesh", "Write `value` in the place of a point."))
+    elif source.on is On.CONTACT_NODES and not np.isin(probe.nodes, interface.contact_nodes).all():
+        sides = {s for p in interface.pairs for s in (p.slave, p.master)}
+        yield "this output exists only on contact surfaces", f"Contact surfaces here: {', '.join(sorted(sides))}."
+
+
+def _of_output(probe: Probe, source: _Source, values: Array, interface: Interface) -> float:
+    """The probe's value, given the array of its output."""
+    if source.on is On.NOTHING:
+        return float(values.ravel()[source.column])
+    column = values.reshape(len(values), -1)[:, source.column]
+    match source.on:
+        case On.CELLS:
+            # fault: a probe of a cell field reads nodes -> return probe.of(column) |
+            #   coupler/test_outputs::test_probes_are_read_from_any_output
+            return probe.of_cells(column)
+        case On.BODIES:
+            return float(column[interface.node_body[probe.nodes[0]]])
+        case On.CONTACT_NODES:
+            return probe.of(at_nodes(column, interface.contact_nodes, len(interface.nodes)))
+    return probe.of(column)
 
 
 def _field(quantity: str, interface: Interface, level: Level) -> Array:
-    """A quantity at every node : (n_nodes,); contact quantities are NaN away from the contact surfaces."""
+    """A quantity of the exchange at every node : (n_nodes,); contact quantities are NaN away from contact surfaces."""
     if quantity == "T":
         return level.T
     if quantity == "f_s":
@@ -100,6 +203,4 @@ def _field(quantity: str, interface: Interface, level: Level) -> Array:
     if quantity in ("u_x", "u_y"):
         i = ("u_x", "u_y").index(quantity)
         return level.x[:, i] - interface.nodes[:, i]
-    values = np.full(len(interface.nodes), np.nan)
-    values[interface.contact_nodes] = level.gap if quantity == "gap" else -level.t_N
-    return values
+    return at_nodes(level.gap if quantity == "gap" else -level.t_N, interface.contact_nodes, len(interface.nodes))

@@ -18,7 +18,14 @@ from coupler.control.error_estimate import Estimate
 from coupler.record.finish import finish
 from coupler.record.journal import Journal, Mark
 from coupler.record.paths import check_target, drop, journal_of, take_up
-from coupler.record.tables import ERROR_FIELDS, ESTIMATE_FIELDS, ITERATE_FIELDS, WINDOW_FIELDS, contact_row, strips
+from coupler.record.tables import (
+    ERROR_FIELDS,
+    ESTIMATE_FIELDS,
+    ITERATE_FIELDS,
+    WINDOW_FIELDS,
+    contact_lines,
+    contact_row,
+)
 from coupler.rules.engine import Firing
 from coupler.schemes.state import IterationHistory, Ledger, Level, Solved
 
@@ -26,9 +33,10 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Words:
-    """What else a window's record holds.  reason : why it had its size and scheme.  event, fired, error : as in Tried.
+class WindowRecord:
+    """What a window's record holds besides its outcome.
 
+    reason : why it had its size and scheme.  event, fired, error : as in Tried.
     monitors : those that rules look at, of a window that was taken.  friction : at its end, as in `contact_row`.
     """
 
@@ -53,7 +61,7 @@ class Recorder:
         check_target(out)
         self.out = out
         self._interface = interface
-        self._strips = strips(interface)
+        self._lines = contact_lines(interface)
         self._seconds = 0.0
         self.rows = 0  # windows recorded so far that stand in the table, rejected ones too
         if since is not None:
@@ -63,8 +71,9 @@ class Recorder:
         self._journal = Journal(journal_of(out))
         drop(out)
         self._journal.write("run", header, {
-            **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")},
-            **{f"{n}.{strip.pair}": getattr(strip, n) for strip in self._strips for n in ("s", "X")}})
+            **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body",
+                                                  "contact_nodes")},
+            **{f"{n}.{line.pair}": getattr(line, n) for line in self._lines for n in ("s", "X")}})
 
     @property
     def mark(self) -> Mark:
@@ -76,12 +85,12 @@ class Recorder:
         self._journal.sync()
 
     def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({})) -> None:
-        """The values before the first window.  friction : as in Words."""
+        """The values before the first window.  friction : as in WindowRecord."""
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
-                            {"probes": probes, **contact_row(self._strips, now, friction)})
+                            {"probes": probes, **contact_row(self._lines, now, friction)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
-               words: Words = Words()) -> None:
+               record: WindowRecord = WindowRecord()) -> None:
         """One window tried.  facts : t, H, scheme and seconds of it.
 
         Its recording_seconds are those spent on records since the row before it: a row cannot hold its own.
@@ -92,9 +101,9 @@ class Recorder:
         row = {"verdict": solved.verdict.value, "solves": w.thermal_solves + w.mechanical_solves, **vars(w),
                **{n: solved.monitors.get(n, 0.0) for n in ("touching", "max_T", "max_p")},
                "taken": solved.taken, **iterated(solved.history), "imbalance": ledger.imbalance,
-               "error": math.nan if words.error is None else words.error.error,
+               "error": math.nan if record.error is None else record.error.error,
                "recording_seconds": self._seconds, **facts}
-        meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message, **_told(words)}
+        meta = {n: row[n] for n, _ in WINDOW_FIELDS} | {"message": solved.message, **_values_of(record)}
         if solved.history is not None:
             meta["iterates"] = iterates(solved.history)
         accepted = solved.taken
@@ -102,7 +111,7 @@ class Recorder:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         arrays: dict[str, NDArray[Any]] = {}
         if accepted:
-            arrays = {"probes": probes, **contact_row(self._strips, solved.state.now, words.friction)}
+            arrays = {"probes": probes, **contact_row(self._lines, solved.state.now, record.friction)}
         self._journal.write("window", meta, arrays)
         self._seconds = time.perf_counter() - started
 
@@ -112,7 +121,7 @@ class Recorder:
         self.rows = rows
 
     def frame(self, level: Level, more: Mapping[str, Array]) -> None:
-        """The fields of both halves at one time.  more : what else the halves show: sigma_v, sigma, f_s, q."""
+        """The fields of both halves at one time.  more : what else they give out, as ExtraOutputs.read has it."""
         started = time.perf_counter()
         n, s = len(level.T), self._interface.contact_nodes
         p, gap = np.zeros(n), np.full(n, np.nan)
@@ -128,14 +137,14 @@ class Recorder:
         finish(self._journal.path, self.out)
 
 
-def _told(words: Words) -> dict[str, Any]:
+def _values_of(record: WindowRecord) -> dict[str, Any]:
     """What there is of them, as it goes into the journal."""
-    told: dict[str, Any] = {"reason": words.reason, "event": words.event, "monitors": dict(words.monitors),
-                            "fired": [[f.rule, f.text, dict(f.values)] for f in words.fired]}
-    if words.error is not None:
-        told["estimate"] = estimated(words.error)
-        told["errors"] = [words.error.errors.get(n, math.nan) for n, _ in ERROR_FIELDS[1:]]
-    return {n: v for n, v in told.items() if v}
+    values: dict[str, Any] = {"reason": record.reason, "event": record.event, "monitors": dict(record.monitors),
+                            "fired": [[f.rule, f.text, dict(f.values)] for f in record.fired]}
+    if record.error is not None:
+        values["estimate"] = estimated(record.error)
+        values["errors"] = [record.error.errors.get(n, math.nan) for n, _ in ERROR_FIELDS[1:]]
+    return {n: v for n, v in values.items() if v}
 
 
 def estimated(error: Estimate) -> list[float]:

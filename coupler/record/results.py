@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,10 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
+from coupler.fmu.outputs import On, OutputField, output_field
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
 from coupler.record.paths import journal_of
-from coupler.record.tables import ERROR_FIELDS, ESTIMATE_FIELDS, FORMAT, FORMAT_VERSION, ITERATE_FIELDS, WINDOW_FIELDS
+from coupler.record.tables import (
+    ERROR_FIELDS,
+    ESTIMATE_FIELDS,
+    EXCHANGED,
+    FORMAT,
+    FORMAT_VERSION,
+    ITERATE_FIELDS,
+    WINDOW_FIELDS,
+)
+from coupler.record.vtkhdf import FieldReader, FileField, in_plane
 from coupler.schemes.state import PREFIX, imbalance
 
 Array = NDArray[np.float64]
@@ -27,7 +38,7 @@ _KIND_OF_UNIT = {"K": "K", "degC": "K", "m": "m", "mm": "m", "um": "m", "Pa": "P
 
 
 @dataclass(frozen=True)
-class Firing:
+class FiredRule:
     """row : of the windows table.  t [s]: where its window began.  rule : its name.  text : what it did.
 
     values : monitors that made it.
@@ -56,6 +67,15 @@ class Along:
     gap: NDArray[np.float32]
     t_T: NDArray[np.float32] | None = None
     slip_share: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _ProbeSeries:
+    """values : (n_t,) in SI.  unit : SI.  quantity : what is measured."""
+
+    values: Array
+    unit: str
+    quantity: str
 
 
 class Results:
@@ -106,7 +126,7 @@ class Results:
         words: list[dict[str, Any]] = json.loads(f["words"].asstr()[()])
         self.messages, self.reasons, self.events = (
             {k: str(row[n]) for k, row in enumerate(words) if n in row} for n in ("message", "reason", "event"))
-        self.firings = tuple(Firing(k, float(self.windows.t[k]), str(rule), str(text), dict(values))
+        self.firings = tuple(FiredRule(k, float(self.windows.t[k]), str(rule), str(text), dict(values))
                              for k, row in enumerate(words) for rule, text, values in row.get("fired", ()))
         self.iterates: np.recarray[Any, Any] = (
             f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)
@@ -118,7 +138,7 @@ class Results:
         self.max_T = max([float(f.attrs.get("max_T", -np.inf)), *self.windows.max_T[self.windows.taken]])
         self.rewound: dict[str, float] = self.totals.get("rewound", {})
         self._monitors: dict[str, Array] = {n: d[()] for n, d in f["monitors"].items()}
-        self._probes = {n: (d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
+        self._probes = {n: _ProbeSeries(d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
         self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
@@ -137,7 +157,7 @@ class Results:
 
         unit : convert to "degC", "mm", "MPa", ...  Raises ResultsError for an unknown probe or unit.
         """
-        value, own, _ = self._probe(name)
+        value, own = self._probe(name).values, self._probe(name).unit
         if unit is None or unit == own:
             return self.t, value
         if _KIND_OF_UNIT.get(unit) != own:
@@ -148,14 +168,14 @@ class Results:
         return self.t, value * factor + shift
 
     def quantity(self, name: str) -> str:
-        """What a probe measures: T, u_x, u_y, gap or p.  Raises ResultsError for an unknown probe."""
-        return self._probe(name)[2]
+        """T, u_x, u_y, gap, p, f_s or HALF.OUTPUT of a probe.  Raises ResultsError for an unknown probe."""
+        return self._probe(name).quantity
 
     def unit(self, name: str) -> str:
         """The SI unit of a probe.  Raises ResultsError for an unknown probe."""
-        return self._probe(name)[1]
+        return self._probe(name).unit
 
-    def _probe(self, name: str) -> tuple[Array, str, str]:
+    def _probe(self, name: str) -> _ProbeSeries:
         if name not in self._probes:
             has = ", ".join(self._probes) or "none"
             raise ResultsError(f"{self.path} has no probe {name!r}; it has {has}")
@@ -191,6 +211,44 @@ class Results:
     def monitors(self) -> dict[str, Array]:
         """Name -> value at each of `t` : (n,); those that rules of the run look at, nan where one was not known."""
         return dict(self._monitors)
+
+    @property
+    def fields(self) -> dict[str, OutputField]:
+        """HALF.NAME -> what was recorded at the frames: the exchange, and every array that a half gives out.
+
+        Of a file of an earlier version the units of a half's own fields are in its field files alone.
+        """
+        known = {(f.half, f.label): f for f in map(output_field, self.header.get("outputs", ()))}
+        listed = {(half, name): on for half, about in self.header["fields"].items()
+                  for at, on in (("point", On.NODES), ("cell", On.CELLS)) for name in about[at]}
+        exchanged = {(half, f.name): f for half, fields in EXCHANGED.items() for f in fields}
+        found = {}
+        for (half, name), on in (listed | {key: f.on for key, f in known.items()}).items():
+            own = exchanged.get((half, name), FileField(name))
+            field = known.get((half, name)) or OutputField(half, name, name, on, (0, own.components), own.unit)
+            found[f"{half}.{name}"] = field
+        return found
+
+    def field(self, name: str) -> tuple[Array, Array]:
+        """(t, values) of a field: times of the frames [s] and, for each, the array in SI as the half gave it.
+
+        name : HALF.NAME, one of `fields`.  values : (n_t, n_nodes), (n_t, n_nodes, k), or of cells, bodies, ...; of
+        contact nodes : at all nodes, NaN where there is no contact surface.  All frames are read into memory.
+        Raises ResultsError for an unknown field, and where its field file is missing.
+        """
+        fields = self.fields
+        if name not in fields:
+            near = difflib.get_close_matches(name, fields, 1)
+            raise ResultsError(f"{self.path} has no field {name!r}"
+                               + (f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(fields)}"))
+        field = fields[name]
+        if field.on in (On.BODIES, On.NOTHING):
+            with h5py.File(self.path, "r") as f:
+                return f["fields/t"][()], f[f"fields/{field.half}/{field.label}"][()]
+        with FieldReader(self.field_files[field.half]) as file:
+            read = file.cell_field if field.on is On.CELLS else file.point_field
+            frames = [in_plane(read(field.label, k), field.components) for k in range(len(file.times))]
+            return file.times, np.array(frames)
 
     @property
     def field_files(self) -> dict[str, Path]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.record.vtkhdf import FileField
 from coupler.schemes.state import Level
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ FIELDS = {"t_N": "Pa", "gap": "m", **FRICTION}
 
 
 @dataclass(frozen=True)
-class Strip:
+class ContactLine:
     """The slave surface of a pair, unrolled.
 
     nodes : (n,) node numbers along it.  at : (n,) their places among the contact nodes.
@@ -34,13 +35,13 @@ class Strip:
     X: Array
 
 
-def strips(interface: Interface) -> tuple[Strip, ...]:
+def contact_lines(interface: Interface) -> tuple[ContactLine, ...]:
     """One a pair, in the order of the pairs."""
     found = []
     for pair in interface.pairs:
         nodes, s = unrolled(interface.surfaces[pair.slave], interface.nodes)
         at = np.searchsorted(interface.contact_nodes, nodes)
-        found.append(Strip(pair.name, nodes, at, s, interface.nodes[nodes]))
+        found.append(ContactLine(pair.name, nodes, at, s, interface.nodes[nodes]))
     return tuple(found)
 
 
@@ -63,7 +64,7 @@ def unrolled(edges: Ints, X: Array) -> tuple[Ints, Array]:
 def _from_left(piece: Ints, X: Array) -> Ints:
     way = X[piece[-1]] - X[piece[0]]
     # fault: record: the slave surface is unrolled in the order of its edges' numbers -> return piece if
-    #   way[int(np.argmax(np.abs(way)))] < 0.0 else piece | coupler/test_strips
+    #   way[int(np.argmax(np.abs(way)))] < 0.0 else piece | coupler/test_contact_lines
     return piece[::-1] if way[int(np.argmax(np.abs(way)))] < 0.0 else piece
 
 
@@ -83,17 +84,24 @@ def _pieces(edges: Ints) -> list[Ints]:
     return found
 
 
-def contact_row(found: Sequence[Strip], now: Level, friction: Mapping[str, Array]) -> dict[str, NDArray[np.float32]]:
-    """t_N, gap and what there is of FRICTION, (n_s,) each, at the strips' nodes, strip after strip.
+def contact_row(found: Sequence[ContactLine], now: Level,
+                friction: Mapping[str, Array]) -> dict[str, NDArray[np.float32]]:
+    """t_N, gap and what there is of FRICTION, (n_s,) each, at the nodes of the lines, line after line.
 
     Single precision will do.
     """
     if not found:
         return {}
-    at = np.concatenate([strip.at for strip in found])
+    at = np.concatenate([line.at for line in found])
     values = {"t_N": now.t_N, "gap": now.gap, **friction}
     return {f"contact.{n}": v[at].astype(np.float32) for n, v in values.items()}
 
+
+# Fields of the exchange that stand in every frame, on all nodes; u, p and gap are made of the mechanical half's x,
+# contact.t_N and contact.gap.
+EXCHANGED: Mapping[str, tuple[FileField, ...]] = {
+    "thermal": (FileField("T", "K"),),
+    "mechanical": (FileField("u", "m", 2), FileField("p", "Pa"), FileField("gap", "m"))}
 
 # Tables of a results file: their names, columns and types.
 

@@ -6,7 +6,8 @@ fields appended a frame at a time, offsets of each frame in Steps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,23 +19,47 @@ from numpy.typing import NDArray
 from coupler.errors import ResultsError
 
 VTK_TRIANGLE, VTK_QUAD = 5, 9
-UNITS = {"T": "K", "f_s": "1", "q": "W/m2", "u": "m", "p": "Pa", "gap": "m", "sigma_v": "Pa", "sigma": "Pa"}
-# Fields of two columns are vectors (the third is zero); sigma is 11, 22, 12, 33 and becomes XX, YY, ZZ, XY, YZ, XZ,
-# which ParaView takes for a symmetric tensor.
-WIDTHS = {"u": 3, "q": 3, "sigma": 6}
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FileField:
+    """A field that every frame brings.  components : columns, 1 for plain numbers.  sparse : it is mostly NaN.
+
+    Two columns are a vector (the third is zero); four are 11, 22, 12, 33 of a tensor and become XX, YY, ZZ, XY, YZ, XZ,
+    which ParaView takes for a symmetric one.
+    """
+
+    name: str
+    unit: str = ""
+    components: int = 1
+    description: str = ""
+    sparse: bool = False
+
+    @property
+    def width(self) -> int:
+        """Columns in the file; 0 for plain numbers."""
+        return {1: 0, 2: 3, 4: 6}.get(self.components, self.components)
+
+
+@dataclass(frozen=True)
+class MeshCells:
+    """quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers.  n_points : nodes of the mesh."""
+
+    quads: NDArray[np.integer]
+    triangles: NDArray[np.integer]
+    n_points: int
 
 
 class FieldFile:
     """Writes frames to a .vtkhdf file.
 
-    quads : (n_quads, 4), triangles : (n_triangles, 3) node numbers.  point_fields, cell_fields : the names
-    that every frame brings.  cell_constants : written once.
+    point_fields, cell_fields : what every frame brings.  cell_constants : written once.
     """
 
-    def __init__(self, path: Path, quads: NDArray[np.integer], triangles: NDArray[np.integer], n_points: int,
-                 point_fields: tuple[str, ...], cell_fields: tuple[str, ...],
+    def __init__(self, path: Path, mesh: MeshCells, point_fields: Sequence[FileField], cell_fields: Sequence[FileField],
                  cell_constants: Mapping[str, NDArray[Any]]) -> None:
+        quads, triangles, n_points = mesh.quads, mesh.triangles, mesh.n_points
         self._n_points, self._n_cells = n_points, len(quads) + len(triangles)
         self._constants = tuple(cell_constants)
         self._file = h5py.File(path, "w")
@@ -51,12 +76,11 @@ class FieldFile:
                             ("NumberOfConnectivityIds", connectivity.size)):
             root[name] = np.array([value], dtype=np.int64)
         root.create_dataset("Points", (0, 3), maxshape=(None, 3), dtype="f8", chunks=(max(n_points, 1), 3))
-        self._points = {n: _growing(root.require_group("PointData"), n, n_points, WIDTHS.get(n, 0))
-                        for n in point_fields}
+        self._points = {f.name: _growing(root.require_group("PointData"), f, n_points) for f in point_fields}
         cells = root.require_group("CellData")
         for n, v in cell_constants.items():
             cells[n] = v
-        self._cells = {n: _growing(cells, n, self._n_cells, WIDTHS.get(n, 0)) for n in cell_fields}
+        self._cells = {f.name: _growing(cells, f, self._n_cells) for f in cell_fields}
         self._steps = self._prepare_steps(root)
         self._root = root
 
@@ -107,20 +131,35 @@ class FieldFile:
         self.close()
 
 
-def _growing(group: h5py.Group, name: str, rows: int, width: int) -> h5py.Dataset:
-    shape, most = ((0, width), (None, width)) if width else ((0,), (None,))
-    data = group.create_dataset(name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]))
-    data.attrs["unit"] = UNITS.get(name, "")
+def _growing(group: h5py.Group, field: FileField, rows: int) -> h5py.Dataset:
+    shape, most = ((0, field.width), (None, field.width)) if field.width else ((0,), (None,))
+    # Nearly all of a field of contact nodes is the same NaN: packed, it takes hardly any room.
+    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1} if field.sparse else {}
+    data = group.create_dataset(field.name, shape, maxshape=most, dtype="f8", chunks=(max(rows, 1), *shape[1:]),
+                                **packed)
+    data.attrs["unit"] = field.unit
+    if field.description:
+        data.attrs["description"] = field.description
     return data
 
 
 def _in_space(value: Array) -> Array:
-    """Scalars as they are, vectors and tensors of a plane with the components that are zero."""
+    """Scalars as they are, vectors and tensors of a plane with the components that are zero; others are columns."""
+    value = value.reshape(len(value), -1) if value.ndim > 1 else value
+    if value.ndim == 2 and value.shape[1] == 1:
+        return value[:, 0]
     if value.ndim == 2 and value.shape[1] == 4:
         # fault: shear for thickness in field files -> return np.column_stack([value, np.zeros((len(value), 2))]) |
         #   scenarios/test_plastic_heating
         return np.column_stack([value[:, [0, 1, 3, 2]], np.zeros((len(value), 2))])
-    return np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 else value
+    return np.column_stack([value, np.zeros(len(value))]) if value.ndim == 2 and value.shape[1] == 2 else value
+
+
+def in_plane(value: Array, components: int) -> Array:
+    """A field as it was before it was written for ParaView.  components : columns it had."""
+    if components == 4:
+        return np.asarray(value[:, [0, 1, 3, 2]])
+    return np.asarray(value[:, :2]) if components == 2 else value
 
 
 def _extend(data: h5py.Dataset, rows: NDArray[Any]) -> None:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Curves:
+class ProbeCurves:
     """One probe of both runs at the same times.
 
     t : (n,) [s], every end of a window of either run, up to the earlier end.  a, b : (n,) in `unit` (SI), linear in
@@ -37,7 +37,7 @@ class Curves:
 class Difference:
     """Where b is farthest from a: at t [s], b - a = by (SI)."""
 
-    curves: Curves
+    curves: ProbeCurves
     t: float
     a: float
     b: float
@@ -98,9 +98,9 @@ def _alike(a: Results, b: Results, name: str) -> bool:
     return name in b.probe_names and a.quantity(name) == b.quantity(name)
 
 
-def _curves(a: Results, b: Results, name: str, t: Array) -> Curves:
+def _curves(a: Results, b: Results, name: str, t: Array) -> ProbeCurves:
     places = dict.fromkeys(p for p in (place_of(a, name), place_of(b, name)) if p)
-    return Curves(name, a.quantity(name), a.unit(name), " / ".join(places), t, _at(a, name, t), _at(b, name, t))
+    return ProbeCurves(name, a.quantity(name), a.unit(name), " / ".join(places), t, _at(a, name, t), _at(b, name, t))
 
 
 def _at(run: Results, name: str, t: Array) -> Array:
@@ -116,7 +116,7 @@ def _at(run: Results, name: str, t: Array) -> Array:
     return np.where(own[exact] == t, value[exact], np.interp(t, own, value))
 
 
-def _difference(c: Curves) -> Difference | None:
+def _difference(c: ProbeCurves) -> Difference | None:
     """Where |b - a| is largest, the first time; None where there are never two values."""
     off = np.abs(c.b - c.a)
     if np.isnan(off).all():

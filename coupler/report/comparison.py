@@ -34,7 +34,7 @@ ROUND_OFF = 1e-12  # of the largest value: what is less is not called a differen
 
 
 @dataclass(frozen=True)
-class Told:
+class DifferenceText:
     """A row of the table: a probe, its largest difference and where it is."""
 
     name: str
@@ -79,11 +79,11 @@ def sentence(c: Comparison, names: tuple[str, str], temperature_unit: str, geome
     return f"{b} differs from {a} by up to {listed}."
 
 
-def told_of(d: Difference, temperature_unit: str) -> Told:
+def told_of(d: Difference, temperature_unit: str) -> DifferenceText:
     """A difference in words.  Of temperatures the difference is in K, whatever the unit of the values."""
     values, apart = scales([d], temperature_unit)
-    return Told(d.curves.name, d.curves.place, apart.text(abs(d.by), 3), f"{number(d.t, 6)} s", values.text(d.a),
-                values.text(d.b))
+    return DifferenceText(d.curves.name, d.curves.place, apart.text(abs(d.by), 3), f"{number(d.t, 6)} s",
+                          values.text(d.a), values.text(d.b))
 
 
 def scales(ds: Sequence[Difference], temperature_unit: str) -> tuple[Shown, Shown]:

@@ -19,7 +19,6 @@ from coupler.report.figures import (
     INK,
     PageFigure,
     Picture,
-    Shown,
     axis_names,
     draw_kinks,
     legend_below,
@@ -56,19 +55,19 @@ def status(along: Along, mu: float, gap_max: float) -> Codes:
     """
     alone = along.gap >= np.float32(gap_max)
     # fault: report: a rigid body touches what it has left -> pressed = along.t_N < 0.0; alone = alone & ~pressed |
-    #   coupler/test_strips
+    #   coupler/test_contact_lines
     pressed = (along.t_N < 0.0) & ~alone
     code = np.where(alone, ALONE, np.where(pressed, TOUCHES, OPEN)).astype(np.int8)
     if mu > 0.0 and along.slip_share is not None:
         code[pressed & (along.slip_share <= MOST)] = STICKS
         # fault: report: a node slips as soon as any of it does -> code[pressed & (along.slip_share > 0.0)] = SLIPS |
-        #   coupler/test_strips
+        #   coupler/test_contact_lines
         code[pressed & (along.slip_share > MOST)] = SLIPS
     elif mu > 0.0 and along.t_T is not None:
         known = pressed & np.isfinite(along.t_T)
         code[known] = STICKS
         # fault: report: sticking is called slipping -> code[known & (np.abs(along.t_T) >= 0.0 * mu * along.t_N)] =
-        #   SLIPS | coupler/test_strips
+        #   SLIPS | coupler/test_contact_lines
         code[known & (np.abs(along.t_T) >= -AT_THE_BOUND * mu * along.t_N)] = SLIPS
     return code
 
@@ -96,7 +95,7 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
         ax.set_ylabel(f"along {plain(str(pair['slave']))}\n[{length.unit}]", color=INK)
         ax.tick_params(colors=INK, labelsize=9)
         draw_kinks(ax, kinks_of(results) if limits is None else [])
-    _legend(figure, code, (scale, float(np.nanmax(scale(gap), initial=0.0))))
+    _legend(figure, code, scale.unit, float(np.nanmax(scale(gap), initial=0.0)))
     alt = f"Contact of pair {name} over time along {pair['slave']}: {_shares(results.t, code)}."
     return png(figure, alt, _caption(results, pair, along, near, code))
 
@@ -134,12 +133,13 @@ def _paint(ax: Axes, places: tuple[Array, Array], code: Codes, gap: Array) -> No
     ax.pcolorfast(places[0], edges_of(places[1]), colours)
 
 
-def _legend(figure: PageFigure, code: Codes, gap: tuple[Shown, float]) -> None:
+def _legend(figure: PageFigure, code: Codes, unit: str, widest: float) -> None:
+    """What the colours mean.  widest : gap, in this unit."""
     here = [c for c in WORDS if c != OPEN and (code[1:] == c).any()]
     handles = [Patch(facecolor=LOOKS[c], edgecolor="#888888", linewidth=0.6, label=WORDS[c]) for c in here]
     if (code[1:] == OPEN).any():
-        bar = ScalarMappable(Normalize(0.0, gap[1] or 1.0), GREYS)
-        figure.colorbar(bar, cax=figure.add_axes((0.9, 0.2, 0.02, 0.6)), label=f"open: gap [{gap[0].unit}]")
+        bar = ScalarMappable(Normalize(0.0, widest or 1.0), GREYS)
+        figure.colorbar(bar, cax=figure.add_axes((0.9, 0.2, 0.02, 0.6)), label=f"open: gap [{unit}]")
     legend_below(figure, (), more=handles)
 
 

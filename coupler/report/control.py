@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from coupler.record.results import Firing, Results
+from coupler.record.results import FiredRule, Results
 from coupler.report.curves import kinks_of
 from coupler.report.figures import COLOURS, Picture, counted, draw_kinks, legend_below, number, page_figure, styled, svg
 
@@ -316,13 +316,13 @@ class Ruled:
 
 def rules_that_fired(results: Results) -> list[Ruled]:
     """By name, in the order in which they fired first."""
-    found: dict[str, list[Firing]] = {}
+    found: dict[str, list[FiredRule]] = {}
     for firing in results.firings:
         found.setdefault(firing.rule, []).append(firing)
     return [_ruled(name, firings) for name, firings in found.items()]
 
 
-def _ruled(name: str, firings: list[Firing]) -> Ruled:
+def _ruled(name: str, firings: list[FiredRule]) -> Ruled:
     told = [Acted(f.row + 1, number(f.t, 8), f.text, _saw(f.values)) for f in firings]
     if len(told) <= LISTED_FIRST + LISTED_LAST:
         return Ruled(name, len(told), tuple(told))

@@ -17,6 +17,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
+from coupler.fmu.outputs import On, OutputField
 from coupler.record.results import Results
 from coupler.record.vtkhdf import FieldReader
 from coupler.report.curves import kinks_of
@@ -48,6 +49,8 @@ ARROW = 0.75  # their length, of their mean distance
 FAINT = 1e-3  # share of the largest flux below which a direction says nothing
 LOUDEST = 0.98  # share of cells whose flux the colours tell apart
 EVEN = 1.01  # times what the colours tell apart: no more than that is not beyond them
+# Labels of fields that have pictures of their own; the size of more components than three says nothing.
+DRAWN, MOST_COMPONENTS = frozenset(("T", "f_s", "q", "sigma_v", "u", "p", "gap")), 3
 SMOOTH_UP_TO = 40_000  # triangles; a smooth picture of more takes seconds and shows no more
 
 
@@ -61,7 +64,7 @@ def field_pictures(results: Results) -> tuple[list[Picture], list[str]]:
         try:
             with FieldReader(results.field_files[half]) as file:
                 if len(file.times):
-                    pictures += draw(results, file)
+                    pictures += draw(results, file) + _other_fields(results, file, half)
                 elif half == "thermal":
                     remarks.append("The run ended before its first frame of fields.")
         except ResultsError as exc:
@@ -170,6 +173,42 @@ def _stress(results: Results, file: FieldReader) -> list[Picture]:
     text = f"Von Mises stress, mean of each cell, at t = {t} s, the frame where it is highest"
     return [png(panels.figure, f"{text}: up to {scale.text(highest[k])}.", f"{text} ({scale.text(highest[k])}).",
                 narrow=True)]
+
+
+def _other_fields(results: Results, file: FieldReader, half: str) -> list[Picture]:
+    """Every field of a half's own that has no picture yet: numbers, or the size of vectors, where they are largest."""
+    pictures = []
+    for field in results.fields.values():
+        drawn = field.label in DRAWN or field.exchanged or field.components > MOST_COMPONENTS
+        if field.half == half and not drawn and field.on in (On.NODES, On.CELLS):
+            pictures += _largest(results, file, field)
+    return pictures
+
+
+def _largest(results: Results, file: FieldReader, field: OutputField) -> list[Picture]:
+    """A field at the frame where it is largest; nothing of one that is 0 everywhere, always."""
+    read = file.cell_field if field.on is On.CELLS else file.point_field
+
+    def values(k: int) -> Array:
+        value = read(field.label, k)
+        return value if value.ndim == 1 else np.asarray(np.linalg.norm(value, axis=1))
+
+    most = [float(np.nan_to_num(np.abs(values(k))).max()) for k in range(len(file.times))]
+    k = int(np.argmax(most))
+    if not most[k] > 0 or not np.isfinite(values(k)).all():
+        return []
+    scale = shown(field.unit, most[k], results.header["temperature_unit"])
+    panels = _panels([file.points(k)], axis_names(str(results.header["geometry"])))
+    value = scale(values(k))
+    limits = (min(float(value.min()), 0.0), max(float(value.max()), 0.0)) if field.unit != "K" else (
+        float(value.min()), float(value.max()))
+    _bar(panels, _paint(panels.axes[0], panels.length(file.points(k)), file, value, limits),
+         f"{field.label} [{scale.unit}]")
+    what = field.description or field.label
+    text = (f"{what[0].upper()}{what[1:]} ({field.full_name}{', its size' if field.components > 1 else ''}) at "
+            f"t = {number(float(file.times[k]), 6)} s, the frame where it is largest")
+    return [png(panels.figure, f"{text}: {scale.text(float(values(k).min()))} to {scale.text(float(values(k).max()))}.",
+                f"{text}.", narrow=True)]
 
 
 @dataclass(frozen=True)

@@ -475,6 +475,29 @@ def body_mean(interface: Interface, body: str) -> tuple[Ints, Floats]:
     return nodes.astype(np.int32), weights / weights.sum()
 
 
+def cell_volumes(interface: Interface) -> Floats:
+    """(n_cells,) reference volume of each cell, quads first: integral of dA or r dA."""
+    return np.concatenate([_of_quads(interface.nodes[interface.quads], interface.axisymmetric).sum(axis=1),
+                           _of_triangles(interface.nodes[interface.triangles], interface.axisymmetric).sum(axis=1)])
+
+
+def cells_with(interface: Interface, nodes: Ints) -> Ints:
+    """Numbers of the cells, quads first, that have all of these nodes."""
+    has = [np.isin(cells, nodes).sum(axis=1) for cells in (interface.quads, interface.triangles)]
+    return np.flatnonzero(np.concatenate(has) == len(nodes)).astype(np.int32)
+
+
+def cells_along(interface: Interface, edges: Ints) -> Ints:
+    """(n_edges,) the cell, quads first, that has each edge of a surface.  edges : (n_edges, 2) node numbers."""
+    quads, triangles = interface.quads, interface.triangles
+    every = np.concatenate([np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2)
+                            for cells in (quads, triangles)])
+    owner = np.concatenate([np.repeat(np.arange(len(quads)), 4), len(quads) + np.repeat(np.arange(len(triangles)), 3)])
+    key, wanted = (np.sort(e, axis=1).astype(np.int64) @ (len(interface.nodes), 1) for e in (every, edges))
+    order = np.argsort(key, kind="stable")
+    return owner[order][np.searchsorted(key[order], wanted)].astype(np.int32)
+
+
 def _of_quads(x: Floats, axisymmetric: bool) -> Floats:
     """Integrals of N_i dV, (n, 4), of quads with corners x : (n, 4, 2)."""
     share = np.zeros(x.shape[:2])

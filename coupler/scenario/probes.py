@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from contact.half.interface import Interface
 from coupler.scenario.document import Key, did_you_mean
-from coupler.scenario.mesh import Floats, Ints, body_mean, locate
+from coupler.scenario.mesh import Floats, Ints, body_mean, cell_volumes, cells_along, cells_with, locate
 from coupler.scenario.scene import NEAREST, Context, surface_key
 from coupler.scenario.schema import Place
 from coupler.scenario.schema import Probe as ProbeSpec
 
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
+"""Quantities of the exchange, whose units the border fixes; of any other output its half says the unit."""
 AT_CONTACT = ("gap", "p")
+VALUE = "value"  # in the place of a point: an output that belongs to no place of the mesh
+NONE, NO_WEIGHTS = np.empty(0, dtype=np.int32), np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """quantity : T | u_x | u_y | gap | p (= -t_N) | f_s.  unit : SI.  reduction : point | mean | max | min.
+    """quantity : T | u_x | u_y | gap | p (= -t_N) | f_s, or HALF.OUTPUT, any output of a half.
 
+    unit : SI; empty of an output: its half says it.  reduction : point | mean | max | min.
     nodes : (n,) node numbers of the Interface.  weights : (n,), adding up to 1 for point and mean.
+    cells, cell_weights : the same of cells, quads first, for an output that is given on cells.
+    An output without a place has neither nodes nor cells.
     """
 
     quantity: str
@@ -30,13 +36,36 @@ class Probe:
     reduction: str
     nodes: Ints
     weights: Floats
+    cells: Ints = field(default_factory=lambda: NONE)
+    cell_weights: Floats = field(default_factory=lambda: NO_WEIGHTS)
 
-    def of(self, field: Floats) -> float:
+    @property
+    def half(self) -> str:
+        """The half whose output it is; empty for a quantity of the exchange."""
+        return "" if self.quantity in UNITS else self.quantity.partition(".")[0]
+
+    @property
+    def output(self) -> str:
+        """The name of that output, with its component."""
+        return self.quantity.partition(".")[2]
+
+    @property
+    def placeless(self) -> bool:
+        """Whether it is read from no place of the mesh."""
+        return not len(self.nodes)
+
+    def of(self, values: Floats) -> float:
         """The probe's value, given its quantity at all nodes : (n_nodes,)."""
-        values = field[self.nodes]
+        return self._reduced(values[self.nodes], self.weights)
+
+    def of_cells(self, values: Floats) -> float:
+        """The probe's value, given its quantity in all cells : (n_cells,)."""
+        return self._reduced(values[self.cells], self.cell_weights)
+
+    def _reduced(self, values: Floats, weights: Floats) -> float:
         if self.reduction == "max":
             return float(values.max())
-        return float(values.min()) if self.reduction == "min" else float(self.weights @ values)
+        return float(values.min()) if self.reduction == "min" else float(weights @ values)
 
 
 def probes_of(c: Context) -> dict[str, Probe]:
@@ -45,24 +74,12 @@ def probes_of(c: Context) -> dict[str, Probe]:
 
 
 def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
-    quantity = next(q for q in UNITS if getattr(spec, q) is not None)
+    quantity = spec.quantity
     target, key = getattr(spec, quantity), (*key, quantity)
-    reduction = "point"
-    if isinstance(target, str):
-        nodes, weights = _named(c, target, key)
-    elif target.at is not None:
-        nodes, weights = _at(c, target, key)
-    else:
-        reduction, surface = next(
-            (r, s) for r in ("max", "min", "mean") if (s := getattr(target, r)) is not None
-        )
-        if surface in c.interface.bodies:
-            nodes, weights = body_mean(c.interface, surface)
-        else:
-            edges = c.interface.surfaces[
-                surface_key(c.document, c.interface.surfaces, surface, (*key, reduction))
-            ]
-            nodes, weights = surface_mean(c.interface, edges)
+    if quantity not in UNITS:
+        return _of_output(c, quantity, target, key)
+    spot = _spot(c, target, key)
+    nodes = spot.nodes
     if quantity in AT_CONTACT and not np.isin(nodes, c.interface.contact_nodes).all():
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
         raise c.document.error(key, f"{quantity} exists only on contact surfaces",
@@ -70,7 +87,54 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
     if quantity == "f_s" and not any(c.file.materials[b.material].latent for b in c.file.bodies.values()):
         raise c.document.error(key, "nothing melts here, so there is no solid fraction",
                                "Give a material its latent heat.")
-    return Probe(quantity, UNITS[quantity], reduction, nodes, weights)
+    return Probe(quantity, UNITS[quantity], spot.reduction, nodes, spot.weights)
+
+
+def _of_output(c: Context, quantity: str, target: str | Place, key: Key) -> Probe:
+    """A probe of an output; whether the half has it, and on nodes or cells, is seen when the half is loaded."""
+    if target == VALUE:
+        return Probe(quantity, "", "point", NONE, NO_WEIGHTS)
+    spot = _spot(c, target, key)
+    cells, shares = _cells(c.interface, spot)
+    return Probe(quantity, "", spot.reduction, spot.nodes, spot.weights, cells, shares / shares.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Spot:
+    """reduction, nodes, weights : as in Probe.  over : the surface or body of a reduction, empty of a point."""
+
+    reduction: str
+    nodes: Ints
+    weights: Floats
+    over: str = ""
+
+
+def _spot(c: Context, target: str | Place, key: Key) -> _Spot:
+    if isinstance(target, str):
+        return _Spot("point", *_named(c, target, key))
+    if target.at is not None:
+        return _Spot("point", *_at(c, target, key))
+    reduction, over = next((r, s) for r in ("max", "min", "mean") if (s := getattr(target, r)) is not None)
+    if over in c.interface.bodies:
+        return _Spot(reduction, *body_mean(c.interface, over), over)
+    known = c.interface.surfaces
+    surface = surface_key(c.document, known, over, (*key, reduction))
+    return _Spot(reduction, *surface_mean(c.interface, known[surface]), surface)
+
+
+def _cells(interface: Interface, spot: _Spot) -> tuple[Ints, Floats]:
+    """Cells of a body, by volume; cells along a surface, by its area; else cells that meet at a point, by volume."""
+    if spot.over in interface.surfaces:
+        edges = interface.surfaces[spot.over]
+        areas = _node_areas(interface, edges).sum(axis=1)
+        cells, at = np.unique(cells_along(interface, edges), return_inverse=True)
+        return cells, np.bincount(at, weights=areas).astype(float)
+    if spot.over:
+        owner = np.concatenate([interface.quad_body, interface.triangle_body])
+        cells = np.flatnonzero(owner == interface.bodies.index(spot.over)).astype(np.int32)
+    else:
+        cells = cells_with(interface, spot.nodes)
+    return cells, cell_volumes(interface)[cells]
 
 
 def _named(c: Context, name: str, key: Key) -> tuple[Ints, Floats]:
@@ -110,13 +174,17 @@ def _at(c: Context, place: Place, key: Key) -> tuple[Ints, Floats]:
 
 def surface_mean(interface: Interface, edges: Ints) -> tuple[Ints, Floats]:
     """Nodes and weights of the mean over a surface: integral of N_i dA over A, reference; dA = ds or r ds."""
+    nodes, where = np.unique(edges.ravel(), return_inverse=True)
+    weights = np.bincount(where, weights=_node_areas(interface, edges).ravel())
+    return nodes.astype(np.int32), weights / weights.sum()
+
+
+def _node_areas(interface: Interface, edges: Ints) -> Floats:
+    """(n_edges, 2) integral of N_i dA over each edge, reference."""
     ends = interface.nodes[edges]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     # fault: mean over a disc as over a strip -> r = 0.0 * ends[:, :, 0] + 1.0 if interface.axisymmetric else
     #   np.ones(edges.shape) | coupler/test_scenario_probes
     r = ends[:, :, 0] if interface.axisymmetric else np.ones(edges.shape)
-    # fault: mean of a surface without its areas -> share = 1.0 + 0.0 * r | coupler/test_scenario_probes
-    share = length[:, None] * (2 * r + r[:, ::-1]) / 6
-    nodes, where = np.unique(edges.ravel(), return_inverse=True)
-    weights = np.bincount(where, weights=share.ravel())
-    return nodes.astype(np.int32), weights / weights.sum()
+    # fault: mean of a surface without its areas -> return 1.0 + 0.0 * r | coupler/test_scenario_probes
+    return np.asarray(length[:, None] * (2 * r + r[:, ::-1]) / 6)

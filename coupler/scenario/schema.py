@@ -6,7 +6,16 @@ import re
 from enum import StrEnum
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Discriminator, Field, StrictBool, Tag, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StrictBool,
+    Tag,
+    field_validator,
+    model_validator,
+)
 
 from coupler.scenario.document import DottedName, Name, NotNegative, Number, Positive, Text, Whole, number, problem
 from coupler.scenario.mesh import Body
@@ -568,8 +577,14 @@ class Place(Part):
 ProbeTarget = Text | Place
 
 
+HALVES = ("thermal.", "mechanical.")  # a probe of any output of a half is named HALF.OUTPUT
+
+
 class Probe(Part):
-    """One quantity, and where."""
+    """One quantity of the exchange, or one output of a half by its name, and where."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, ProbeTarget]
 
     T: ProbeTarget | None = None
     u_x: ProbeTarget | None = None
@@ -578,10 +593,19 @@ class Probe(Part):
     p: ProbeTarget | None = None
     f_s: ProbeTarget | None = None
 
+    @classmethod
+    def _knows(cls, key: object) -> bool:
+        return super()._knows(key) or (isinstance(key, str) and key.startswith(HALVES))
+
     @model_validator(mode="after")
     def _one_quantity(self) -> Probe:
-        exactly_one(self, type(self).model_fields)
+        exactly_one(self, (*type(self).model_fields, *self.__pydantic_extra__))
         return self
+
+    @property
+    def quantity(self) -> str:
+        """The key that is given."""
+        return next(n for n in (*type(self).model_fields, *self.__pydantic_extra__) if getattr(self, n) is not None)
 
 
 class Fields(Part):

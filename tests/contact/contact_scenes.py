@@ -10,7 +10,7 @@ import numpy as np
 
 from contact.messages import Facing, Floats, Ints, Passes, Project, Register, Registered, Traction, Tractions
 from contact.service import ContactService
-from contact.surfaces import Surfaces, surfaces_of
+from contact.surfaces import RegisteredSurfaces, surfaces_of
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 GAP_MAX, EPS = 0.5, 1e9
@@ -83,7 +83,7 @@ def push(register: Register, x: Floats, multipliers: Floats | None = None, x_bef
     return reply
 
 
-def kept(register: Register) -> Surfaces:
+def kept(register: Register) -> RegisteredSurfaces:
     """The surfaces as the service keeps them."""
     return surfaces_of(register)
 

@@ -9,9 +9,9 @@ from contact.codec import REPLIES, encode
 from contact.messages import Project, Registered
 from contact.rpc.client import Client
 from contact.rpc.link import LinkProtocolError, LinkTimeoutError
-from contact.rpc.zenoh_session import Answer
+from contact.rpc.zenoh_session import QueryAnswer
 
-TIMEOUT = Answer(ok=False, spoken=False, label="", payload=b"Timeout")
+TIMEOUT = QueryAnswer(ok=False, spoken=False, label="", payload=b"Timeout")
 REQUEST = Project("s", np.zeros((1, 2)))
 
 
@@ -23,8 +23,8 @@ class Wire:
 
     def ask(self, key, payload, label, timeout, watch):
         if key.endswith("status"):
-            return [Answer(ok=True, spoken=True, label="", payload=b"idle")]
-        return [a if isinstance(a, Answer) else Answer(True, True, label, encode(a)) for a in self.answers]
+            return [QueryAnswer(ok=True, spoken=True, label="", payload=b"idle")]
+        return [a if isinstance(a, QueryAnswer) else QueryAnswer(True, True, label, encode(a)) for a in self.answers]
 
 
 def call(*answers) -> object:

@@ -8,17 +8,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-from contact.compiled import stamp
+from contact.compiled import inner, one_of, stamp
 
 ROOT = Path(__file__).parents[2]
 # A kernel of the mechanical half, and one of contact/ that calls another file's, which has a constant of a third.
 ASK = """
 import numpy as np
 from contact.further import further
-from mechanical_fmu.point import flow_stress
-p = np.zeros(21)
-p[3], p[19] = 3.0, 19.0
-print(flow_stress(p, np.empty(0), 1.0)[0], further(2.0))
+from mechanical_fmu.laws.catalogue import POINT, flow_stress
+p = np.zeros(1, POINT)
+p["yield_stress"], p["hardening_modulus"] = 3.0, 19.0
+print(flow_stress(p[0], np.empty(0), 0.0)[0], further(2.0))
 """
 SOURCES = {"deepest": "SHARE = 3.0\n",
            "deeper": "from contact.compiled import kernel\nfrom contact.deepest import SHARE\n\n\n"
@@ -41,10 +41,46 @@ def test_a_change_of_a_constant_in_another_file_is_seen(tmp_path):
         return [float(word) for word in done.stdout.split()]
 
     assert answers() == [3.0, 6.0]
-    for file, more in (("mechanical_fmu/point.py", "P_YIELD = 19"), ("contact/deepest.py", "SHARE = 7.0")):
+    for file, old, new in (("mechanical_fmu/laws/hardening_linear.py", "return p.yield_stress + ",
+                            "return p.yield_stress + 16.0 + "), ("contact/deepest.py", "3.0", "7.0")):
         changed = tmp_path / file
-        changed.write_text(f"{changed.read_text(encoding='utf-8')}\n{more}\n", encoding="utf-8")
+        changed.write_text(changed.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     assert answers() == [19.0, 14.0]
+
+
+def test_a_class_of_an_argument_may_be_renamed(tmp_path):
+    (tmp_path / "p").mkdir()
+    room = "from typing import NamedTuple\n\n\nclass Room(NamedTuple):\n    size: float\n"
+    use = ("from contact.compiled import kernel\nfrom p import rooms\n\n\n@kernel\ndef double(room):\n"
+           "    return 2.0 * room.size\n\n\nprint(double(rooms.Room(3.0)))\n")
+    env = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    for name in ("Room", "Hall"):
+        (tmp_path / "p/rooms.py").write_text(room.replace("Room", name), encoding="utf-8")
+        (tmp_path / "p/use.py").write_text(use.replace("Room", name), encoding="utf-8")
+        done = subprocess.run([sys.executable, "-c", "import p.use"], env=env, cwd=tmp_path, capture_output=True,
+                              text=True, check=False)
+        assert done.stdout.split() == ["6.0"], done.stderr
+
+
+@inner
+def doubled(x, y):
+    return 2.0 * x + y
+
+
+@inner
+def squared(x, y):
+    return x * x + y
+
+
+@inner
+def opposite(x, y):
+    return -x + y
+
+
+def test_one_of_several_functions_is_called_by_its_number():
+    chosen = one_of((doubled, squared, opposite))
+    assert [chosen(i, 3.0, 0.5) for i in range(4)] == [6.5, 9.5, -2.5, -2.5]
+    assert one_of((squared,))(0, 3.0, 0.5) == 9.5
 
 
 def test_a_file_that_nothing_imports_changes_no_stamp(tmp_path):

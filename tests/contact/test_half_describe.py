@@ -17,7 +17,7 @@ from contact.half.layout import (
     standard_variables,
 )
 from contact.half.model import Variable
-from contact.half.slave import Store
+from contact.half.slave import VariableStore
 
 OWN = (Variable("T", (3,), "output", "K"), Variable("x", (3, 2), "input", "m", start=np.arange(6.0).reshape(3, 2)),
        Variable("load.heat", (), "input", start=1.0), Variable("iterations", kind="Integer", start=0))
@@ -91,7 +91,7 @@ def test_every_half_says_what_it_was_built_from():
     from toy_halves import interface  # beside this file
 
     layout = layout_of((), standard_variables(interface(3), "contact:ab"))
-    store = Store(layout)
+    store = VariableStore(layout)
     assert store.text("mesh.hash") == interface(3).mesh_hash
     assert store.text("packages.hash") == "contact:ab"
     assert store.text("geometry") == "plane"

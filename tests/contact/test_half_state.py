@@ -11,7 +11,7 @@ import pytest
 
 from contact.half import functions, state
 from contact.half.functions import Signal
-from contact.half.state import StateError, from_bytes, kept, to_bytes
+from contact.half.state import StateError, from_bytes, frozen_copy, to_bytes
 
 HERE = __name__.partition(".")[0]
 
@@ -47,8 +47,8 @@ def values() -> dict[str, Any]:
 def test_bytes_bring_back_the_same_bits(name):
     value = {"it": values()[name]}
     assert same(from_bytes(to_bytes(value), ()), value)
-    assert same(kept(value), value)
-    assert to_bytes(value) == to_bytes(kept(value))
+    assert same(frozen_copy(value), value)
+    assert to_bytes(value) == to_bytes(frozen_copy(value))
 
 
 def test_dataclasses_come_back_without_their_init():
@@ -60,7 +60,7 @@ def test_dataclasses_come_back_without_their_init():
 
 def test_a_copy_is_private_and_cannot_be_written():
     array = np.zeros(3)
-    copy = kept(Bag(array)).value
+    copy = frozen_copy(Bag(array)).value
     array[0] = 1.0
     assert copy[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
@@ -68,13 +68,13 @@ def test_a_copy_is_private_and_cannot_be_written():
 
 
 def test_strided_views_are_straightened_before_anything_computes_with_them():
-    assert kept(np.zeros((4, 4))[:, ::2]).flags.c_contiguous
+    assert frozen_copy(np.zeros((4, 4))[:, ::2]).flags.c_contiguous
 
 
 @pytest.mark.parametrize("value", [[1], {1}, object(), np.array([object()]), {1: 2}, len],
                          ids=["list", "set", "object", "array of objects", "dict", "function"])
 def test_what_cannot_be_kept_is_named(value):
-    for way in (kept, to_bytes):
+    for way in (frozen_copy, to_bytes):
         with pytest.raises(StateError, match=r"state\.value"):
             way(Bag(value))
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contact.messages import Project, Refused, Registered
-from contact.rpc.calls import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, Desk
+from contact.rpc.calls import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, CallQueue
 from contact.rpc.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError
 from contact.rpc.open import open_link
 
@@ -63,38 +63,38 @@ OK = Answered(True, b"yes")
 
 
 def test_a_repeated_call_is_carried_out_once():
-    desk: Desk[str] = Desk("i")
-    assert desk.arrive("i/me/1", b"x", "first") is None
-    assert desk.arrive("i/me/1", b"x", "again") is None
-    call = desk.queue.get_nowait()
+    calls: CallQueue[str] = CallQueue("i")
+    assert calls.arrive("i/me/1", b"x", "first") is None
+    assert calls.arrive("i/me/1", b"x", "again") is None
+    call = calls.queue.get_nowait()
     assert call is not None
-    assert desk.queue.empty()
-    assert desk.finish(call, OK) == ["first", "again"]
-    assert desk.arrive("i/me/1", b"x", "late") == OK
-    assert desk.queue.empty()
+    assert calls.queue.empty()
+    assert calls.finish(call, OK) == ["first", "again"]
+    assert calls.arrive("i/me/1", b"x", "late") == OK
+    assert calls.queue.empty()
 
 
 def test_forgotten_foreign_and_garbled_calls_are_refused():
-    desk: Desk[int] = Desk("i")
+    calls: CallQueue[int] = CallQueue("i")
     for n in range(1, KEEP_ANSWERS + 3):
-        assert desk.arrive(f"i/me/{n}", b"", n) is None
-        desk.finish(desk.queue.get_nowait(), OK)
-    codes = [desk.arrive(label, b"", 0).payload.split(b":")[0]
+        assert calls.arrive(f"i/me/{n}", b"", n) is None
+        calls.finish(calls.queue.get_nowait(), OK)
+    codes = [calls.arrive(label, b"", 0).payload.split(b":")[0]
              for label in ("i/me/1", "j/me/99", "", "i/me", "i/me/-1", "i/me/x", "i/m e/1", f"i/me/{10**40}")]
     assert codes == [b"stale", b"wrong_instance", *[b"bad_request"] * 6]
-    assert desk.arrive("i/you/1", b"", 0) is None
+    assert calls.arrive("i/you/1", b"", 0) is None
 
 
 def test_a_flood_is_told_to_wait_and_memory_is_bounded():
-    desk: Desk[int] = Desk("i")
+    calls: CallQueue[int] = CallQueue("i")
     for n in range(CAPACITY):
-        assert desk.arrive(f"i/c{n}/1", b"", n) is None
-    assert desk.arrive("i/late/1", b"", 0).payload.startswith(b"busy")
+        assert calls.arrive(f"i/c{n}/1", b"", n) is None
+    assert calls.arrive("i/late/1", b"", 0).payload.startswith(b"busy")
     for _ in range(CAPACITY):
-        desk.finish(desk.queue.get_nowait(), OK)
-    assert desk.arrive("i/late/1", b"", 0) is None
+        calls.finish(calls.queue.get_nowait(), OK)
+    assert calls.arrive("i/late/1", b"", 0) is None
     for n in range(3 * KEEP_CLIENTS):
-        desk.arrive(f"i/d{n}/1", b"", n)
-        while not desk.queue.empty():
-            desk.finish(desk.queue.get_nowait(), OK)
-    assert len(desk._clients) <= KEEP_CLIENTS
+        calls.arrive(f"i/d{n}/1", b"", n)
+        while not calls.queue.empty():
+            calls.finish(calls.queue.get_nowait(), OK)
+    assert len(calls._clients) <= KEEP_CLIENTS

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contact.half.diagnostics import Contact, Seen, Watch, behind, facing_at, start_notes
+from contact.half.diagnostics import ContactLog, ContactMonitor, ContactSample, behind, facing_at, start_notes
 from contact.half.interface import Interface, Pair
 from contact.messages import Floats
 
@@ -60,18 +60,18 @@ def test_a_penalty_that_spoils_the_matrix_is_named(factor: float, said: bool) ->
         assert "4e+10 to 4e+11 Pa/m" in notes[0]
 
 
-def contact(interface: Interface, move: Floats | None = None, pressed: bool = False) -> Contact:
+def contact(interface: Interface, move: Floats | None = None, pressed: bool = False) -> ContactSample:
     """Upper face moved; pressed : every node was under pressure."""
     x = interface.nodes.copy()
     x[:N] += 0.0 if move is None else move
     t_N = np.full(2 * N, -1.0 if pressed else 0.0)
-    return Contact(x, t_N, facing_at(interface, x).node_covered)
+    return ContactSample(x, t_N, facing_at(interface, x).node_covered)
 
 
-def after(interface: Interface, *moves: Floats) -> tuple[Seen, list[str]]:
-    watch, seen, said = Watch(interface), Seen(), []
+def after(interface: Interface, *moves: Floats) -> tuple[ContactLog, list[str]]:
+    watch, seen, said = ContactMonitor(interface), ContactLog(), []
     for k, move in enumerate(moves):
-        seen, notes = watch.after(seen, float(k + 1), contact(interface, pressed=True), contact(interface, move))
+        seen, notes = watch.after_window(seen, float(k + 1), contact(interface, pressed=True), contact(interface, move))
         said += notes
     return seen, said + watch.at_end(seen, contact(interface, moves[-1]).x)
 

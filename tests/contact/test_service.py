@@ -15,7 +15,7 @@ from contact_scenes import flat, passes
 
 import contact.service
 from contact.messages import Facing, Project, Refused, Register, Registered, Traction, Tractions
-from contact.service import KEPT, ContactService
+from contact.service import MAX_SCENES, ContactService
 
 REGISTER, X = flat(5, 7)
 
@@ -183,7 +183,7 @@ def test_a_scene_without_pairs_or_nodes_is_answered() -> None:
 def test_scenes_unused_longest_are_forgotten() -> None:
     service = ContactService()
     key = registered(service)
-    for i in range(KEPT - 1):
+    for i in range(MAX_SCENES - 1):
         registered(service, changed(gap_max=np.array([1.0 + i])))
     assert isinstance(service.handle(Project(key, X)), Facing)
     registered(service, changed(gap_max=np.array([1e3])))

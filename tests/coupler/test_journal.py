@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError
-from coupler.record.journal import _HEAD, MAGIC, Journal, Mark, being_written, read_journal
+from coupler.record.journal import _HEAD, MAGIC, Journal, JournalRecord, Mark, being_written, read_journal
 
 RECORDS = [("run", {"title": "a"}, {"nodes": np.arange(6.0).reshape(3, 2)}),
            ("window", {"t": 1.0}, {"probes": np.array([1.0, 2.0])}),
@@ -27,10 +27,10 @@ def write(path: Path) -> list[int]:
     return ends
 
 
-def same(found: list, expected: list) -> bool:
+def same(found: list[JournalRecord], expected: list) -> bool:
     return len(found) == len(expected) and all(
-        f[:2] == e[:2] and f[2].keys() == e[2].keys() and all(np.array_equal(f[2][k], e[2][k]) for k in e[2])
-        for f, e in zip(found, expected, strict=True))
+        (f.kind, f.meta) == e[:2] and f.arrays.keys() == e[2].keys()
+        and all(np.array_equal(f.arrays[k], e[2][k]) for k in e[2]) for f, e in zip(found, expected, strict=True))
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:

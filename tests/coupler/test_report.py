@@ -154,7 +154,7 @@ def test_names_of_strangers_are_text(tmp_path: Path) -> None:
 
 def test_a_gap_that_faces_nothing_is_not_drawn(tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5", Case(windows=10, frames=0, reject=0))
-    gap = results._probes["gap"][0]
+    gap = results._probes["gap"].values
     gap[-3:] = results.header["pairs"][0]["gap_max"]
     page = page_of(results, tmp_path)
     assert any("probe gap against time" in i["alt"] and "gap 50.8 mm at first, none at last" in i["alt"]

@@ -210,8 +210,8 @@ def test_the_command_line(whole: Path, stopped: Path, monkeypatch: pytest.Monkey
                           capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_code(monkeypatch, "resume", str(stopped), "--until", "1.5") == 0
     shown = capsys.readouterr()
-    assert "on from t = 1 s of 2 s" in shown.err
-    assert f"to go on: slideline resume {stopped}" in shown.out
+    assert "resuming at t = 1 s of 2 s" in shown.err
+    assert f"to resume: slideline resume {stopped}" in shown.out
     assert exit_code(monkeypatch, "resume", str(stopped)) == 0
     assert "completed" in (shown := capsys.readouterr()).out
     assert "to go on" not in shown.out
@@ -244,7 +244,7 @@ def test_another_scenario_is_refused(stopped: Path) -> None:
 
 
 def test_a_journal_that_is_too_short_is_refused(stopped: Path) -> None:
-    was = read_checkpoint(checkpoint_of(stopped), versions())[1].told.mark
+    was = read_checkpoint(checkpoint_of(stopped), versions())[1].record.mark
     data = stopped_of(stopped).read_bytes()
     stopped_of(stopped).write_bytes(data[: was.offset - 1])
     refused(stopped, f"whole up to byte .*from byte {was.offset}")
@@ -258,7 +258,7 @@ def test_the_journal_of_another_run_is_refused(stopped: Path, tmp_path: Path) ->
 
 
 def test_a_run_still_going_on_is_refused(stopped: Path) -> None:
-    mark = read_checkpoint(checkpoint_of(stopped), versions())[1].told.mark
+    mark = read_checkpoint(checkpoint_of(stopped), versions())[1].record.mark
     with Journal(stopped_of(stopped), mark):
         refused(stopped, "still goes on")
 

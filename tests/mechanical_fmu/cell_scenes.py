@@ -12,9 +12,10 @@ from scipy.sparse.linalg import splu
 from contact.half.interface import Interface
 from contact.half.linalg import pattern_of
 from mechanical_fmu.cells import Treatment, cells_of
+from mechanical_fmu.laws.catalogue import POINT
+from mechanical_fmu.laws.kinds import PLASTIC
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.point import N_P, P_CHI, P_G, P_H, P_SOLID, P_YIELD, PLASTIC
-from mechanical_fmu.volume import Step, Volume
+from mechanical_fmu.volume import DeformableMesh, PointStep
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 MOST = 40
@@ -45,17 +46,17 @@ def grid(n, m, map_=lambda s, t: (s, t)):
 
 
 def volume_of(interface, *treatments):
-    return Volume(cells_of(interface, treatments), len(interface.nodes))
+    return DeformableMesh(cells_of(interface, treatments), len(interface.nodes))
 
 
 @dataclass(frozen=True)
 class Stuff:
-    """A material: E [Pa], nu, free linear strain, and for plastic points yield stress and modulus d s_y/d ep."""
+    """A material: E [Pa], nu, free linear strain, and for plastic points yield stress and modulus dR/de."""
 
     E: float
     nu: float
     free: float = 0.0
-    s_y: float = np.inf
+    yield_stress: float = np.inf
     H: float = 0.0
 
 
@@ -63,11 +64,12 @@ def moduli_of(volume, *stuffs):
     """Moduli of every kind; one material a body."""
     out = []
     for cells in volume.kinds:
-        E, nu, free, s_y, H = (np.array([getattr(s, name) for s in stuffs])[cells.body]
-                               for name in ("E", "nu", "free", "s_y", "H"))
+        E, nu, free, yield_stress, H = (np.array([getattr(s, name) for s in stuffs])[cells.body]
+                                        for name in ("E", "nu", "free", "yield_stress", "H"))
         mu = E / 2 / (1 + nu)
-        p = np.zeros((len(mu), N_P))
-        p[:, P_G], p[:, P_CHI], p[:, P_SOLID], p[:, P_H], p[:, P_YIELD] = mu, 0.9, 1.0, H, np.minimum(s_y, 1e300)
+        p = np.zeros(len(mu), POINT)
+        p["shear_modulus"], p["plastic_heat"], p["solid_fraction"], p["hardening_modulus"] = mu, 0.9, 1.0, H
+        p["yield_stress"] = np.minimum(yield_stress, 1e300)
         out.append(Moduli(mu, E / 3 / (1 - 2 * nu), 3 * np.log(1 + free), p))
     return tuple(out)
 
@@ -81,7 +83,7 @@ class Found:
     residuals: list
     history: np.ndarray
     heat: np.ndarray
-    step: Step
+    step: PointStep
 
 
 def equilibrium(volume, moduli, held, force=None, start=None, tolerance=1e-12, floor=1e-300):
@@ -94,7 +96,7 @@ def equilibrium(volume, moduli, held, force=None, start=None, tolerance=1e-12, f
     fixed = np.array([2 * node + i for node, i in held], int)
     free = np.setdiff1d(np.arange(n), fixed)
     u = np.zeros(n) if start is None else start.u.ravel().copy()
-    step = Step(1.0) if start is None else Step(1.0, start.history)
+    step = PointStep(1.0) if start is None else PointStep(1.0, start.history)
     target = np.array(list(held.values()))
     f = np.zeros(n) if force is None else np.asarray(force, float).ravel()
     residuals, gap = [], target - u[fixed]

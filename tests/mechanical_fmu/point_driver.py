@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mechanical_fmu.laws.catalogue import POINT
+from mechanical_fmu.laws.kinds import history_size
 from mechanical_fmu.material import moduli
-from mechanical_fmu.point import N_P, history_size, update
+from mechanical_fmu.point import update
 from mechanical_fmu.problem import parse_material
 
 ONE_CELL = np.zeros(1, dtype=np.intp)
@@ -40,10 +42,10 @@ def virgin(m):
 def parameters(m, T=300.0, f_s=None):
     """(p, tables, kappa, e_th) of the material at T."""
     found = moduli((m,), ONE_CELL, np.array([float(T)]), None if f_s is None else np.array([float(f_s)]))
-    p = found.p[0] if len(found.p) else np.zeros(N_P)
+    points = found.p if len(found.p) else np.zeros(1, POINT)
     if not m.kind:
-        p[0] = found.mu[0]
-    return p, found.tables, float(found.kappa[0]), float(found.e_th[0])
+        points["shear_modulus"] = found.mu
+    return points[0], found.tables, float(found.kappa[0]), float(found.e_th[0])
 
 
 def strained(point, E, dt=1.0, T=300.0, f_s=None, p=None):

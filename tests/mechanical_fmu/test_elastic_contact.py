@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from contact.half.state import kept
+from contact.half.state import frozen_copy
 from contact.rpc.open import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -198,7 +198,8 @@ def test_hot_and_cold_caches_give_the_same_bits(link):
     """Each step is repeated by a half that has done nothing before, from a copy of the state."""
     for (state, _), (after, outputs), t0, t1 in [
             (*pair, TIMES[i + 1], TIMES[i + 2]) for i, pair in enumerate(pairwise(drive(sliding(), link)))][::4]:
-        cold_state, cold = done(sliding().step(kept(state), inputs_of(sliding()), t0, t1 - t0, open_link("direct")))
+        cold_state, cold = done(sliding().step(frozen_copy(state), inputs_of(sliding()), t0, t1 - t0,
+                                               open_link("direct")))
         assert cold_state.u.tobytes() == after.u.tobytes()
         assert cold_state.anchor_u.tobytes() == after.anchor_u.tobytes()
         for name, value in outputs.items():
@@ -207,7 +208,7 @@ def test_hot_and_cold_caches_give_the_same_bits(link):
 
 def test_step_restore_step_gives_the_same_bits(link):
     half = sliding()
-    run = drive(half, link, keep=kept)
+    run = drive(half, link, keep=frozen_copy)
     state = run[9][0]
     t0, t1 = TIMES[10], TIMES[11]
     done(half.step(state, inputs_of(half), t0, 0.3 * (t1 - t0), link))
@@ -227,5 +228,5 @@ def test_the_factor_in_use_is_the_one_the_state_names():
     run = drive(half(), None, times=np.array([0.0, 1.0, 2.0, 3.0]))
     assert [s.anchored for s, _ in run] == [False, True, True]
     for (state, _), (after, _) in pairwise(run):
-        cold, _ = done(half().step(kept(state), inputs_of(half()), state.t, 1.0, None))
+        cold, _ = done(half().step(frozen_copy(state), inputs_of(half()), state.t, 1.0, None))
         assert cold.u.tobytes() == after.u.tobytes()

@@ -13,7 +13,7 @@ from contact.half.linalg import pattern_of
 from contact.half.model import Discard
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.newton import Settings, solve
+from mechanical_fmu.newton import SolverSettings, solve
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, done, elastic, hold, inputs_of, press, stress_of
@@ -165,7 +165,7 @@ def test_newton_converges_quadratically():
     system = half.system
     loading = half._loading(inputs_of(half), 0.0, 1, np.zeros(0), LINK)
     start = half._predicted(np.zeros((system.volume.n_nodes, 2)), loading)
-    found = solve(system, loading, start, None, Settings(1e-11))
+    found = solve(system, loading, start, None, SolverSettings(1e-11))
     r = [e for e in found.history if e > 1e-12][-3:]
     assert found.iterations <= 6
     assert np.log(r[2] / r[1]) / np.log(r[1] / r[0]) >= 1.8

@@ -17,7 +17,7 @@ from cell_scenes import EXPECTED, PLANE, Stuff, equilibrium, grid, moduli_of, qu
 
 from contact.half.linalg import pattern_of
 from mechanical_fmu.cells import Treatment
-from mechanical_fmu.volume import Step
+from mechanical_fmu.volume import PointStep
 
 SMALL = 1e-6
 
@@ -98,10 +98,10 @@ def spurious_at(form, stretches, nu=0.3):
     for stretch in stretches:
         for _ in range(30):  # the width at which the sides are free
             u = nodes * [wide - 1.0, stretch - 1.0]
-            sides = [volume.evaluate(u + nodes * [d, 0.0], moduli, Step(1.0, history)).f[-5:, 0].sum()
+            sides = [volume.evaluate(u + nodes * [d, 0.0], moduli, PointStep(1.0, history)).f[-5:, 0].sum()
                      for d in (0.0, 1e-6)]
             wide -= sides[0] / (sides[1] - sides[0]) * 1e-6
-        found = volume.evaluate(nodes * [wide - 1.0, stretch - 1.0], moduli, Step(1.0, history), tangent=True)
+        found = volume.evaluate(nodes * [wide - 1.0, stretch - 1.0], moduli, PointStep(1.0, history), tangent=True)
         history = found.history
         K = pattern.matrix(found.entries)[free][:, free].toarray()
         if np.linalg.eigvalsh(0.5 * (K + K.T))[0] < 0.0:

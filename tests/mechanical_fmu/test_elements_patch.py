@@ -13,11 +13,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import EXPECTED, PLANE, Stuff, equilibrium, mesh, moduli_of, of, rim, volume_of
 
 from mechanical_fmu.cells import Treatment
-from mechanical_fmu.volume import Step
+from mechanical_fmu.volume import PointStep
 
 N = 4
 SMALL = EXPECTED["B16"]["tolerance"]
-STUFF = Stuff(2.5, 0.25, s_y=0.05, H=0.1)
+STUFF = Stuff(2.5, 0.25, yield_stress=0.05, H=0.1)
 AROUND = {"mean dilatation": Treatment(), "enhanced": Treatment(enhanced=True)}
 FORMS = [("plane", kind, form) for kind, form in product(("quads", "triangles"), PLANE)]
 FORMS += [("axisymmetric", kind, form) for kind, form in product(("quads", "triangles"), AROUND)]
@@ -91,15 +91,15 @@ def test_turned_by_75_degrees_in_three_unequal_steps_the_stress_turns_along(form
     volume, X = volume_of(interface, of(PLANE[form], plastic)), interface.nodes
     moduli = moduli_of(volume, STUFF)
     x = X * [EXPECTED["B17"]["stretch"], 1.0] + 0.03 * np.stack([0.0 * X[:, 0], np.sin(4.0 * X[:, 0])], axis=1)
-    now = volume.evaluate(x - X, moduli, Step(1.0))
-    still, forces = volume.stress(x - X, moduli, Step(1.0))[0][0], now.f
+    now = volume.evaluate(x - X, moduli, PointStep(1.0))
+    still, forces = volume.stress(x - X, moduli, PointStep(1.0))[0][0], now.f
     assert not plastic or now.heat.min() > 0.0
     for degrees in (10.0, 31.0, EXPECTED["B17"]["degrees"]):
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         Q = np.array([[c, -s], [s, c]])
         u = x @ Q.T - X
-        turned = volume.stress(u, moduli, Step(1.0, now.history))[0][0]
-        now = volume.evaluate(u, moduli, Step(1.0, now.history))
+        turned = volume.stress(u, moduli, PointStep(1.0, now.history))[0][0]
+        now = volume.evaluate(u, moduli, PointStep(1.0, now.history))
         full = np.array([[still[..., 0], still[..., 2]], [still[..., 2], still[..., 1]]])
         want = np.einsum("ai,ij...,bj->ab...", Q, full, Q)
         got = np.stack([turned[..., 0], turned[..., 1], turned[..., 2], turned[..., 3]])

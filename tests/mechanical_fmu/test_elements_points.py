@@ -14,9 +14,9 @@ from cell_scenes import EXPECTED, Stuff, equilibrium, grid, mesh, moduli_of, of,
 
 from contact.half.linalg import pattern_of
 from mechanical_fmu.cells import Treatment, cell_forces
-from mechanical_fmu.volume import CellError, InvertedCellError, Step
+from mechanical_fmu.volume import CellError, CellInversionError, PointStep
 
-SOFT = Stuff(2.5, 0.25, free=0.01, s_y=0.05, H=0.1)
+SOFT = Stuff(2.5, 0.25, free=0.01, yield_stress=0.05, H=0.1)
 FORMS = [Treatment(plastic, enhanced, plane_stress)
          for plastic, enhanced, plane_stress in product((0, 1), (False, True), (False, True))]
 KINDS, GEOMETRIES = ("quads", "triangles"), ("plane", "axisymmetric")
@@ -37,7 +37,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(form, kind, geometry):
     interface = mesh(kind, geometry)
     volume = volume_of(interface, form)
     moduli, u = moduli_of(volume, SOFT), bent(interface.nodes)
-    step = Step(1.0, volume.evaluate(0.5 * u, moduli, Step(1.0)).history)
+    step = PointStep(1.0, volume.evaluate(0.5 * u, moduli, PointStep(1.0)).history)
     found = volume.evaluate(u, moduli, step, tangent=True)
     K = pattern_of(u.size, *(cells.dofs for cells in volume.kinds)).matrix(found.entries)
     d, h = np.random.default_rng(2).normal(0.0, 1.0, u.shape), 1e-6
@@ -66,11 +66,11 @@ def test_the_two_loops_agree_on_elastic_cells():
 
 def general_loop(cells, m, u):
     from mechanical_fmu.cells import Out, cell_points
-    from mechanical_fmu.strain import Law
+    from mechanical_fmu.strain import CellMaterials
 
     out = Out(np.zeros_like(u), np.empty((len(cells.nodes), 8, 8)), np.empty((len(cells.nodes), 0)),
               np.empty(len(cells.nodes)), np.empty((0, 0, 0)), np.empty((0, 0, 0)))
-    law = Law(0, False, True, m.mu, m.kappa, m.e_th, m.p, m.tables, 1.0)
+    law = CellMaterials(0, False, True, m.mu, m.kappa, m.e_th, m.p, m.tables, 1.0)
     assert cell_points(cells.shape, law, u, np.empty((len(cells.nodes), 0)), out) == (-1, 0)
     return out
 
@@ -79,12 +79,12 @@ def general_loop(cells, m, u):
 def test_history_is_read_never_written_and_answers_repeat(form):
     volume = volume_of(mesh("quads"), form)
     moduli, u = moduli_of(volume, SOFT), bent(mesh("quads").nodes)
-    history = volume.evaluate(0.5 * u, moduli, Step(1.0)).history
+    history = volume.evaluate(0.5 * u, moduli, PointStep(1.0)).history
     assert history.any()
     history.setflags(write=False)
     kept = history.copy()
-    first = volume.evaluate(u, moduli, Step(1.0, history))
-    again = volume.evaluate(u, moduli, Step(1.0, history), tangent=True)
+    first = volume.evaluate(u, moduli, PointStep(1.0, history))
+    again = volume.evaluate(u, moduli, PointStep(1.0, history), tangent=True)
     assert np.array_equal(history, kept)
     assert all(np.array_equal(a, b) for a, b in zip((first.f, first.history, first.heat),
                                                     (again.f, again.history, again.heat), strict=True))
@@ -99,19 +99,19 @@ def test_elastic_and_plastic_bodies_in_one_scene_keep_their_own_numbers():
     forms = (Treatment(), Treatment(kind=1, enhanced=True))
     volume, u = volume_of(both, *forms), bent(nodes)
     moduli = moduli_of(volume, SOFT, SOFT)
-    found = volume.evaluate(u, moduli, Step(1.0), tangent=True)
+    found = volume.evaluate(u, moduli, PointStep(1.0), tangent=True)
     total = np.zeros_like(u)
     heat = np.zeros(len(cells))
     for i, form in enumerate(forms):
         alone = volume_of(quads(nodes, cells[body == i]), form)
-        part = alone.evaluate(u, moduli_of(alone, SOFT), Step(1.0))
+        part = alone.evaluate(u, moduli_of(alone, SOFT), PointStep(1.0))
         total += part.f
         if form.kind:
             heat[body == i] = part.heat
     assert np.abs(found.f - total).max() <= 1e-14 * np.abs(total).max()
     assert heat.any()
     assert np.array_equal(found.heat, heat)
-    stress = volume.in_order([s for s, _ in volume.stress(u, moduli, Step(1.0))])
+    stress = volume.in_order([s for s, _ in volume.stress(u, moduli, PointStep(1.0))])
     assert stress.shape == (len(cells), 4, 4)
 
 
@@ -120,7 +120,7 @@ def test_newton_is_quadratic_on_plastic_scenes(form):
     """B16: once yield no longer changes hands the last residuals above round-off fall with exponent >= 1.8."""
     nodes, cells = grid(6, 3, lambda s, t: (3.0 * s, t + 0.2 * s * t))
     volume, found = volume_of(quads(nodes, cells), form), None
-    moduli = moduli_of(volume, Stuff(200e9, 0.3, s_y=250e6, H=50e9))
+    moduli = moduli_of(volume, Stuff(200e9, 0.3, yield_stress=250e6, H=50e9))
     for pull in (0.01, 0.05, 0.06):  # all points yield in the last step, whose iterations are looked at
         held = {(j, i): 0.0 for j in range(4) for i in (0, 1)}
         held |= {(24 + j, i): pull * (1 - i) for j in range(4) for i in (0, 1)}
@@ -138,9 +138,9 @@ def test_what_fails_names_its_cell():
     u[8] = [-1.2, -1.2]
     for form in (Treatment(), Treatment(enhanced=True), of(Treatment(), True)):
         volume = volume_of(quads(nodes, cells), form)
-        with pytest.raises(InvertedCellError, match="cell 4: turned inside out"):
-            volume.evaluate(u, moduli_of(volume, SOFT), Step(1.0))
+        with pytest.raises(CellInversionError, match="cell 4: turned inside out"):
+            volume.evaluate(u, moduli_of(volume, SOFT), PointStep(1.0))
     volume = volume_of(quads(nodes, cells), of(Treatment(), True))
-    moduli = moduli_of(volume, Stuff(2.5, 0.25, s_y=np.nan))
+    moduli = moduli_of(volume, Stuff(2.5, 0.25, yield_stress=np.nan))
     with pytest.raises(CellError, match="cell 1"):
-        volume.evaluate(bent(nodes), moduli, Step(1.0))
+        volume.evaluate(bent(nodes), moduli, PointStep(1.0))

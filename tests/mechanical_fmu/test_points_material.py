@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from mechanical_fmu.laws.catalogue import flow_stress
 from mechanical_fmu.material import MaterialRangeError, moduli
-from mechanical_fmu.point import flow_stress
 from mechanical_fmu.problem import parse_material
 
 sys.path.insert(0, str(Path(__file__).parent))

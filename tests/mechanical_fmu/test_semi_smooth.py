@@ -14,11 +14,11 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inputs_of
 
-import mechanical_fmu.augmented as augment
 from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
 from contact.rpc.open import open_link
-from mechanical_fmu.problem import parse_elastic
+from mechanical_fmu.enforcement import ENFORCEMENTS
+from mechanical_fmu.problem import AUGMENTED, parse_elastic
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]
 MODULUS, LENGTH, DELTA = STEEL["E"] / (1 - STEEL["nu"] ** 2), 2.0, 5e-7  # two blocks are one bar in plane strain
@@ -157,8 +157,8 @@ def test_the_last_residuals_fall_quadratically(mu, two_pass, monkeypatch):
         histories.append(found.history)
         return found
 
-    solve = augment.solve_at_once
-    monkeypatch.setattr(augment, "solve_at_once", noted)
+    solve = ENFORCEMENTS["semi_smooth"]
+    monkeypatch.setitem(ENFORCEMENTS, "semi_smooth", noted)
     went(squeezed("semi_smooth", 1e-9, mu, two_pass), 2)
     last = [r for r in histories[-1] if r > ROUND_OFF][-3:]
     exponent = np.log(last[2] / last[1]) / np.log(last[1] / last[0])
@@ -215,10 +215,12 @@ def test_what_model_json_may_say():
         return parse_elastic(blocks(2, 2), {"half": "elastic", "format": 1, "materials": {"m": STEEL}, "pairs": pairs,
                                             "bodies": {b: {"material": "m"} for b in ("lower", "upper")}})
 
-    assert not parsed({"interface": {"augmented": 1e-3}}).at_once
-    assert not parsed({"interface": {"augmented": {"share": 1e-3}}}).at_once
+    assert parsed({}).enforcement == "penalty"
+    assert parsed({"interface": {"augmented": 1e-3}}).enforcement == "uzawa"
+    assert parsed({"interface": {"augmented": {"share": 1e-3}}}).enforcement == "uzawa"
     both = parsed({"interface": {"augmented": {"share": 1e-3, "method": "semi_smooth"}}})
-    assert both.at_once
+    assert both.enforcement == "semi_smooth"
+    assert tuple(ENFORCEMENTS) == ("penalty", *AUGMENTED)
     assert both.augmented == {"interface": 1e-3}
     for wrong, words in (({"method": "semi_smooth"}, "share"), ({"share": 1e-3, "method": "smooth"}, "semi_smooth"),
                          ({"share": 0.0}, "share"), ({"share": 1e-3, "form": 1}, "form")):

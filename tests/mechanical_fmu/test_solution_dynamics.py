@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contact.half.model import Discard
-from contact.half.state import from_bytes, kept, to_bytes
+from contact.half.state import from_bytes, frozen_copy, to_bytes
 from mechanical_fmu.problem import parse_dynamics
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -158,9 +158,9 @@ def test_a_state_with_velocities_restores_the_same_bits_in_another_half():
     first, second = made(), made()
     state, _ = first.start(inputs_of(first), 0.0, NoLink())
     state, _ = done(first.step(state, inputs_of(first), 0.0, 0.01, NoLink()))
-    data = to_bytes(kept(state))
+    data = to_bytes(frozen_copy(state))
     warm, _ = done(first.step(state, inputs_of(first), 0.01, 0.02, NoLink()))
     again = from_bytes(data, {"contact", "mechanical_fmu"})
     cold, _ = done(second.step(again, inputs_of(second), 0.01, 0.02, NoLink()))
-    assert to_bytes(kept(warm)) == to_bytes(kept(cold))
+    assert to_bytes(frozen_copy(warm)) == to_bytes(frozen_copy(cold))
     assert np.abs(warm.v).max() > 1e-2

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contact.half.model import Discard
-from contact.half.state import from_bytes, kept, to_bytes
+from contact.half.state import from_bytes, frozen_copy, to_bytes
 from contact.rpc.open import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -136,7 +136,7 @@ def test_plastic_heat_is_the_same_in_one_step_and_in_pieces_of_it():
             state, outputs = done(half.step(state, inputs_of(half), i / n, 1.0 / n, NoLink()))
             again, same = done(half.step(before, inputs_of(half), i / n, 1.0 / n, NoLink()))
             assert outputs["E_M"].tobytes() == same["E_M"].tobytes()
-            assert to_bytes(kept(state)) == to_bytes(kept(again))
+            assert to_bytes(frozen_copy(state)) == to_bytes(frozen_copy(again))
             total += outputs["E_M"].sum()
         made.append(total)
     flow = 2.0 / 3.0 * np.log(1.01) - 250e6 / (3.0 * 2e11 / 2.6)
@@ -184,7 +184,7 @@ def test_a_step_that_changes_too_little_is_skipped_and_nothing_drifts():
     fresh = elastic(block(GRID, GRID), [hold("block.left", 0), hold("block.bottom", 1)], tolerance=1e-11)
     first, _ = fresh.start(inputs_of(fresh, 310.0), 0.0, NoLink())
     assert np.abs(first.u - state.u).max() <= 1e-12
-    data = to_bytes(kept(state))
+    data = to_bytes(frozen_copy(state))
     assert to_bytes(from_bytes(data, {"contact", "mechanical_fmu"})) == data
     assert replace(state, skipped=0).all_skipped == 5
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec, the_course
+from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec, the_context
 
 from contact.half.interface import Pair
 from contact.half.model import Discard
@@ -19,7 +19,15 @@ from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS, theta_method
 from thermal_fmu.sources import Calendar
 from thermal_fmu.step import damped_step, flow_at, local_error, take_step
-from thermal_fmu.substeps import NO_PACE, Measure, Pace, after, ends_within, length, shorter
+from thermal_fmu.substeps import (
+    NO_STEPS_YET,
+    StepController,
+    StepMeasure,
+    after_step,
+    ends_within,
+    shorter_step,
+    step_length,
+)
 
 HELD = {"kind": "temperature", "on": "a.left", "value": 100.0}
 
@@ -46,23 +54,23 @@ def pressed(mesh):
 def smooth_start():
     """A course of `warm_pair`, and its state at t = .3 s, when the start is forgotten."""
     mesh, model = warm_pair()
-    course = the_course(mesh, model, t_N=pressed(mesh))
+    context = the_context(mesh, model, t_N=pressed(mesh))
     s = np.where(mesh.node_body == 0, 300.0, 700.0)
     for i in range(40):
         method = METHODS["backward_euler" if i < 8 else "sdirk2"]
-        s = take_step(course, method, s, None, i * 0.0075, 0.0075).s
-    return course, s
+        s = take_step(context, method, s, None, i * 0.0075, 0.0075).s
+    return context, s
 
 
 def honesty(method, h, damped=False):
     """Estimated by true local error of one step h [s] from `smooth_start`."""
-    course, s = smooth_start()
+    context, s = smooth_start()
     take = damped_step if damped else take_step
-    done = take(course, method, s, None, 0.3, h)
-    estimate, _ = local_error(course, flow_at(course, s, 0.3, h, 1), done, 0.3, h)
+    done = take(context, method, s, None, 0.3, h)
+    estimate, _ = local_error(context, flow_at(context, s, 0.3, h, 1), done, 0.3, h)
     exact, parts = s, 32
     for i in range(parts):
-        exact = take_step(course, METHODS["sdirk2"], exact, None, 0.3 + i * h / parts, h / parts).s
+        exact = take_step(context, METHODS["sdirk2"], exact, None, 0.3 + i * h / parts, h / parts).s
     return estimate / float(np.abs(exact - done.s).max())
 
 
@@ -152,29 +160,29 @@ def test_where_inner_steps_end():
 
 
 def test_the_last_inner_step_is_no_sliver():
-    assert length(0.0, 0.7) == 0.7
-    assert length(0.7 * (1 - 1e-12), 0.7) == 0.7
-    assert length(0.6, 0.7) == 0.35
-    assert length(0.2, 0.7) == 0.2
+    assert step_length(0.0, 0.7) == 0.7
+    assert step_length(0.7 * (1 - 1e-12), 0.7) == 0.7
+    assert step_length(0.6, 0.7) == 0.35
+    assert step_length(0.2, 0.7) == 0.2
     left, steps = 1.0, []
     while left > 0.0:
-        steps.append(length(0.3, left))
+        steps.append(step_length(0.3, left))
         left = 0.0 if steps[-1] == left else left - steps[-1]
     assert min(steps) >= 0.15
 
 
 def test_the_pace():
     """Grows where the error is small, at most fourfold; not after a retry; a kink says nothing against it."""
-    small, large = Measure(1e-4, 0.0, 2), Measure(8.0, 0.0, 2)
-    assert after(Pace(1.0, 1.0), 1.0, small, False).h == 4.0
-    assert after(Pace(1.0, 1.0), 1.0, small, True).h <= 1.0
-    assert after(Pace(1.0, 1.0), 0.01, small, False).h == 1.0
-    assert after(NO_PACE, 1.0, Measure(0.0, 0.5, 1), False).h == pytest.approx(1.8)
-    assert shorter(1.0, large) == pytest.approx(0.45)
-    assert shorter(1.0, Measure(0.0, 10.0, 2)) == pytest.approx(0.1)
-    assert shorter(1.0, None) == 0.5
-    assert shorter(1.0, Measure(1e9, 0.0, 2)) == 0.1
-    assert not Measure(float("nan"), 0.0, 2).passes
+    small, large = StepMeasure(1e-4, 0.0, 2), StepMeasure(8.0, 0.0, 2)
+    assert after_step(StepController(1.0, 1.0), 1.0, small, False).h == 4.0
+    assert after_step(StepController(1.0, 1.0), 1.0, small, True).h <= 1.0
+    assert after_step(StepController(1.0, 1.0), 0.01, small, False).h == 1.0
+    assert after_step(NO_STEPS_YET, 1.0, StepMeasure(0.0, 0.5, 1), False).h == pytest.approx(1.8)
+    assert shorter_step(1.0, large) == pytest.approx(0.45)
+    assert shorter_step(1.0, StepMeasure(0.0, 10.0, 2)) == pytest.approx(0.1)
+    assert shorter_step(1.0, None) == 0.5
+    assert shorter_step(1.0, StepMeasure(1e9, 0.0, 2)) == 0.1
+    assert not StepMeasure(float("nan"), 0.0, 2).passes
 
 
 def test_the_state_of_the_pace_is_complete():
@@ -193,7 +201,7 @@ def test_the_state_of_the_pace_is_complete():
     half = load(mesh, model)
     start, _ = half.start(inputs_of(mesh, half, t_N=pressed(mesh)), 0.0, FlatContact())
     middle, _ = steps(half, start, 0, 3)
-    assert 0.0 < middle.pace.h < 0.05
+    assert 0.0 < middle.controller.h < 0.05
     _, hot = steps(half, middle, 3, 5)
     steps(half, start, 0, 1)
     _, again = steps(half, middle, 3, 5)

@@ -16,7 +16,7 @@ from contact.half.interface import Pair
 from contact.half.model import Done
 from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS
-from thermal_fmu.scene import hold
+from thermal_fmu.scene import freeze
 from thermal_fmu.sources import loads_at
 from thermal_fmu.stage import StageProblem, balance
 
@@ -126,7 +126,7 @@ def test_the_jacobian_is_the_derivative(latent, chosen):
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
-    held = hold(sc, sc.masses(mesh.nodes), x @ turn(0.0), np.zeros(20), half._facing(x, given, link))
+    held = freeze(sc, sc.masses(mesh.nodes), x @ turn(0.0), np.zeros(20), half._contact_points(x, given, link))
     s = 480.0 + (250.0 if latent else 60.0) * np.sin(np.arange(len(mesh.nodes)))
     if latent:
         kinks = np.array([400.0, 400.0 + sc.melting[0].change.W])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, scene, spec, the_course
+from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, scene, spec, the_context
 
 from contact.half.model import Done
 from contact.half.state import from_bytes, to_bytes
@@ -83,7 +83,7 @@ def test_latent_heat_takes_its_share():
     model["materials"]["m"]["latent"] = {"L": 4e5, "T_s": 900.0, "T_l": 900.0}
     done = stepped(mesh, model, np.full(9, 2700.0 / 9.0 * 1e5))
     assert np.abs(done.outputs["T"] - 900.0).max() < 1e-5
-    f_s = phase_change.solid_fraction(the_course(mesh, model).scene.melting, done.state.s)
+    f_s = phase_change.solid_fraction(the_context(mesh, model).scene.melting, done.state.s)
     assert np.abs(f_s - 0.75).max() < 1e-6
     assert imbalance([done.outputs]) < EXPECTED["A16"]["tolerance"]
 

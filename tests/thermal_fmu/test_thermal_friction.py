@@ -16,8 +16,8 @@ from contact.half.interface import Pair
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from thermal_fmu.half import load
-from thermal_fmu.phase_change import Fields
-from thermal_fmu.scene import hold, rubbed
+from thermal_fmu.phase_change import NodalFields
+from thermal_fmu.scene import freeze, with_friction
 
 STEEL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
 ALUMINIUM = {"rho": 2700.0, "k": 210.0, "c": 900.0}
@@ -96,9 +96,10 @@ def test_even_rubbing_heats_both_faces_evenly():
     half, link = load(mesh, two_metals({"friction_share": 0.25})), service()
     given = inputs_of(mesh, half)
     half.start(given, 0.0, link)
-    sc, points = half._scene, half._facing(mesh.nodes, given, link)
-    held = hold(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), points)
-    made = rubbed(held, sc, points, on_slave(mesh, 60.0), Fields(np.full(len(mesh.nodes), 300.0)), 2.0).friction
+    sc, points = half._scene, half._contact_points(mesh.nodes, given, link)
+    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), points)
+    made = with_friction(held, sc, points, on_slave(mesh, 60.0), NodalFields(np.full(len(mesh.nodes), 300.0)),
+                         2.0).friction
     for power, surface, q in ((made.slave, "b.bottom", 7.5), (made.master, "a.top", 22.5)):
         edges = mesh.surfaces[surface]
         area = np.bincount(edges.ravel(), np.full(edges.size, 0.05 / len(edges)), len(mesh.nodes))
@@ -137,8 +138,8 @@ def test_d3_no_joule_is_lost_between_curved_surfaces(geometry):
             slave, master = out[f"heat.{mechanism}.slave"], out[f"heat.{mechanism}.master"]
             assert slave < 0
             assert abs(slave + master) < EXPECTED["D3"]["tolerance"] * abs(slave)
-        rubbed = out["heat.friction.slave"] + out["heat.friction.master"]
-        assert abs(rubbed / E.sum() - 1.0) < EXPECTED["D3"]["tolerance"]
+        with_friction = out["heat.friction.slave"] + out["heat.friction.master"]
+        assert abs(with_friction / E.sum() - 1.0) < EXPECTED["D3"]["tolerance"]
         assert out["heat.radiation"] < 0
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
 

@@ -22,8 +22,8 @@ def residuals_of(monkeypatch, mesh, model, dt):
     norms: list[float] = []
     original = newton_module.descend
 
-    def noted(balance_at, s, step, before, allowed):
-        trial, after = original(balance_at, s, step, before, allowed)
+    def noted(balance_at, s, step, before, floor, may_climb):
+        trial, after = original(balance_at, s, step, before, floor, may_climb)
         norms.extend([before.norm, after.norm] if not norms else [after.norm])
         return trial, after
 
@@ -100,7 +100,7 @@ def test_a_trial_that_leaves_a_propertys_range_is_shortened():
     assert abs(psi / 800.0 - 1.0) < 0.01
 
 
-def test_the_detour_is_taken_and_counted(monkeypatch):
+def test_the_phase_continuation_is_used_and_counted(monkeypatch):
     """A slab that freezes in one step: without the detour there is no way, with it the solves add up."""
     mesh = scene(Box(0, 0.2, 0, 0.01, 40))
     model = metal([held_at("right", 293.15)], PURE, method="backward_euler")
@@ -109,7 +109,7 @@ def test_the_detour_is_taken_and_counted(monkeypatch):
     def none(problem, s, tolerance, factors, anchor):
         raise newton_module.NotConvergedError("no detour")
 
-    monkeypatch.setattr(newton_module, "_detour", none)
+    monkeypatch.setattr(newton_module, "_phase_continuation", none)
     half = load(mesh, model)
     state, _ = half.start(inputs_of(mesh, half), 0.0, FlatContact())
     answer = half.step(state, inputs_of(mesh, half), 0.0, 100.0, FlatContact())

@@ -14,7 +14,7 @@ from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run
 from contact.half.interface import Pair
 from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS
-from thermal_fmu.scene import hold
+from thermal_fmu.scene import freeze
 from thermal_fmu.sources import loads_at
 from thermal_fmu.stage import StageProblem, balance
 
@@ -42,7 +42,7 @@ def test_a7_conductivity_linear_in_temperature():
 def _flow_in(half, mesh, T, surface):
     """Residual of steady conduction at the nodes of a surface [W]."""
     scene_ = half._scene
-    held = hold(scene_, scene_.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), None)
+    held = freeze(scene_, scene_.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), None)
     stage = METHODS["steady"].stages[0]
     problem = StageProblem(scene_, held, loads_at(scene_.model, {}, 0.0, 1), stage, 1.0, T, np.zeros(T.size),
                            np.zeros(T.size), False)
@@ -124,7 +124,7 @@ def test_the_jacobian_is_the_derivative(stage):
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
-    held = hold(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._facing(mesh.nodes, given, link))
+    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._contact_points(mesh.nodes, given, link))
     T = 380.0 + 60.0 * np.sin(np.arange(len(mesh.nodes)))
     zeros = np.zeros(T.size)
     chosen = METHODS["midpoint"].stages[0] if stage == 0 else METHODS["sdirk2"].stages[1]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, order, run, scene, spec, the_course
+from thermal_scenes import EXPECTED, Box, order, run, scene, spec, the_context
 
 from contact.half.interface import Pair
 from thermal_fmu.methods import METHODS, theta_method
@@ -24,11 +24,11 @@ def method_of(name):
     return theta_method(float(name)) if name[0].isdigit() else METHODS[name]
 
 
-def taken(course, method, s, t_end, n, t=0.0):
+def taken(context, method, s, t_end, n, t=0.0):
     """s after n equal undamped steps from t to t_end."""
     dt = (t_end - t) / n
     for i in range(n):
-        s = take_step(course, method, s, None, t + i * dt, dt).s
+        s = take_step(context, method, s, None, t + i * dt, dt).s
     return s
 
 
@@ -38,10 +38,10 @@ def test_a12_decay_of_a_mode(name, expected):
     """sin(pi x) at t = .1, against its exact decay on the mesh: its eigenvalue there is 12 s/(h^2 (3 - 2 s))."""
     n = 8
     bar = scene(Box(0, 1, 0, 1, n))
-    course = the_course(bar, spec([{"kind": "temperature", "on": f"a.{s}", "value": 0.0} for s in ("left", "right")]))
+    context = the_context(bar, spec([{"kind": "temperature", "on": f"a.{s}", "value": 0.0} for s in ("left", "right")]))
     mode, s = np.sin(np.pi * bar.nodes[:, 0]), np.sin(0.5 * np.pi / n) ** 2
     exact = np.exp(-0.1 * 12.0 * n**2 * s / (3.0 - 2.0 * s)) * mode
-    errors = [np.abs(taken(course, method_of(name), mode, 0.1, k) - exact).max() for k in (16, 32, 64)]
+    errors = [np.abs(taken(context, method_of(name), mode, 0.1, k) - exact).max() for k in (16, 32, 64)]
     assert abs(order(errors) - expected) < TOLERANCE
     assert errors[-1] < (2e-5 if expected == 2.0 else 6e-3)
 
@@ -51,9 +51,9 @@ def test_a12_decay_of_a_mode(name, expected):
 def test_a12_nonlinear_decay_of_a_lump(name, expected):
     """dT/dt = -(1 + T) T from T = 1: 1/(2e - 1) at t = 1."""
     cell = scene(Box(0, 1, 0, 1, 1))
-    course = the_course(cell, spec([{"kind": "convection", "on": "a.right", "h": 1.0, "T": 0.0, "exponent": 1.0},
-                                    {"kind": "convection", "on": "a.left", "h": 1.0, "T": 0.0}], k=1e7))
-    errors = [np.abs(taken(course, method_of(name), np.ones(4), 1.0, n) - 1.0 / (2.0 * np.e - 1.0)).max()
+    context = the_context(cell, spec([{"kind": "convection", "on": "a.right", "h": 1.0, "T": 0.0, "exponent": 1.0},
+                                      {"kind": "convection", "on": "a.left", "h": 1.0, "T": 0.0}], k=1e7))
+    errors = [np.abs(taken(context, method_of(name), np.ones(4), 1.0, n) - 1.0 / (2.0 * np.e - 1.0)).max()
               for n in (32, 64, 128)]
     assert abs(order(errors) - expected) < TOLERANCE
     assert errors[-1] < (1e-5 if expected == 2.0 else 3e-3)
@@ -75,16 +75,16 @@ def two_bodies():
                  k={"polynomial": [0.5, 2e-3]}, c={"polynomial": [1.0, 1e-3, 1e-6]}, T0=300.0, sigma_SB=5e-9,
                  pairs={"p": {"closed": law, "radiation": {"emissivity_slave": eps, "emissivity_master": 0.9}}})
     model["bodies"]["b"] = {"material": "m", "T0": 700.0}
-    course = the_course(mesh, model, t_N=np.full(len(mesh.contact_nodes), -1e6))
+    context = the_context(mesh, model, t_N=np.full(len(mesh.contact_nodes), -1e6))
     s = np.where(mesh.node_body == 0, 300.0, 700.0)
-    return course, taken(course, METHODS["backward_euler"], s, 0.05, 10)
+    return context, taken(context, METHODS["backward_euler"], s, 0.05, 10)
 
 
 @cache
 def reference():
     """At t = .4: sdirk2 with 40 and 80 steps, extrapolated; its error is a hundredth of any measured here."""
-    course, s = two_bodies()
-    coarse, fine = (taken(course, METHODS["sdirk2"], s, 0.4, n, 0.05) for n in (40, 80))
+    context, s = two_bodies()
+    coarse, fine = (taken(context, METHODS["sdirk2"], s, 0.4, n, 0.05) for n in (40, 80))
     return (4.0 * fine - coarse) / 3.0
 
 
@@ -92,8 +92,8 @@ def reference():
                                                 ("backward_euler", 1.0)])
 def test_order_with_every_coefficient_a_function_of_temperature(name, expected):
     """Coefficients taken at the start of the step give order 1 and are seen here."""
-    course, s = two_bodies()
-    errors = [np.abs(taken(course, method_of(name), s, 0.4, n, 0.05) - reference()).max()
+    context, s = two_bodies()
+    errors = [np.abs(taken(context, method_of(name), s, 0.4, n, 0.05) - reference()).max()
               for n in (8, 16, 32)]
     assert abs(order(errors) - expected) < TOLERANCE
     assert errors[-1] < (0.02 if expected == 2.0 else 3.0)
@@ -147,7 +147,7 @@ def test_order_in_space(triangles, name):
                       for s in ("left", "right", "bottom", "top")], k={"polynomial": [1.0, 1.0]})
         model["bodies"]["a"]["Q_T"] = {"terms": source}
         T0 = mesh.nodes**2 @ [1.0, 2.0]
-        T = taken(the_course(mesh, model), METHODS[name], T0, 0.4, 4)
+        T = taken(the_context(mesh, model), METHODS[name], T0, 0.4, 4)
         errors.append(np.abs(T - T0 - 0.4 * rate).max())
     assert abs(order(errors[1:]) - 2.0) < 0.1
     assert errors[-1] < 2e-4

@@ -22,7 +22,7 @@ from thermal_scenes import Box, imbalance, inputs_of, scene
 
 METAL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
 CURVED = {"rho": 7800.0, "k": {"T": [300, 600, 900], "value": [60, 40, 30]}, "c": {"T": [300, 600, 900],
-                                                                                "value": [450, 600, 800]}}
+                                                                                   "value": [450, 600, 800]}}
 MELT = {"rho": 2500.0, "k": {"solid": 210.0, "liquid": 95.0}, "c": {"solid": 1100.0, "liquid": 1180.0},
         "latent": {"L": 3.97e5, "T_s": 931.0, "T_l": 933.0}}
 PAIR = {"p": {"closed": {"law": "power", "h0": 500.0, "h1": 900.0, "p0": 1e6, "exponent": 0.95},

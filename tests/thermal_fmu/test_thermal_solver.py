@@ -85,7 +85,8 @@ def test_gmres_solves_or_says_that_it_takes_too_long():
     n = 50
     A = csr_matrix(diags([np.full(n - 1, -1.0), np.full(n, 2.5), np.full(n - 1, -1.1)], [-1, 0, 1]))
     b = np.cos(np.arange(n))
-    near = newton.Factors().of(newton.Anchor(*(lambda B: (B.indptr, B.indices, B.data))(csr_matrix(A + 0.01 * eye(n)))))
+    near = newton.Factors().of(newton.AnchorMatrix(*(lambda B: (B.indptr, B.indices,
+                                                                B.data))(csr_matrix(A + 0.01 * eye(n)))))
     x = newton._gmres(A, b, 1e-12, near)
     assert np.linalg.norm(b - A @ x) < 2e-12
     assert newton._gmres(A, b, 1e-12, lambda v: v) is None

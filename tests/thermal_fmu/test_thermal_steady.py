@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, spec, the_course
+from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, spec, the_context
 
 from contact.half.functions import property_from
 from contact.half.model import Discard
@@ -18,7 +18,7 @@ from thermal_fmu.half import load
 from thermal_fmu.methods import METHODS
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.step import take_step
-from thermal_fmu.substeps import walk_to_steady
+from thermal_fmu.substeps import steady_by_increments
 
 SIGMA = 5.670374419e-8
 # Loses a hundredfold of its conductivity between 500 and 600 K: Newton's method from 300 K meets a wall.
@@ -37,10 +37,10 @@ def furnace(k, T_inf, n=40, **more):
 def test_what_fails_in_one_go_succeeds_by_increments():
     """Against the integral of k: int_300^T_s k dT = sigma (T_inf^4 - T_s^4); the quadrature of k costs .05 K."""
     bar, model = furnace(BREAKS, 1000.0, n=80)
-    course = the_course(bar, model)
+    context = the_context(bar, model)
     s = np.full(len(bar.nodes), 300.0)
     with pytest.raises(NotConvergedError):
-        take_step(course, STEADY, s, None, 0.0, 1.0)
+        take_step(context, STEADY, s, None, 0.0, 1.0)
     k = property_from(BREAKS)
     exact = brentq(lambda T: float(k.increase(np.array(300.0), np.array(T))) - SIGMA * (1000.0**4 - T**4), 300, 1000)
     found = [run(bar, model | {"increments": n}, 1.0, 1) for n in (1, 10)]
@@ -76,10 +76,10 @@ def test_increments_lead_to_the_same_state_and_prescribed_values_move_along(monk
 
 def test_one_increment_that_converges_changes_no_bit():
     bar, model = furnace({"polynomial": [5.0, 0.01]}, 1500.0)
-    course = the_course(bar, model)
+    context = the_context(bar, model)
     s = np.full(len(bar.nodes), 300.0)
-    a = take_step(course, STEADY, s, None, 0.0, 1.0)
-    b = walk_to_steady(course, 1, s, None, 0.0, 1.0)
+    a = take_step(context, STEADY, s, None, 0.0, 1.0)
+    b = steady_by_increments(context, 1, s, None, 0.0, 1.0)
     assert a.s.tobytes() == b.s.tobytes()
     assert a.iterations == b.iterations
 

@@ -15,8 +15,8 @@ from contact.half.model import Done
 from contact.messages import Facing, Project, Refused, Register, Registered
 from thermal_fmu.half import ThermalHalf, ThermalState, load
 from thermal_fmu.newton import Factors
-from thermal_fmu.scene import hold
-from thermal_fmu.step import Course
+from thermal_fmu.scene import freeze
+from thermal_fmu.step import StepContext
 
 EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_text(encoding="utf-8"))
 I32 = np.int32
@@ -163,12 +163,13 @@ def order(errors: list[float]) -> float:
     return float(-np.polyfit(np.arange(len(errors)), np.log2(errors), 1)[0])
 
 
-def the_course(interface: Interface, model: dict[str, Any], **given: Any) -> Course:
+def the_context(interface: Interface, model: dict[str, Any], **given: Any) -> StepContext:
     """What single steps of a half need, with nothing made by mechanics."""
     half, link = load(interface, model), FlatContact()
     inputs = inputs_of(interface, half, **given)
     half.start(inputs, 0.0, link)
     setting = half._scene
     x = interface.nodes
-    held = hold(setting, setting.masses(x), x, np.zeros(setting.volume.n_cells), half._facing(x, inputs, link))
-    return Course(setting, held, {}, half._calendar, np.zeros(len(x)), Factors())
+    points = half._contact_points(x, inputs, link)
+    substep = freeze(setting, setting.masses(x), x, np.zeros(setting.volume.n_cells), points)
+    return StepContext(setting, substep, {}, half._calendar, np.zeros(len(x)), Factors())

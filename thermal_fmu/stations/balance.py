@@ -1,4 +1,4 @@
-"""One stage of a method at the stations: its residual, in joules, and the exact derivative of it as a band."""
+"""One substep at the stations: heat balance of a stage as a band matrix, Newton's method, and steps of a method."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import TERMS, Boundary, boundary_flow, demand_limits
+from thermal_fmu.boundary import TERMS, BoundaryHeat, boundary_flow, demand_limits
 from thermal_fmu.cells import BadPropertyError
-from thermal_fmu.heat import Heat, both_ways
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Method, Stage
+from thermal_fmu.heat import Heat, inflow_outflow
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Stage, TimeMethod
 from thermal_fmu.newton import (
+    BLUR_FACTOR,
+    BLURRED_TOLERANCE,
     LEAST_BLUR,
     MAX_CLIMBS,
     MAX_ITERATIONS,
     MAX_RETREATS,
-    ROUGH,
     ROUND_OFF,
-    SHARE,
-    SHARPER,
+    STAGE_TOLERANCE,
     NotConvergedError,
     descend,
 )
-from thermal_fmu.phase_change import Fields, Melting, temperature
+from thermal_fmu.phase_change import Melting, NodalFields, temperature
 from thermal_fmu.problem import Body
-from thermal_fmu.scene import Held, prescribed_values
-from thermal_fmu.sources import Calendar, LoadFactors, Loads, loads_at
+from thermal_fmu.scene import SubstepData, prescribed_values
+from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 from thermal_fmu.stations.scene import StationScene
 from thermal_fmu.stations.stations import (
     N,
-    StationShape,
+    StationGeometry,
     add_melting_fields,
     add_rod_conduction,
     add_rod_slopes,
@@ -45,13 +45,13 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Held through a substep: shape now, first the shape in the reference, and the boundary data of `held`."""
+class StationSubstep:
+    """What is constant through a substep: shape now, first the shape in the reference, and the boundary data."""
 
     scene: StationScene
-    shape: StationShape
-    first: StationShape
-    held: Held
+    shape: StationGeometry
+    first: StationGeometry
+    data: SubstepData
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class StationProblem:
     earlier : (n,) dt sum_j a_j F_j [J].  blur : as in thermal_fmu/stage.py.
     """
 
-    ground: Ground
-    loads: Loads
+    substep: StationSubstep
+    loads: ThermalLoads
     stage: Stage
     dt: float
     s_n: Floats
@@ -72,16 +72,20 @@ class StationProblem:
     blur: float = 0.0
 
     @cached_property
-    def start(self) -> Fields:
+    def start(self) -> NodalFields:
         """The fields at s_n."""
-        return _fields(self.ground.scene.melting, self.s_n)
+        return _fields(self.substep.scene.melting, self.s_n)
 
 
 @dataclass(frozen=True)
 class StationBalance:
-    """R : (n,) what is missing [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the
-    stations, reactions included.  terms : [W], by boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
-    stations, scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds.
+    """The heat balance of a stage at the stations.
+
+    R : (n,) residual [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the stations,
+    reactions
+    included.  terms : (n_terms,) [W], as boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
+    stations,
+    scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds [J/K].
     """
 
     R: Floats
@@ -93,17 +97,17 @@ class StationBalance:
     band: Floats
 
     @property
-    def share(self) -> float:
-        """norm as a share of scale."""
+    def relative_residual(self) -> float:
+        """norm as a part of scale [1]."""
         return self.norm / self.scale if self.scale > 0 else 0.0
 
 
 def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
-    """Residual and derivative (identity in rows and columns of fixed stations) at s : (n,) [K].
+    """Evaluate residual and derivative (identity in rows and columns of fixed stations) at s : (n,) [K].
 
     Raises BadPropertyError.
     """
-    scene, stage = problem.ground.scene, problem.stage
+    scene, stage = problem.substep.scene, problem.stage
     weight = stage.a * problem.dt
     at = _fields(scene.melting, s)
     if problem.blur > 0.0:
@@ -114,8 +118,8 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
         at = phase_change.between(problem.start, at, stage.theta)
     band = np.zeros((3 * scene.stations.width + 1, scene.stations.n))
     S, stored = _store(problem, s, band)
-    f = _conduct(problem.ground, at, stage.theta * weight, band)
-    boundary = boundary_flow(problem.ground.held, problem.loads, problem.power_M, at.T)
+    f = _conduct(problem.substep, at, stage.theta * weight, band)
+    boundary = boundary_flow(problem.substep.data, problem.loads, problem.power_M, at.T)
     f += boundary.f
     _gather(scene, boundary, stage.theta * weight, at.dT, band)
     R = S - problem.earlier - weight * f
@@ -125,19 +129,19 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
                           float(np.abs(R - reaction).sum()), scale, band)
 
 
-def _fields(melting: tuple[Melting, ...], s: Floats) -> Fields:
-    """As phase.fields."""
+def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
+    """Evaluate the fields as phase_change.fields does."""
     if not melting:
-        return Fields(s)
+        return NodalFields(s)
     T, f_s, dT, df = s.copy(), np.ones(s.size), np.ones(s.size), np.zeros(s.size)
     for body in melting:
         change = body.change
-        add_melting_fields(s, body.nodes, (change.T_s, change.T_l, change.W), T, f_s, dT, df)
-    return Fields(T, f_s, dT, df)
+        add_melting_fields(s, body.nodes, change.T_s, change.T_l, change.W, T, f_s, dT, df)
+    return NodalFields(T, f_s, dT, df)
 
 
-def _gather(scene: StationScene, boundary: Boundary, slope: float, dT: Floats | None, band: Floats) -> None:
-    """The derivatives of the boundary terms, and the identity at fixed stations, go to the band."""
+def _gather(scene: StationScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, band: Floats) -> None:
+    """Add the derivatives of the boundary terms to the band, and the identity at fixed stations."""
     stations, flat = scene.stations, band.reshape(-1)
     places = [(slots.ravel(), values.ravel()) for slots, values in boundary.places]
     for nodes, values in boundary.across:
@@ -152,8 +156,8 @@ def _gather(scene: StationScene, boundary: Boundary, slope: float, dT: Floats | 
 
 
 def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Floats]:
-    """(n,) increase of enthalpy since s_n [J], and (n_bodies,) sums of it where it is stored; band += dE/ds."""
-    scene, first = problem.ground.scene, problem.ground.first
+    """Return (n,) increase of enthalpy since s_n [J], and (n_bodies,) sums of it where it is stored; band += dE/ds."""
+    scene, first = problem.substep.scene, problem.substep.first
     S, stored = np.zeros(s.size), np.zeros(len(scene.stations.own))
     middle = 2 * scene.stations.width
     for b, (body, own) in enumerate(zip(scene.model.bodies, scene.stations.own, strict=True)):
@@ -171,24 +175,27 @@ def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Fl
 
 
 def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floats, Floats]:
-    """Lumped at the stations, as a front inside a piece would else make heat run backwards."""
+    """Store at the stations (lumped), as a front inside a piece would else make heat run backwards."""
     change = body.material.phase
     if change is None:
         c = body.material.c.solid
         return mass * c.increase(s0, s1), mass * _positive("heat capacity", c(s1), body)
     if change.T_s == change.T_l and change.solid.constant is not None and change.liquid.constant is not None:
         C = np.empty(s0.size)
-        dh = melting_heat(s0, s1, (change.T_s, change.W, change.L), (change.solid.constant, change.liquid.constant), C)
+        dh = melting_heat(s0, s1, change.T_s, change.W, change.L, change.solid.constant, change.liquid.constant, C)
         # fault: lumped latent heat lost -> return mass * C * (s1 - s0), mass * C | thermal_fmu/test_lumped
         return mass * dh, mass * C
     return mass * change.increase(s0, s1), mass * _positive("heat capacity", change.capacity(s1), body)
 
 
-def _conduct(ground: Ground, at: Fields, scale: float, band: Floats) -> Floats:
-    """(n,) heat that flows into the stations from their neighbours [W]; band += scale * the derivative of -f by s."""
+def _conduct(substep: StationSubstep, at: NodalFields, scale: float, band: Floats) -> Floats:
+    """Return (n,) heat that flows into the stations from their neighbours [W].
+
+    band : to it scale times the derivative of -f by s is added.
+    """
     f = np.zeros(at.T.size)
     dT = np.ones(at.T.size) if at.dT is None else at.dT
-    for body, own, piece in zip(ground.scene.model.bodies, ground.scene.stations.own, ground.shape.pieces,
+    for body, own, piece in zip(substep.scene.model.bodies, substep.scene.stations.own, substep.shape.pieces,
                                 strict=False):
         k = body.material.k.k_1
         if k.is_constant:
@@ -213,58 +220,58 @@ def _positive(what: str, values: Floats, body: Body) -> Floats:
     return values
 
 
-# Newton's method for a stage at the stations, with the detour of thermal_fmu/newton.py where much freezes at once.
+# Newton's method, with the phase continuation of thermal_fmu/newton.py
 
 @dataclass(frozen=True)
-class Effort:
-    """How many iterations, and whether each must lower the residual."""
+class NewtonLimits:
+    """How many iterations, and whether a line search must lower the residual in each."""
 
     iterations: int
-    followed: bool
+    line_search: bool
 
 
-WHOLE = Effort(10, False)  # they converge in about five, or go round in circles
-FOLLOWED = Effort(MAX_ITERATIONS, True)
+FULL_STEPS = NewtonLimits(10, False)  # they converge in about five, or go round in circles
+LINE_SEARCH = NewtonLimits(MAX_ITERATIONS, True)
 
 
 @dataclass(frozen=True)
-class StationSolved:
-    """s : (n,) [K] of the stage, its balance, the number of linear solves."""
+class SolvedStations:
+    """A stage that was solved.  s : (n,) [K], its balance, the number of linear solves."""
 
     s: Floats
     balance: StationBalance
     iterations: int
 
 
-def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> StationSolved:
-    """The stage's unknowns, from the guess s : (n,) [K] (prescribed values already in it).
+def solve_stations(problem: StationProblem, s: Floats, tolerance: float) -> SolvedStations:
+    """Solve a stage from the guess s : (n,) [K] (prescribed values already in it).
 
     Converged as in thermal_fmu/newton.py.  Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
-    melting = problem.ground.scene.melting
-    solved = _in_turns(problem, s, tolerance) if melting else _newton(problem, s, tolerance, FOLLOWED)
-    demand_limits(problem.ground.held, problem.loads, temperature(melting, solved.s))
+    melting = problem.substep.scene.melting
+    solved = _melting_strategies(problem, s, tolerance) if melting else _newton(problem, s, tolerance, LINE_SEARCH)
+    demand_limits(problem.substep.data, problem.loads, temperature(melting, solved.s))
     return solved
 
 
-def _in_turns(problem: StationProblem, s: Floats, tolerance: float) -> StationSolved:
-    """Whole steps, then steps that must lower the residual, then the detour by the one and by the other.
+def _melting_strategies(problem: StationProblem, s: Floats, tolerance: float) -> SolvedStations:
+    """Try full steps, then a line search, then phase continuation by the one and by the other.
 
-    A line search creeps from edge to edge of the phases, where whole steps are mostly over them at once.
+    A line search creeps from edge to edge of the phases, where full steps are mostly past them at once.
     """
-    for effort, way in ((WHOLE, _newton), (FOLLOWED, _newton), (WHOLE, _detour)):
+    for limits, solve in ((FULL_STEPS, _newton), (LINE_SEARCH, _newton), (FULL_STEPS, _phase_continuation)):
         try:
-            return way(problem, s, tolerance, effort)
+            return solve(problem, s, tolerance, limits)
         except (NotConvergedError, BadPropertyError):
             pass
-    return _detour(problem, s, tolerance, FOLLOWED)
+    return _phase_continuation(problem, s, tolerance, LINE_SEARCH)
 
 
-def _detour(problem: StationProblem, s: Floats, tolerance: float, effort: Effort) -> StationSolved:
-    blur, sharper, done, spent, retreats = 1.0, SHARPER, 1.0, 0, 0
+def _phase_continuation(problem: StationProblem, s: Floats, tolerance: float, limits: NewtonLimits) -> SolvedStations:
+    blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
     while True:
         try:
-            solved = _newton(replace(problem, blur=blur), s, tolerance if blur == 0.0 else ROUGH, effort)
+            solved = _newton(replace(problem, blur=blur), s, tolerance if blur == 0.0 else BLURRED_TOLERANCE, limits)
         except NotConvergedError:
             if blur == 1.0 or retreats == MAX_RETREATS:
                 raise
@@ -278,114 +285,124 @@ def _detour(problem: StationProblem, s: Floats, tolerance: float, effort: Effort
         blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
 
 
-def _newton(problem: StationProblem, s: Floats, tolerance: float, effort: Effort) -> StationSolved:
-    scene = problem.ground.scene
+def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: NewtonLimits) -> SolvedStations:
+    scene = problem.substep.scene
     now = station_balance(problem, s)
     floor = ROUND_OFF * float(np.abs(now.band).sum(axis=0) @ np.abs(s))
     climbs = MAX_CLIMBS if scene.melting else 0
-    for iteration in range(effort.iterations):
-        if now.norm <= max(SHARE * tolerance * now.scale, floor):
-            return StationSolved(s, now, iteration)
+    for iteration in range(limits.iterations):
+        if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor):
+            return SolvedStations(s, now, iteration)
         step = scene.stations.solve(now.band, np.where(scene.fixed, 0.0, -now.R))
         if not np.isfinite(step).all():
             raise NotConvergedError(f"the temperature of iteration {iteration + 1} is not finite")
-        if not effort.followed:
+        if not limits.line_search:
             s = s + step
             now = station_balance(problem, s)
             continue
         before = now.norm
-        s, now = descend(partial(station_balance, problem), s, step, now, (floor, climbs > 0))
+        s, now = descend(partial(station_balance, problem), s, step, now, floor, climbs > 0)
         climbs -= int(now.norm >= before and now.norm > floor)
-    raise NotConvergedError(f"{effort.iterations} iterations left a residual of {now.share:.2e} of the heat that flows "
-                            f"(tolerance {SHARE * tolerance:.1e})")
+    raise NotConvergedError(f"{limits.iterations} iterations left a residual of {now.relative_residual:.2e} of the "
+                            f"heat that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
 
 
-# One step of a method at the stations: its stages in order, and the heat they moved; damped steps after jumps.
+# Steps of a method
 
 @dataclass(frozen=True)
-class StationCourse:
+class StationContext:
     """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep."""
 
-    ground: Ground
-    load: LoadFactors
+    substep: StationSubstep
+    load_factors: LoadFactors
     calendar: Calendar
     power_M: Floats
 
     @property
     def scene(self) -> StationScene:
         """The scene."""
-        return self.ground.scene
+        return self.substep.scene
 
 
 @dataclass(frozen=True)
-class StationStepped:
-    """s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual."""
+class StationStep:
+    """A step that was solved.
+
+    s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual [1].
+    """
 
     s: Floats
     heat: Heat
     iterations: int
     residual: float
 
-    def then(self, more: StationStepped) -> StationStepped:
-        """This step and the one after it as one."""
+    def then(self, more: StationStep) -> StationStep:
+        """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual))
 
 
-def advance_stations(course: StationCourse, method: Method, s: Floats, damped: int, t: float,
-                     h: float) -> tuple[StationStepped, int]:
-    """From t to t + h [s], and how many substeps are still to be damped.  Raises as solve_stations."""
-    left = DAMPED_SUBSTEPS if course.calendar.jump_within(t, h) else damped
-    if left == 0 or method.damped is None:
-        return _take(course, method, s, t, h), max(left - 1, 0)
-    name, parts = method.damped
-    done = _take(course, METHODS[name], s, t, h / parts)
+def advance_stations(context: StationContext, method: TimeMethod, s: Floats, damped: int, t: float,
+                     h: float) -> tuple[StationStep, int]:
+    """Take a substep from s : (n,) [K] at t to t + h [s]; return how many substeps are still to be damped, too.
+
+    Raises as solve_stations.
+    """
+    damped_left = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else damped
+    if damped_left == 0 or method.damped is None:
+        return _take(context, method, s, t, h), max(damped_left - 1, 0)
+    damping, parts = METHODS[method.damped.method], method.damped.parts
+    done = _take(context, damping, s, t, h / parts)
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
-        done = done.then(_take(course, METHODS[name], done.s, end - h / parts, h / parts))
-    return done, left - 1
+        done = done.then(_take(context, damping, done.s, end - h / parts, h / parts))
+    return done, damped_left - 1
 
 
-def entropy_stations(course: StationCourse, E: Floats, s: Floats, t: float) -> StationStepped:
-    """The jump of s that energies E : (n,) [J] make; prescribed stations stay, and what they hold back counts."""
-    model = course.scene.model
-    loads = loads_at(model, course.load, course.calendar.snap(t, 0.0), 1)
-    problem = StationProblem(course.ground, loads, Stage(0.0, 1.0, 1.0), 0.0, s, course.power_M, E)
+def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) -> StationStep:
+    """Find the jump of s : (n,) [K] that energies E : (n,) [J] make.
+
+    Prescribed stations stay, and the heat they hold back counts.
+    """
+    model = context.scene.model
+    loads = loads_at(model, context.load_factors, context.calendar.snap(t, 0.0), 1)
+    problem = StationProblem(context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s, context.power_M, E)
     solved = solve_stations(problem, s, model.stepping.tolerance)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E.sum()
-    held_back = both_ways(solved.balance.R[course.scene.fixed])
-    return StationStepped(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
-                          solved.balance.share)
+    held_back = inflow_outflow(solved.balance.R[context.scene.fixed])
+    return StationStep(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
+                       solved.balance.relative_residual)
 
 
-def _take(course: StationCourse, method: Method, s_n: Floats, t: float, dt: float) -> StationStepped:
-    model = course.scene.model
-    solved: list[StationSolved] = []
+def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt: float) -> StationStep:
+    model = context.scene.model
+    solved: list[SolvedStations] = []
     for stage in method.stages:
         # The end of a step is before a jump that happens then.
-        loads = loads_at(model, course.load, course.calendar.snap(t + stage.c * dt, dt), -1 if stage.c == 1.0 else 1)
+        loads = loads_at(model, context.load_factors, context.calendar.snap(t + stage.c * dt, dt),
+                         -1 if stage.c == 1.0 else 1)
         held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else \
-            loads_at(model, course.load, course.calendar.snap(t + dt, dt), -1)
+            loads_at(model, context.load_factors, context.calendar.snap(t + dt, dt), -1)
         earlier = np.zeros(s_n.size)
         for weight, done in zip(stage.earlier, solved, strict=True):
             earlier += weight * dt * done.balance.flow
-        problem = StationProblem(course.ground, loads, stage, dt, s_n, course.power_M, earlier)
-        guess = _with_prescribed(course, held_T, solved[-1].s if solved else s_n)
+        problem = StationProblem(context.substep, loads, stage, dt, s_n, context.power_M, earlier)
+        guess = _with_prescribed(context, held_T, solved[-1].s if solved else s_n)
         solved.append(solve_stations(problem, guess, model.stepping.tolerance))
-    return StationStepped(solved[-1].s, _heat(course.scene, method, solved, dt), sum(s.iterations for s in solved),
-                          max(s.balance.share for s in solved))
+    return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
+                       max(s.balance.relative_residual for s in solved))
 
 
-def _with_prescribed(course: StationCourse, loads: Loads, s: Floats) -> Floats:
-    melting = course.scene.melting
-    T = prescribed_values(course.ground.held, loads.prescribed, phase_change.temperature(melting, s))
-    return phase_change.prescribe(melting, s, T, course.scene.fixed)
+def _with_prescribed(context: StationContext, loads: ThermalLoads, s: Floats) -> Floats:
+    melting = context.scene.melting
+    T = prescribed_values(context.substep.data, loads.prescribed, phase_change.temperature(melting, s))
+    return phase_change.prescribe(melting, s, T, context.scene.fixed)
 
 
-def _heat(scene: StationScene, method: Method, solved: list[StationSolved], dt: float) -> Heat:
+def _heat(scene: StationScene, method: TimeMethod, solved: list[SolvedStations], dt: float) -> Heat:
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     through = np.zeros(np.count_nonzero(scene.fixed))
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
         through += w / stage.a * s.balance.R[scene.fixed]
-    return Heat(solved[-1].balance.stored, both_ways(through), np.asarray(terms))
+    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))

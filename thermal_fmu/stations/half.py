@@ -1,4 +1,4 @@
-"""The thermal half at stations as a HalfModel, for rods and for lumped bodies."""
+"""The thermal half at stations as a HalfModel, for rods (one temperature a column) and lumped bodies (one a body)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,23 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
-from thermal_fmu.cells import BadPropertyError, InvertedCellError
-from thermal_fmu.facing import Points, points_of
+from thermal_fmu.cells import BadPropertyError, InvertedMeshError
+from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.half import face_variables, whole
 from thermal_fmu.heat import Heat, no_heat
-from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, Method
+from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_station_model
 from thermal_fmu.sources import calendar_of, factors_of
-from thermal_fmu.stations.balance import Ground, StationCourse, StationStepped, advance_stations, entropy_stations
-from thermal_fmu.stations.scene import StationScene, hold_stations, rub_stations
-from thermal_fmu.stations.stations import Stations, StationShape, lumped_stations, rod_stations
+from thermal_fmu.stations.balance import (
+    StationContext,
+    StationStep,
+    StationSubstep,
+    advance_stations,
+    entropy_stations,
+)
+from thermal_fmu.stations.scene import StationScene, freeze_stations, stations_with_friction
+from thermal_fmu.stations.stations import StationGeometry, Stations, lumped_stations, rod_stations
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +42,7 @@ class StationState:
     """All that evolves.
 
     s : (n,) [K] of the stations, T itself in bodies that do not melt.  X : (n_nodes, 2) reference coordinates [m], the
-    first x: they set the mass.  event : the count control.event last seen.  damped : how many substeps are still to be
+    first x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].
     """
 
@@ -50,7 +56,7 @@ class StationState:
 class StationHalf:
     """Heat in bodies whose nodes share temperatures, station by station.
 
-    What is kept on the object follows from constants and from the reference coordinates of the state.
+    The object caches what follows from constants and from the reference coordinates of the state.
     """
 
     def __init__(self, interface: Interface, spec: Mapping[str, Any], half: str,
@@ -58,13 +64,13 @@ class StationHalf:
         """Raises ValueError for a model.json or a mesh that is not right."""
         self._scene = StationScene(interface, parse_station_model(interface, spec, half), stations(interface))
         self._calendar = calendar_of(self._scene.model)
-        self._first: tuple[Floats, StationShape] | None = None
+        self._first: tuple[Floats, StationGeometry] | None = None
         self.variables = _variables(self._scene)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
-        """T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
+        """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
 
-        Raises InvertedCellError, ContactRefusedError.
+        Raises InvertedMeshError, ContactRefusedError.
         """
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
@@ -72,61 +78,61 @@ class StationHalf:
         T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
         state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
-        points = self._facing(X, inputs, link)
+        points = self._contact_points(X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
 
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """From t to t + h [s] on the coordinates x, with what faces what found once on them."""
+        """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
         number = whole(inputs, "control.method")
         stepping = self._scene.model.stepping
         name = METHOD_NUMBERS.get(number, stepping.method if number == 0 else "")
         if name in ("", "steady"):
             return Discard(f"control.method {number} is none of 0, 1, 2, 3, 4")
         try:
-            return self._advance(state, inputs, (t, h), link, stepping.method_of(name))
+            return self._advance(state, inputs, t, h, link, stepping.method_of(name))
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
-        except (InvertedCellError, ContactRefusedError) as exc:
+        except (InvertedMeshError, ContactRefusedError) as exc:
             # A smaller step of this half changes nothing here: the coordinates came from outside.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}")
 
-    def _advance(self, state: StationState, inputs: Values, when: tuple[float, float], link: Link,
-                 method: Method) -> Done:
-        scene, (t, h) = self._scene, when
+    def _advance(self, state: StationState, inputs: Values, t: float, h: float, link: Link,
+                 method: TimeMethod) -> Done:
+        scene = self._scene
         x, s = np.array(inputs["x"], dtype=np.float64), np.array(state.s)
-        points = self._facing(x, inputs, link)
-        shape = scene.ruler.shape(x)
-        held = hold_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
+        points = self._contact_points(x, inputs, link)
+        shape = scene.mesh.shape(x)
+        data = freeze_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
         if points is not None:
             E = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
-            held = rub_stations(held, scene, points, E, phase_change.fields(scene.melting, s), h)
-        # fault: mass of a rod from where it is -> ground = Ground(scene, shape, shape, held) |
+            data = stations_with_friction(data, scene, points, E, phase_change.fields(scene.melting, s), h)
+        # fault: mass of a rod from where it is -> substep = StationSubstep(scene, shape, shape, data) |
         #   thermal_fmu/test_thermal_rod
-        ground = Ground(scene, shape, self._shape_of(state.X), held)
-        course = StationCourse(ground, factors_of(scene.model, inputs), self._calendar, held.E_M / h)
+        substep = StationSubstep(scene, shape, self._shape_of(state.X), data)
+        context = StationContext(substep, factors_of(scene.model, inputs), self._calendar, data.E_M / h)
         event = whole(inputs, "control.event")
         damped = DAMPED_SUBSTEPS if event != state.event else state.damped
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
-        jump = entropy_stations(course, scene.ruler.spread(E_S, shape), s, t) if E_S.any() else None
-        done, left = advance_stations(course, method, s if jump is None else jump.s, damped, t, h)
+        jump = entropy_stations(context, scene.mesh.spread(E_S, shape), s, t) if E_S.any() else None
+        done, damped = advance_stations(context, method, s if jump is None else jump.s, damped, t, h)
         done = done if jump is None else jump.then(done)
-        new = StationState(done.s, state.X, event, left, state.stored + float(done.heat.stored.sum()))
-        return Done(new, self._outputs(new, done.heat, held.touching, done, phase_change.temperature(scene.melting, s)))
+        new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()))
+        return Done(new, self._outputs(new, done.heat, data.touching, done, phase_change.temperature(scene.melting, s)))
 
-    def _shape_of(self, X: Floats) -> StationShape:
+    def _shape_of(self, X: Floats) -> StationGeometry:
         if self._first is None or not np.array_equal(self._first[0], X):
-            self._first = (np.array(X), self._scene.ruler.shape(X))
+            self._first = (np.array(X), self._scene.mesh.shape(X))
         return self._first[1]
 
-    def _facing(self, x: Floats, inputs: Values, link: Link) -> Points | None:
+    def _contact_points(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
         scene = self._scene
         if not scene.interface.pairs:
             return None
         facing = scene.surfaces.facing(link, x)
-        return points_of(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
+        return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
-    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStepped | None,
+    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStep | None,
                  T_n: Floats) -> dict[str, Value]:
         scene = self._scene
         T, of_node = phase_change.temperature(scene.melting, state.s), scene.stations.of_node
@@ -145,19 +151,16 @@ class StationHalf:
 
 def _variables(scene: StationScene) -> tuple[Variable, ...]:
     n = len(scene.interface.nodes)
-    melts = (Variable("f_s", (n,), description="solid fraction at the end of the substep"),) if scene.melting else ()
+    f_s = Variable("f_s", (n,), description="solid fraction at the end of the substep", on="nodes")
+    melts = (f_s,) if scene.melting else ()
     return (*face_variables(scene.interface, scene.model), *melts)
 
 
-# The thermal rod: conduction along x through the columns of rectangles, one temperature a column.
-
 def load_rod(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
-    """The half `thermal_rod` of an interface file and the content of its model.json.  Raises ValueError."""
+    """Make the half `thermal_rod` of an interface file and the content of its model.json.  Raises ValueError."""
     return StationHalf(interface, spec, "thermal_rod", rod_stations)
 
 
-# The lumped thermal half: one temperature a body, C dT/dt = sum of conductances times differences.
-
 def load_lumped(interface: Interface, spec: Mapping[str, Any]) -> StationHalf:
-    """The half `lumped` of an interface file and the content of its model.json.  Raises ValueError."""
+    """Make the half `lumped`, C dT/dt = sum of conductances times differences.  Raises ValueError."""
     return StationHalf(interface, spec, "lumped", lumped_stations)

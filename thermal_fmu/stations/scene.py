@@ -1,4 +1,4 @@
-"""What never changes of a scene of stations, and what is held of it through a substep."""
+"""A scene of stations, which never changes, and the data that a substep freezes."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface
-from thermal_fmu.facing import Points, gauss_points
-from thermal_fmu.phase_change import Fields, Melting
+from thermal_fmu.contact_quadrature import ContactPoints, gauss_points
+from thermal_fmu.phase_change import Melting, NodalFields
 from thermal_fmu.problem import Exposed, Model
-from thermal_fmu.scene import Fixed, Held
+from thermal_fmu.scene import Fixed, SubstepData
 from thermal_fmu.sources import is_plain
-from thermal_fmu.stations.stations import Ruler, Stations, StationShape
+from thermal_fmu.stations.stations import StationGeometry, StationMesh, Stations
 from thermal_fmu.surface_terms import (
     ExposedPoints,
-    Friction,
-    Ground,
+    FrictionHeat,
+    SurfaceGeometry,
     at_nodes,
+    conduction_groups,
+    freeze_film,
+    freeze_radiator,
     friction_power,
-    groups_of,
-    hold_film,
-    hold_radiator,
-    near_groups,
-    slave_share,
+    radiation_groups,
+    slave_fraction,
 )
 
 Floats = NDArray[np.float64]
@@ -42,8 +42,8 @@ class StationScene:
     stations: Stations
 
     @cached_property
-    def ruler(self) -> Ruler:
-        return Ruler(self.interface, self.stations)
+    def mesh(self) -> StationMesh:
+        return StationMesh(self.interface, self.stations)
 
     @cached_property
     def surfaces(self) -> ContactSurfaces:
@@ -74,7 +74,7 @@ class StationScene:
 
     @cached_property
     def fixed_places(self) -> tuple[Ints, Ints]:
-        """Places of the band in rows or columns of fixed stations, and their diagonal ones."""
+        """Flat places of the band in rows or columns of fixed stations, and their diagonal ones."""
         s = self.stations
         row = np.repeat(np.arange(3 * s.width + 1), s.n) - 2 * s.width + s.column_of_slot
         inside = (row >= 0) & (row < s.n)
@@ -83,48 +83,51 @@ class StationScene:
         return np.flatnonzero(touched), s.slots(at, at)
 
     def mapped(self, nodes: NDArray[np.integer]) -> NDArray[np.int32]:
-        """Stations of nodes."""
+        """Return the stations of nodes : (...) of the mesh, in their shape."""
         return np.asarray(self.stations.of_node[nodes], dtype=np.int32)
 
 
-def hold_stations(scene: StationScene, shape: StationShape, x: Floats, E_M: Floats, points: Points | None) -> Held:
-    """Everything that follows from coordinates x : (n_nodes, 2) [m], energies E_M : (n_cells,) [J] and facing points.
+def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M: Floats,
+                    points: ContactPoints | None) -> SubstepData:
+    """Compute everything that follows from coordinates x, energies E_M and contact points.
 
-    The boundary terms are those of the thermal half, with stations in the place of nodes.
+    x : (n_nodes, 2) [m].  E_M : (n_cells,) [J].  The boundary terms are those of the thermal half, with stations in the
+    place of nodes.
     """
     model, axisymmetric = scene.model, scene.interface.axisymmetric
-    ground = Ground(x, axisymmetric, scene.surfaces, points)
-    groups = () if points is None else groups_of(points, model.pairs)
-    near = () if points is None else near_groups(points, model.pairs)
-    return Held(
-        model.sigma_SB, (), (), scene.ruler.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
+    geometry = SurfaceGeometry(x, axisymmetric, scene.surfaces, points)
+    groups = () if points is None else conduction_groups(points, model.pairs)
+    near = () if points is None else radiation_groups(points, model.pairs)
+    return SubstepData(
+        model.sigma_SB, (), (), scene.mesh.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
         _sources(scene, shape), (), (),
         tuple(Fixed(np.unique(scene.mapped(b.nodes)), None) for b in model.prescribed),
         tuple(_areas(scene, flux.edges, x) for flux in model.fluxes),
-        tuple(replace(held, points=_moved(scene, held.points)) for held in
-              (hold_film(film, _no_slots(film.where), ground) for film in model.films)),
-        tuple(replace(held, points=_moved(scene, held.points)) for held in
-              (hold_radiator(radiator, _no_slots(radiator.where), ground) for radiator in model.radiators)),
+        tuple(replace(frozen, points=_moved(scene, frozen.points)) for frozen in
+              (freeze_film(film, _no_slots(film.where), geometry) for film in model.films)),
+        tuple(replace(frozen, points=_moved(scene, frozen.points)) for frozen in
+              (freeze_radiator(radiator, _no_slots(radiator.where), geometry) for radiator in model.radiators)),
         tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in groups),
         tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in near),
         0 if points is None else int((points.p > 0).sum()),
     )
 
 
-def rub_stations(held: Held, scene: StationScene, points: Points, E: Floats, at: Fields, h: float) -> Held:
-    """With the friction heat E : (n_s,) [J] of surface nodes, spread evenly over h [s]; at : (n,) at its start."""
+def stations_with_friction(substep: SubstepData, scene: StationScene, points: ContactPoints, E: Floats, at: NodalFields,
+                           h: float) -> SubstepData:
+    """Add the friction heat E : (n_s,) [J] of surface nodes, spread evenly over h [s]; at : (n,) at its start."""
     if not E.any():
-        return held
+        return substep
     interface, of_node = scene.interface, scene.stations.of_node
     whole = np.zeros(len(interface.nodes))
     whole[interface.contact_nodes] = E
-    nodal = Fields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
-    share = slave_share(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
-    power = friction_power(points, share, whole, scene.slave_nodes, h)
+    nodal = NodalFields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
+    fraction = slave_fraction(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
+    power = friction_power(points, fraction, whole, scene.slave_nodes, h)
     gather = scene.stations.gather
-    # fault: friction heat of rods lost -> return replace(held, friction=Friction(gather(power.slave), 0.0 *
+    # fault: friction heat of rods lost -> return replace(substep, friction=FrictionHeat(gather(power.slave), 0.0 *
     #   gather(power.master))) | thermal_fmu/test_thermal_rod
-    return replace(held, friction=Friction(gather(power.slave), gather(power.master)))
+    return replace(substep, friction=FrictionHeat(gather(power.slave), gather(power.master)))
 
 
 def _no_slots(where: Exposed) -> NDArray[np.int64]:
@@ -142,7 +145,7 @@ def _areas(scene: StationScene, edges: NDArray[np.int32], x: Floats) -> Floats:
     return at_nodes(scene.mapped(edges[points.edge]), points.area[:, None] * points.N, scene.stations.n)
 
 
-def _sources(scene: StationScene, shape: StationShape) -> Floats | None:
+def _sources(scene: StationScene, shape: StationGeometry) -> Floats | None:
     bodies = scene.model.bodies
     if all(body.Q_T.is_zero for body in bodies):
         return None

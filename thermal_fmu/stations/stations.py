@@ -1,4 +1,5 @@
-"""Stations: nodes that share one temperature, the columns of rods or whole lumped bodies, and their band matrix."""
+"""Stations: nodes that share one temperature (columns of rods, or whole lumped bodies), their geometry and band matrix.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from contact.half.interface import Columns, Interface, columns_of
 from contact.half.linalg import SingularMatrixError
-from thermal_fmu.cells import InvertedCellError, Volume, shapes_of, volume_of
-from thermal_fmu.facing import EDGE_WEIGHT, EDGE_XI, shape_functions
+from thermal_fmu.cells import CellMesh, InvertedMeshError, cell_mesh, shapes_of
+from thermal_fmu.contact_quadrature import EDGE_WEIGHT, EDGE_XI, shape_functions
 from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
@@ -24,11 +25,14 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Stations:
-    """of_node : (n_nodes,) station of each node.  body : (n,) body of each station.
+    """Which nodes share a temperature, and how stations are joined.
 
-    own : the stations of each body, from left to right; where there is heat conduction inside, neighbours in it are
-    joined.  width : how far apart the numbers of two stations that exchange heat may be.  columns : of rods, with
-    order : (n,) the column of each station; None: bodies are lumped.
+    of_node : (n_nodes,) station of each node.  body : (n,) body of each station.  own : the stations of each body, from
+    left to right; where there is heat conduction inside, neighbours in it are joined.  width : how far apart the
+    numbers of
+    two stations that exchange heat may be.  columns : of rods, with order : (n,) the column of each station; None:
+    bodies
+    are lumped.
     """
 
     of_node: Ints
@@ -44,18 +48,21 @@ class Stations:
         return self.body.size
 
     def slots(self, rows: NDArray[np.integer], columns: NDArray[np.integer]) -> Ints:
-        """Places of entries (row, column) in the band (3 width + 1, n), flat."""
+        """Return flat places of entries (row, column) in the band (3 width + 1, n).
+
+        rows : (...) and columns : (...) are numbers of stations, of shapes that broadcast.
+        """
         return np.asarray((2 * self.width + rows - columns) * self.n + columns, dtype=np.intp)
 
     def solve(self, band: Floats, b: Floats) -> Floats:
-        """(n,) x with A x = b : (n,), A by its band : (3 width + 1, n).  Raises SingularMatrixError."""
+        """Solve A x = b : (n,), A by its band : (3 width + 1, n).  Raises SingularMatrixError."""
         _, _, x, info = dgbsv(self.width, self.width, band, b)
         if info != 0:
             raise SingularMatrixError(f"the matrix of {self.n} temperatures is singular (row {info})")
         return np.asarray(x)
 
     def gather(self, values: Floats) -> Floats:
-        """(n,) sums over the nodes of each station of values : (n_nodes,)."""
+        """Sum values : (n_nodes,) over the nodes of each station; return (n,)."""
         return at_nodes(self.of_node, values, self.n)
 
     @cached_property
@@ -65,50 +72,53 @@ class Stations:
 
 
 def lumped_stations(interface: Interface) -> Stations:
-    """One station a body.  Raises ValueError for a node that belongs to no body."""
+    """Make one station a body.  Raises ValueError for a node that belongs to no body."""
     if (interface.node_body < 0).any():
         raise ValueError(f"node {int(np.argmin(interface.node_body)) + 1} of the mesh belongs to no cell")
     n = len(interface.bodies)
     node_body = interface.node_body.astype(np.intp)
-    found = Stations(node_body, np.arange(n), tuple(np.array([b]) for b in range(n)), 0)
-    return _ordered(found, interface, np.arange(n), None)
+    stations = Stations(node_body, np.arange(n), tuple(np.array([b]) for b in range(n)), 0)
+    return _ordered(stations, interface, np.arange(n), None)
 
 
 def rod_stations(interface: Interface) -> Stations:
-    """One station a column.  Raises ValueError where a body is no rod along x."""
+    """Make one station a column.  Raises ValueError where a body is no rod along x."""
     columns = columns_of(interface)
     own = tuple(columns.of_body(b) for b in range(len(interface.bodies)))
     body = np.repeat(np.arange(len(own)), [len(c) for c in own])
     return _ordered(Stations(columns.of_node, body, own, 0), interface, np.arange(columns.count), columns)
 
 
-def _ordered(found: Stations, interface: Interface, number: Ints, columns: Columns | None) -> Stations:
-    """Renumbered so that stations that exchange heat come close to each other: rods in a row are tridiagonal."""
-    pairs = [np.stack([c[:-1], c[1:]], axis=1) for c in found.own]
+def _ordered(stations: Stations, interface: Interface, number: Ints, columns: Columns | None) -> Stations:
+    """Renumber stations so that those that exchange heat come close to each other: rods in a row are tridiagonal."""
+    pairs = [np.stack([c[:-1], c[1:]], axis=1) for c in stations.own]
     for pair in interface.pairs:
-        slave, master = (np.unique(found.of_node[interface.surfaces[s]]) for s in (pair.slave, pair.master))
+        slave, master = (np.unique(stations.of_node[interface.surfaces[s]]) for s in (pair.slave, pair.master))
         pairs.append(np.stack([a.ravel() for a in np.meshgrid(slave, master)], axis=1))
     joined = np.concatenate(pairs)
-    n = found.n
+    n = stations.n
     both = np.concatenate([joined, joined[:, ::-1]])
     graph = coo_matrix((np.ones(len(both)), (both[:, 0], both[:, 1])), shape=(n, n)).tocsr()
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.intp)
     new = np.empty(n, dtype=np.intp)
     new[order] = number
     width = int(np.abs(new[joined[:, 0]] - new[joined[:, 1]]).max(initial=0))
-    return Stations(new[found.of_node], found.body[order], tuple(new[c] for c in found.own), width, columns, order)
+    return Stations(new[stations.of_node], stations.body[order], tuple(new[c] for c in stations.own), width, columns,
+                    order)
 
 
-# Stations on given coordinates: volumes, and what conducts between the columns of rods.
+# Geometry of stations on given coordinates
 
 N = shape_functions(EDGE_XI)  # (points, ends) of a piece between two columns
 
 
 @dataclass(frozen=True)
-class Piece:
-    """The pieces between the columns of one body.  dV : (m, 2) volume of Gauss points [m3].
+class RodPieces:
+    """The pieces between the columns of one body.
 
-    conducts : (m, 2) what k of each point is to be multiplied with for the conductance between the two columns [m].
+    dV : (m, 2) volume of Gauss points [m3].  conducts : (m, 2) factors of k of each point in the conductance between
+    the
+    two columns [m].
     """
 
     dV: Floats
@@ -116,28 +126,29 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class StationShape:
-    """volume : (n,) of each station [m3].  pieces : of every body; empty where bodies are lumped."""
+class StationGeometry:
+    """Stations on given coordinates.  volume : (n,) of each station [m3].  pieces : of every body; empty where lumped.
+    """
 
     volume: Floats
-    pieces: tuple[Piece, ...]
+    pieces: tuple[RodPieces, ...]
 
 
 @dataclass(frozen=True)
-class Ruler:
-    """Measures stations.  Values in, values out; what it knows of the mesh never changes."""
+class StationMesh:
+    """Mesh and stations: computes their geometry and spreads energies.  It never changes."""
 
     interface: Interface
     stations: Stations
 
     @cached_property
-    def _cells(self) -> Volume:
-        return volume_of(self.interface)
+    def _cells(self) -> CellMesh:
+        return cell_mesh(self.interface)
 
-    def shape(self, x: Floats) -> StationShape:
-        """The stations on coordinates x : (n_nodes, 2) [m].  Raises InvertedCellError."""
+    def shape(self, x: Floats) -> StationGeometry:
+        """Compute the geometry of the stations on coordinates x : (n_nodes, 2) [m].  Raises InvertedMeshError."""
         if self.stations.columns is None:
-            return StationShape(self._of_bodies(x), ())
+            return StationGeometry(self._of_bodies(x), ())
         return self._of_columns(self.stations.columns, x)
 
     def _of_bodies(self, x: Floats) -> Floats:
@@ -146,7 +157,7 @@ class Ruler:
             volume[self.stations.own[block.body]] += shape.dV.sum()
         return volume
 
-    def _of_columns(self, columns: Columns, x: Floats) -> StationShape:
+    def _of_columns(self, columns: Columns, x: Floats) -> StationGeometry:
         place, height = columns.mean(x[:, 0]), columns.heights(x)
         volume, pieces = np.zeros(self.stations.n), []
         for body, own in enumerate(self.stations.own):
@@ -157,19 +168,22 @@ class Ruler:
                 # fault: rods around an axis without 2 pi r -> area = area * 1.0 | thermal_fmu/test_thermal_rod
                 area = area * 2.0 * np.pi * _between(place[at])
             if not (length > 0.0).all() or not (area > 0.0).all():
-                raise InvertedCellError(f"rod {self.interface.bodies[body]} is turned inside out by the coordinates "
+                raise InvertedMeshError(f"rod {self.interface.bodies[body]} is turned inside out by the coordinates "
                                         "that came in")
             dV = EDGE_WEIGHT * area * length[:, None]
-            # fault: rods conduct on half their area -> pieces.append(Piece(dV, 0.5 * EDGE_WEIGHT * area / length[:,
+            # fault: rods conduct on half their area -> pieces.append(RodPieces(dV, 0.5 * EDGE_WEIGHT * area / length[:,
             #   None])) | thermal_fmu/test_thermal_rod
-            pieces.append(Piece(dV, EDGE_WEIGHT * area / length[:, None]))
+            pieces.append(RodPieces(dV, EDGE_WEIGHT * area / length[:, None]))
             ends = dV @ N
             volume[own[:-1]] += ends[:, 0]
             volume[own[1:]] += ends[:, 1]
-        return StationShape(volume, tuple(pieces))
+        return StationGeometry(volume, tuple(pieces))
 
-    def spread(self, E: Floats, shape: StationShape) -> Floats:
-        """(n,) shares of energies E : (n_cells,) [J] of cells, even in the volume between two columns."""
+    def spread(self, E: Floats, shape: StationGeometry) -> Floats:
+        """Spread energies E : (n_cells,) [J] of cells to stations, even in the volume between two columns; return (n,)
+
+        [J].
+        """
         out = np.zeros(self.stations.n)
         columns = self.stations.columns
         if columns is None:
@@ -187,18 +201,21 @@ class Ruler:
 
 
 def _between(values: Floats) -> Floats:
-    """(m, 2) values at Gauss points between neighbours of values : (m + 1,)."""
+    """Return (m, 2) values at Gauss points between neighbours of values : (m + 1,)."""
     return np.stack([values[:-1], values[1:]], axis=1) @ N.T
 
 
-# The loops along rods, compiled.
+# Compiled loops along rods
 #
-# Shapes: own (m + 1,) the stations of a rod from left to right; *_q (m, 2) values at the Gauss points between two of
+# Arrays: own (m + 1,) the stations of a rod from left to right; *_q (m, 2) values at the Gauss points between two of
 # them; N (2, 2) shape functions at these points; band (3 w + 1, n) with entry (i, j) of the matrix at [2 w + i - j, j].
 
 @njit(cache=True)
 def rod_points(values: Floats, own: Ints, N: Floats) -> Floats:
-    """(m, 2) values at Gauss points of values : (n,) at stations."""
+    """Return (m, 2) values at Gauss points of values : (n,) at stations.
+
+    own : (m + 1,) stations of a rod.  N : (2, 2) shape functions [1].
+    """
     m = own.size - 1
     out = np.empty((m, 2))
     for e in range(m):
@@ -210,9 +227,10 @@ def rod_points(values: Floats, own: Ints, N: Floats) -> Floats:
 
 @njit(cache=True)
 def add_rod_conduction(T: Floats, own: Ints, N: Floats, kA: Floats, dkA: Floats, f: Floats) -> Floats:
-    """f -= the heat that leaves each station [W]; returns (m, 2) derivatives by T of the heat of each piece [W/K].
+    """Add conduction: f -= the heat that leaves each station.
 
-    kA, dkA : (m, 2) conductance and its derivative by temperature at Gauss points [W/K, W/K2].
+    T : (n,) [K].  own : (m + 1,).  N : (2, 2).  kA, dkA : (m, 2) conductance and its derivative by temperature at Gauss
+    points [W/K, W/K2].  f : (n,) [W].  Returns (m, 2) derivatives by T of the heat of each piece [W/K].
     """
     m = own.size - 1
     slope = np.empty((m, 2))
@@ -230,9 +248,11 @@ def add_rod_conduction(T: Floats, own: Ints, N: Floats, kA: Floats, dkA: Floats,
 
 @njit(cache=True)
 def add_rod_slopes(own: Ints, slope: Floats, by_s: Floats, scale: float, band: Floats) -> None:
-    """band += scale * slope * by_s, slope : (m, 2) derivatives of the heat from left to right in each piece.
+    """Add derivatives to the band: band += scale * slope * by_s.
 
-    by_s : (n,) derivative by the unknown of what slope is a derivative by.
+    own : (m + 1,).  slope : (m, 2) derivatives of the heat from left to right in each piece.  by_s : (n,) derivative by
+    the
+    unknown of what slope is a derivative by.  band : (3 w + 1, n) with entry (i, j) of the matrix at [2 w + i - j, j].
     """
     w = (band.shape[0] - 1) // 3
     for e in range(own.size - 1):
@@ -246,7 +266,10 @@ def add_rod_slopes(own: Ints, slope: Floats, by_s: Floats, scale: float, band: F
 
 @njit(cache=True)
 def add_rod_storage(own: Ints, N: Floats, dE_q: Floats, C_q: Floats, S: Floats, band: Floats) -> None:
-    """S += N'dE_q [J] and band += N'C_q N [J/K], both by stations."""
+    """Add storage: S += N'dE_q [J] and band += N'C_q N [J/K], both by stations.
+
+    own : (m + 1,).  N : (2, 2).  dE_q : (m, 2) [J].  C_q : (m, 2) [J/K].  S : (n,) [J].  band : (3 w + 1, n) [J/K].
+    """
     w = (band.shape[0] - 1) // 3
     for e in range(own.size - 1):
         for q in range(2):
@@ -259,13 +282,14 @@ def add_rod_storage(own: Ints, N: Floats, dE_q: Floats, C_q: Floats, S: Floats, 
 
 
 @njit(cache=True)
-def add_melting_fields(s: Floats, own: Ints, mush: tuple[float, float, float], T: Floats, f_s: Floats, dT: Floats,
+def add_melting_fields(s: Floats, own: Ints, T_s: float, T_l: float, W: float, T: Floats, f_s: Floats, dT: Floats,
                        df: Floats) -> None:
-    """Fill T [K], f_s and their derivatives by s : (n,) [K] at the stations of a body (thermal_fmu/phase_change.py).
+    """Fill T, f_s, dT/ds and df_s/ds at the stations of a body that melts (thermal_fmu/phase_change.py).
 
-    mush : T_s, T_l and the width W [K].
+    s : (n,) [K].  own : (m,) its stations.  T_s, T_l, W : solidus, liquidus and width [K].  T : (n,) [K].  f_s : (n,)
+    [1].
+    dT : (n,) [1].  df : (n,) [1/K].
     """
-    T_s, T_l, W = mush
     for i in own:
         if s[i] <= T_s:
             T[i], f_s[i], dT[i], df[i] = s[i], 1.0, 1.0, 0.0
@@ -277,18 +301,18 @@ def add_melting_fields(s: Floats, own: Ints, mush: tuple[float, float, float], T
 
 
 @njit(cache=True)
-def melting_heat(s0: Floats, s1: Floats, mush: tuple[float, float, float], c: tuple[float, float],
+def melting_heat(s0: Floats, s1: Floats, T_m: float, W: float, L: float, c_solid: float, c_liquid: float,
                  C: Floats) -> Floats:
-    """(m,) increase of enthalpy from s0 to s1 : (m,) [J/kg] at one melting point, and C : (m,) its derivative [J/kgK].
+    """Return (m,) increase of enthalpy [J/kg] from s0 to s1 : (m,) [K] at one melting point.
 
-    mush : the melting point [K], the width W [K], L [J/kg].  c : of the solid and of the liquid [J/kgK].
+    T_m : the melting point [K].  W : the width [K].  L : [J/kg].  c_solid, c_liquid : [J/kgK].
+    C : (m,) filled with the derivative by s1 [J/kgK].
     """
-    T_m, W, L = mush
     dh = np.empty(s0.size)
     for i in range(s0.size):
-        solid = c[0] * (min(s1[i], T_m) - min(s0[i], T_m))
-        liquid = c[1] * (max(s1[i], T_m + W) - max(s0[i], T_m + W))
+        solid = c_solid * (min(s1[i], T_m) - min(s0[i], T_m))
+        liquid = c_liquid * (max(s1[i], T_m + W) - max(s0[i], T_m + W))
         phi0, phi1 = min(max((s0[i] - T_m) / W, 0.0), 1.0), min(max((s1[i] - T_m) / W, 0.0), 1.0)
         dh[i] = solid + liquid + L * (phi1 - phi0)
-        C[i] = c[0] if s1[i] <= T_m else (L / W if s1[i] < T_m + W else c[1])
+        C[i] = c_solid if s1[i] <= T_m else (L / W if s1[i] < T_m + W else c_liquid)
     return dh

@@ -58,7 +58,7 @@ def test_a_scene_at_rest_works_its_cells_out_once(monkeypatch):
     """Shapes once a block; matrices once a block and slope (damped quarter steps, then whole ones)."""
     mesh, model = blocks(k=2.0)
     made = {"shapes": 0, "matrices": 0}
-    for name, function in (("shapes", "turned"), ("matrices", "_entries")):
+    for name, function in (("shapes", "with_turn"), ("matrices", "_entries")):
         original = getattr(cells, function)
 
         def counted(*arguments, name=name, original=original):

@@ -1,4 +1,4 @@
-"""How one step asks contact: with what contact remembers, and the multipliers of the moment."""
+"""What one step asks the contact service: tractions, and how they answer to the multipliers of the moment."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from contact.half.contact_client import History
 from contact.half.model import Link
 from contact.messages import Couplings, Tractions
-from mechanical_fmu.contact import Contact
-from mechanical_fmu.system import System
+from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.system import ForceBalance, System
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Asking:
+class ContactQuery:
     """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError."""
 
-    contact: Contact
+    contact: MeshContact
     link: Link
     history: History
 
@@ -32,14 +32,14 @@ class Asking:
         """How contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
         return self.contact.couplings(self.link, x, self.history)
 
-    def pressed(self, multipliers: Floats) -> Asking:
-        """The same with other multipliers : (n_s,) [Pa]."""
+    def with_multipliers(self, multipliers: Floats) -> ContactQuery:
+        """Replace the multipliers by others : (n_s,) [Pa]."""
         return replace(self, history=replace(self.history, multipliers=multipliers))
 
 
-def asking(system: System, link: Link, history: History) -> Callable[[Floats], Tractions] | None:
-    """How a step asks contact; None where nothing can touch."""
-    return Asking(system.contact, link, history) if system.interface.pairs else None
+def contact_query(system: System, link: Link, history: History) -> Callable[[Floats], Tractions] | None:
+    """Make the query of a step; None where nothing can touch."""
+    return ContactQuery(system.contact, link, history) if system.interface.pairs else None
 
 
 def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]:
@@ -53,3 +53,15 @@ def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]
     x, y = system.interface.nodes[node]
     return (f"still change by {abs(change[worst]):.3g} Pa (of at most {largest:.3g})",
             f"pair {' and '.join(names)}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")
+
+
+def contact_history(system: System, balance: ForceBalance, before: History) -> History:
+    """Make what contact remembers of an equilibrium, the multipliers of augmented pairs among it."""
+    if balance.tractions is None:
+        return before
+    at = system.interface.contact_nodes
+    augmented = system.contact.on_slaves(system.spec.augmented)
+    # fault: multipliers forgotten between steps -> return History(np.where(augmented, 0.0, 0.0),
+    #   (system.interface.nodes + balance.u)[at], | mechanical_fmu/test_augment
+    return History(np.where(augmented, balance.tractions.multipliers, 0.0), (system.interface.nodes + balance.u)[at],
+                   balance.tractions.shear)

@@ -18,38 +18,38 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from contact.half.contact_client import History
 from contact.half.linalg import SingularMatrixError, factorise
 from contact.multipliers import ENDS
-from mechanical_fmu.contact_asking import Asking, unsettled
+from mechanical_fmu.contact_query import ContactQuery, unsettled
 from mechanical_fmu.newton import (
-    MOST_POOR,
-    POOR,
+    MAX_POOR_ITERATIONS,
+    POOR_REDUCTION,
     Equilibrium,
+    Iterate,
     NoEquilibriumError,
-    Settings,
+    SolverSettings,
     jumps_text,
     line_search,
-    solve,
     with_tangent,
 )
-from mechanical_fmu.system import Balance, Loading, System
+from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import (
-    CHUNK,
-    Anchor,
+    RIGHT_SIDES,
+    StiffnessAnchor,
+    constrained,
     finish,
-    held,
     refuse_loose,
     right_side,
     stiffness,
     symmetric,
 )
+from mechanical_fmu.uzawa import solve_in_rounds
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Answer:
+class MultiplierEquations:
     """Contact's answer to its multipliers, in units of eps : [Pa/m], so that all of it is of order 1.
 
     at : (k,) surface nodes whose multipliers are unknown here.  B : (2 n, k), free components only, reduced to
@@ -64,26 +64,40 @@ class Answer:
     eps: float
 
 
-def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anchor | None, settings: Settings,
-                  share: float) -> Equilibrium:
-    """The equilibrium nearest to start whose multipliers are its pressures, to a share of the largest.
+@dataclass(frozen=True)
+class Direction:
+    """d : (2 n,) [m].  multipliers : (n_s,) [Pa], the new ones.  pull : (n, 2) [N], B times their change."""
 
-    Its history holds the larger of both residuals.  Raises NoEquilibriumError, which names the node whose pressure
-    does not settle, SingularMatrixError, InvertedCellError, ContactRefusedError.
+    d: Floats
+    multipliers: Floats
+    pull: Floats
+
+
+def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
+                  settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to start whose multipliers are its pressures, with both as unknowns.
+
+    Its history holds the larger of both residuals.  Modified Newton and BFGS, which have no tangent to put multipliers
+    into, take Uzawa's rounds.  Raises NoEquilibriumError, which names the node whose pressure does not settle,
+    SingularMatrixError, CellInversionError, ContactRefusedError.
     """
+    if settings.method != "newton":
+        return solve_in_rounds(system, loading, start, anchor, settings)
+    share = min(system.spec.augmented.values())
     floor, augmented = system.floor(loading, settings.tolerance), system.contact.on_slaves(system.spec.augmented)
     balance, error, poor, fresh = start, system.error(start, floor), 0, False
     history: list[float] = []
     while True:
-        ask = _asking(loading)
-        change, largest = _change(balance, ask, augmented)
+        query = _query(loading)
+        change, largest = _change(balance, query, augmented)
         history.append(max(float(error.max()), float(np.abs(change).max(initial=0.0)) / largest))
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if float(error.max()) <= settings.tolerance and not gap.any():
             # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
             if np.abs(change).max(initial=0.0) <= share * largest:
                 return Equilibrium(balance, float(error.max()), tuple(history), fresh)
-            unfelt = replace(loading, ask=ask.pressed(np.where(augmented, ask.history.multipliers + change, 0.0)))
+            settled = np.where(augmented, query.history.multipliers + change, 0.0)
+            unfelt = replace(loading, query=query.with_multipliers(settled))
             again = system.balance(balance.u, unfelt)
             # fault: round-off asked to settle at once -> if False: | mechanical_fmu/test_semi_smooth
             if float(system.error(again, floor).max()) <= settings.tolerance:
@@ -91,39 +105,41 @@ def solve_at_once(system: System, loading: Loading, start: Balance, anchor: Anch
                 return Equilibrium(again, float(system.error(again, floor).max()), tuple(history), fresh)
         if len(history) > settings.most:
             break
-        old = anchor if poor < MOST_POOR else None
+        old = anchor if poor < MAX_POOR_ITERATIONS else None
         fresh = fresh or old is None
-        d, multipliers, pull = direction(system, loading, balance, gap, old, augmented)
-        loading = replace(loading, ask=ask.pressed(multipliers))
-        from_here = replace(balance, r=balance.r - pull)
+        step = direction(system, loading, balance, gap, old, augmented)
+        loading = replace(loading, query=query.with_multipliers(step.multipliers))
+        from_here = replace(balance, r=balance.r - step.pull)
         before, touched = float(error.max()), _touched(balance)
-        balance, error = line_search(system, loading, (from_here, error), d, floor, settings.tolerance)
+        found = line_search(system, loading, Iterate(from_here, error), step.d, floor, settings.tolerance)
+        balance, error = found.balance, found.error
         # While points open and close, that is what spoils an iteration, not the age of the factor.
-        poor += float(error.max()) > POOR * before and _touched(balance) == touched
+        poor += float(error.max()) > POOR_REDUCTION * before and _touched(balance) == touched
     raise NoEquilibriumError(_text(system, settings, error, change, largest))
 
 
-def direction(system: System, loading: Loading, balance: Balance, gap: Floats, anchor: Anchor | None,
-              augmented: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
-    """d : (2 n,) [m], the new multipliers : (n_s,) [Pa], and B times their change : (n, 2) [N].
+def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floats, anchor: StiffnessAnchor | None,
+              augmented: NDArray[np.bool_]) -> Direction:
+    """Solve for the change of displacements and multipliers.
 
     anchor : whose factor to use, None for a fresh tangent.  Raises SingularMatrixError, ContactRefusedError.
     """
-    ask = _asking(loading)
-    a = answer_of(system, ask, balance, augmented)
+    query = _query(loading)
+    old, a = query.history.multipliers, answer_of(system, query, balance, augmented)
     d, dl = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
-    multipliers = np.zeros(ask.history.multipliers.size)
-    # fault: multipliers that pull -> multipliers[a.at] = np.minimum(ask.history.multipliers[a.at] + a.eps * dl, np.inf)
-    #   | mechanical_fmu/test_semi_smooth
-    multipliers[a.at] = np.minimum(ask.history.multipliers[a.at] + a.eps * dl, 0.0)
+    multipliers = np.zeros(old.size)
+    # fault: multipliers that pull -> multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, np.inf) |
+    #   mechanical_fmu/test_semi_smooth
+    multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, 0.0)
     # Of what was cut off at 0 the forces know nothing.
-    felt = (multipliers - ask.history.multipliers)[a.at] / a.eps
-    return d, multipliers, (a.B @ felt).reshape(-1, 2)
+    felt = (multipliers - old)[a.at] / a.eps
+    return Direction(d, multipliers, (a.B @ felt).reshape(-1, 2))
 
 
-def answer_of(system: System, ask: Asking, balance: Balance, augmented: NDArray[np.bool_]) -> Answer:
+def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
+              augmented: NDArray[np.bool_]) -> MultiplierEquations:
     """What the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
-    c = ask.couplings(system.interface.nodes + balance.u)
+    c = query.couplings(system.interface.nodes + balance.u)
     wanted = augmented & (c.weight > 0.0)
     ends = c.nodes[:, ENDS]
     at = np.intersect1d(np.flatnonzero(wanted), ends)
@@ -145,21 +161,22 @@ def answer_of(system: System, ask: Asking, balance: Balance, augmented: NDArray[
     if system.rigid is not None:
         B = csr_matrix(system.rigid.follow(balance.u).T @ B)
     B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
-    return Answer(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
+    return MultiplierEquations(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
 
 
-def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: Answer) -> tuple[Floats, Floats]:
+def _fresh(system: System, loading: Loading, balance: ForceBalance, gap: Floats,
+           a: MultiplierEquations) -> tuple[Floats, Floats]:
     """d and the change of the multipliers over eps : (k,) [m], with today's tangent."""
     balance = with_tangent(system, balance, loading)
     if loading.inertia is None:
         refuse_loose(system, balance)
     K = stiffness(system, balance, loading)
-    solve = factorise(held(system, K), symmetric(system, balance, loading))
+    solve = factorise(constrained(system, K), symmetric(system, balance, loading))
     d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
     X = np.zeros((d.size, a.at.size))
     felt = np.unique(a.B.indices)
-    for first in range(0, felt.size, CHUNK):
-        some = felt[first : first + CHUNK]
+    for first in range(0, felt.size, RIGHT_SIDES):
+        some = felt[first : first + RIGHT_SIDES]
         columns = solve(a.B[:, some].toarray())
         X[:, some] = columns if system.rigid is None else system.rigid.spread(columns, balance.u)
     dl = _solved(a.D + a.C @ X, -a.R - a.C @ d)
@@ -167,7 +184,8 @@ def _fresh(system: System, loading: Loading, balance: Balance, gap: Floats, a: A
     return d + X @ dl, dl
 
 
-def _anchored(anchor: Anchor, balance: Balance, gap: Floats, a: Answer) -> tuple[Floats, Floats]:
+def _anchored(anchor: StiffnessAnchor, balance: ForceBalance, gap: Floats,
+              a: MultiplierEquations) -> tuple[Floats, Floats]:
     """The same with the factor of an anchor: d_s + S (E d_s - B dl) = d_0s and C d_s + D dl = -R on the surface."""
     system = anchor.system
     refuse_loose(system, balance)
@@ -195,26 +213,26 @@ def _solved(A: Floats, b: Floats) -> Floats:
         raise SingularMatrixError("the multipliers of contact are not determined: its equations are singular") from exc
 
 
-def _asking(loading: Loading) -> Asking:
-    assert isinstance(loading.ask, Asking)
-    return loading.ask
+def _query(loading: Loading) -> ContactQuery:
+    assert isinstance(loading.query, ContactQuery)
+    return loading.query
 
 
-def _touched(balance: Balance) -> tuple[int, int]:
+def _touched(balance: ForceBalance) -> tuple[int, int]:
     """How many points touch, and how many of them slip."""
     assert balance.tractions is not None
     return balance.tractions.n_touching, balance.tractions.n_slipping
 
 
-def _change(balance: Balance, ask: Asking, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
+def _change(balance: ForceBalance, query: ContactQuery, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
     """t_N - lambda : (n_s,) [Pa] of augmented slaves, and the largest pressure of both [Pa], not 0."""
     assert balance.tractions is not None
     t_N = np.where(augmented, balance.tractions.multipliers, 0.0)
-    before = np.where(augmented, ask.history.multipliers, 0.0)
+    before = np.where(augmented, query.history.multipliers, 0.0)
     return t_N - before, max(-float(min(t_N.min(initial=0.0), before.min(initial=0.0))), np.finfo(float).tiny)
 
 
-def _text(system: System, settings: Settings, error: Floats, change: Floats, largest: float) -> str:
+def _text(system: System, settings: SolverSettings, error: Floats, change: Floats, largest: float) -> str:
     if float(error.max()) > settings.tolerance:
         body = system.interface.bodies[int(np.argmax(error))]
         forces = (f"the forces on body {body} are out of balance by {float(error.max()):.3g} "
@@ -225,59 +243,3 @@ def _text(system: System, settings: Settings, error: Floats, change: Floats, lar
     return (f"no equilibrium after {settings.most} iterations: {forces}the contact pressures {how_much}, most on "
             f"{where}; method: uzawa settles them in rounds"
             f"{jumps_text(system)}")
-
-
-# The augmented Lagrangian: equilibrium, and again with the pressures it found, until they are those of no penetration.
-#
-# Uzawa's iteration; semi_smooth.py goes to the same solution at once, where Newton's own method is used.  Each round
-# leaves the share 1/(1 + eps_N L/E) of the penetration of the round before, so with the default penalty E/h a body of
-# twenty cells is done in three or four.  It ends where the pressures have settled to the share asked for, or where the
-# forces do not feel their change.
-
-# fault: one round of augmentation, whatever is left -> MOST_ROUNDS = 1 | mechanical_fmu/test_augment
-MOST_ROUNDS = 40
-
-
-def settle(system: System, loading: Loading, start: Balance, anchor: Anchor | None, settings: Settings) -> Equilibrium:
-    """Equilibrium with multipliers that have settled; where no pair is augmented, just equilibrium.
-
-    Raises NoEquilibriumError, SingularMatrixError, InvertedCellError, ContactRefusedError.
-    """
-    ask, augmented = loading.ask, system.contact.on_slaves(system.spec.augmented)
-    if not isinstance(ask, Asking) or not augmented.any():
-        return solve(system, loading, start, anchor, settings)
-    share = min(system.spec.augmented.values())
-    if system.spec.at_once and settings.method == "newton":
-        return solve_at_once(system, loading, start, anchor, settings, share)
-    found, changes = solve(system, loading, start, anchor, settings), np.zeros(augmented.size)
-    for _ in range(MOST_ROUNDS):
-        assert found.balance.tractions is not None
-        pressed = np.where(augmented, found.balance.tractions.multipliers, 0.0)
-        changes = pressed - ask.history.multipliers
-        # fault: pressures settle at once -> if np.abs(changes).max() <= 1e3 * float(np.abs(pressed).max()): |
-        #   mechanical_fmu/test_augment
-        if np.abs(changes).max() <= share * float(np.abs(pressed).max()):
-            return found
-        ask = ask.pressed(pressed)
-        again = replace(loading, ask=ask)
-        more = solve(system, again, system.balance(found.balance.u, again), anchor, settings)
-        found = replace(more, history=found.history + more.history[1:], fresh=found.fresh or more.fresh)
-        # fault: settling asked of round-off -> if more.iterations < 0: | mechanical_fmu/test_augment
-        if more.iterations == 0:
-            # The forces do not feel the change: where bodies just touch, pressures are round-off and never settle.
-            return found
-    how_much, where = unsettled(system, changes, float(np.abs(pressed).max()))
-    raise NoEquilibriumError(f"the contact pressures do not settle: after {MOST_ROUNDS} rounds they {how_much}; a "
-                             f"larger penalty settles sooner, or method: semi_smooth (most on {where})")
-
-
-def remembered(system: System, balance: Balance, before: History) -> History:
-    """What contact is to remember of an equilibrium."""
-    if balance.tractions is None:
-        return before
-    at = system.interface.contact_nodes
-    augmented = system.contact.on_slaves(system.spec.augmented)
-    # fault: multipliers forgotten between steps -> return History(np.where(augmented, 0.0, 0.0),
-    #   (system.interface.nodes + balance.u)[at], | mechanical_fmu/test_augment
-    return History(np.where(augmented, balance.tractions.multipliers, 0.0), (system.interface.nodes + balance.u)[at],
-                   balance.tractions.shear)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler.record.results import Along
-from coupler.record.tables import strips, unrolled
+from coupler.record.tables import contact_lines, unrolled
 from coupler.report.contact import ALONE, OPEN, SLIPS, STICKS, TOUCHES, closer, contact_pictures, edges_of, status
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -39,12 +39,12 @@ def test_pieces_follow_each_other_and_a_ring_closes() -> None:
 def test_rows_are_what_the_windows_ended_with(tmp_path: Path) -> None:
     along = write_run(tmp_path / "run.h5", CASE).contact["interface"]
     scene = blocks(CASE.n)
-    strip = strips(scene)[0]
+    line = contact_lines(scene)[0]
     assert along.s == pytest.approx(np.linspace(0, L, CASE.n + 1))
     assert pytest.approx(np.column_stack([along.s, np.full(CASE.n + 1, L + GAP)])) == along.X
     levels = [level(scene, t) for t in times_of(CASE)]
-    assert along.t_N == pytest.approx(np.array([now.t_N[strip.at] for now in levels]), rel=1e-6)
-    assert along.gap == pytest.approx(np.array([now.gap[strip.at] for now in levels]), rel=1e-6)
+    assert along.t_N == pytest.approx(np.array([now.t_N[line.at] for now in levels]), rel=1e-6)
+    assert along.gap == pytest.approx(np.array([now.gap[line.at] for now in levels]), rel=1e-6)
     assert along.t_T is None
     assert along.slip_share is None
     assert times_of(CASE)[-1] == END

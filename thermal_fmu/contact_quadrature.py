@@ -1,4 +1,4 @@
-"""What faces what: the contact service's answer in the words of the thermal half."""
+"""Contact quadrature points: what faces what, with the pressure between them, and Gauss points on edges of surfaces."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from contact.half.contact_client import ContactSurfaces
 from contact.half.linalg import Pattern
 from contact.messages import Facing
 
-# Points on the edges of surfaces, on the current geometry: where boundary terms are integrated.
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -24,9 +22,10 @@ EDGE_WEIGHT = 0.5
 
 @dataclass(frozen=True)
 class EdgePoints:
-    """edge : (n,) row of the surface's edges.  N : (n, 2) shape functions of its two nodes.
+    """Quadrature points on the edges of a surface.
 
-    area : (n,) [m2], per metre of depth when plane; may be negative where a share of an edge is taken off.
+    edge : (n,) row of the surface's edges.  N : (n, 2) shape functions of its two nodes [1].
+    area : (n,) [m2], per metre of depth when plane; negative where a part of an edge is taken off.
     """
 
     edge: NDArray[np.intp]
@@ -35,12 +34,15 @@ class EdgePoints:
 
 
 def shape_functions(xi: Floats) -> Floats:
-    """(n, 2) values at xi : (n,) in [0, 1] of the shape functions of an edge's first and second node."""
+    """Evaluate the shape functions of an edge's two nodes at xi : (n,) in [0, 1]; return (n, 2) [1]."""
     return np.stack([1.0 - xi, xi], axis=1)
 
 
 def gauss_points(edges: Ints, x: Floats, axisymmetric: bool) -> EdgePoints:
-    """Two points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m]; 2 pi r if axisymmetric."""
+    """Place two Gauss points on every edge : (n, 2) nodes, at coordinates x : (n_nodes, 2) [m].
+
+    edges : (n, 2) nodes.  Areas carry 2 pi r if axisymmetric.
+    """
     a, b = x[edges[:, 0]], x[edges[:, 1]]
     length = np.repeat(np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]), EDGE_XI.size)
     edge = np.repeat(np.arange(len(edges)), EDGE_XI.size)
@@ -52,7 +54,10 @@ def gauss_points(edges: Ints, x: Floats, axisymmetric: bool) -> EdgePoints:
 
 
 def edge_slots(pattern: Pattern, edges: Ints) -> NDArray[np.int64]:
-    """(n, 2, 2) places in the matrix data of the blocks of edges : (n, 2), which are edges of cells."""
+    """Find the (n, 2, 2) places in the matrix data of the blocks of edges : (n, 2), which are edges of cells.
+
+    Raises ValueError where an edge belongs to no cell.
+    """
     row = np.repeat(edges[:, :, None], 2, axis=2).astype(np.int64)
     col = np.repeat(edges[:, None, :], 2, axis=1).astype(np.int64)
     rows = np.repeat(np.arange(pattern.n, dtype=np.int64), np.diff(pattern.indptr))
@@ -63,20 +68,20 @@ def edge_slots(pattern: Pattern, edges: Ints) -> NDArray[np.int64]:
     return slots
 
 
-# A corner node of several pairs tells one pressure: it is that of the pairs whose gap there is the least, but for this
-# share of the pair's gap_max.
-BESIDE = 1e-4
+# A corner node of several pairs has one pressure: it is that of the pairs whose gap there is the least, up to this part
+# of the pair's gap_max.
+GAP_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
-class Points:
-    """Facing points with the pressure between them.
+class ContactPoints:
+    """Contact quadrature points with the pressure between them.
 
-    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions.
+    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions [1].
     gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange;
-    area_s, area_m : the piece as either side measures it.  pair, slave_edge, master_edge : (n_p,) as registered.
-    from_master : (n_p,) True where a second pass found the point from the master; None where none does.  Slave and
-    master are those of the pair all the same.
+    area_s, area_m : (n_p,) [m2] the piece as either side measures it.  pair, slave_edge, master_edge : (n_p,) as
+    registered.  from_master : (n_p,) True where a second pass searched the point from the master; None where none does.
+    Slave and master are those of the pair all the same.
     """
 
     nodes: Ints
@@ -93,37 +98,39 @@ class Points:
     from_master: NDArray[np.bool_] | None = None
 
     @property
-    def found_from(self) -> tuple[Ints, Floats]:
-        """Nodes and shape functions, both (n_p, 2), of the side each point was found from."""
+    def searched_from(self) -> tuple[Ints, Floats]:
+        """Nodes (n_p, 2) and shape functions (n_p, 2) of the side each point was searched from."""
         if self.from_master is None:
             return self.nodes[:, :2], self.N_s
         other = self.from_master[:, None]
         return np.where(other, self.nodes[:, 2:], self.nodes[:, :2]), np.where(other, self.N_m, self.N_s)
 
 
-def points_of(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Points:
-    """Facing points with pressures from nodal tractions t_N : (n_s,) [Pa], <= 0, linear along the edge searched from.
+def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> ContactPoints:
+    """Give each contact quadrature point its pressure from nodal tractions t_N : (n_s,) [Pa], <= 0.
 
-    A positive gap under pressure is read as no gap (physics: touching means p_N > 0).
+    They are linear along the edge searched from.  A positive gap under pressure is read as no gap (touching means p_N >
+    0).
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
-    pressure = _own(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
+    pressure = _is_own_pressure(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
     p = (N_s * pressure).sum(axis=1)
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    points = Points(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair, facing.slave_edge,
-                    facing.master_edge)
+    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair,
+                           facing.slave_edge, facing.master_edge)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
-    return points if exchanged is None else _as_the_pairs_say(points, exchanged)
+    return points if exchanged is None else _by_pair_sides(points, exchanged)
 
 
-def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.bool_] | bool:
-    """(n_p, 2) whether the pressure a slave node tells is (also) that of the point's own pair.
+def _is_own_pressure(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.bool_] | bool:
+    """Return (n_p, 2) whether the pressure of a slave node is (also) that of the point's own pair.
 
-    A casting that stands on its corner touches below and not beside it; the corner's pressure must not close both.
+    slave : (n_p, 2) nodes s.  A casting that rests on its corner touches below and not beside it; the corner's pressure
+    must not close both.
     """
     pairs = surfaces.interface.pairs
     # fault: a corner's pressure closes every pair it belongs to -> if len(pairs) > 0: |
@@ -135,12 +142,13 @@ def _own(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.b
     gap = np.full(len(pairs) * n, np.inf)
     np.minimum.at(gap, of_pair, np.maximum(facing.gap, 0.0)[:, None])
     least = gap.reshape(len(pairs), n).min(axis=0)
-    beside = BESIDE * np.array([pair.gap_max for pair in pairs])
+    beside = GAP_TOLERANCE * np.array([pair.gap_max for pair in pairs])
     return np.asarray(gap[of_pair] <= least[slave] + beside[facing.pair][:, None])
 
 
 def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_] | None:
-    """(n_p,) True where what was searched from is the pair's master; None where every pair is searched once."""
+    """Return (n_p,) True where the point was searched from the pair's master; None where every pair is searched once.
+    """
     pairs, message = surfaces.interface.pairs, surfaces.message
     if message.passes.pair.size == len(pairs):
         return None
@@ -148,8 +156,8 @@ def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_]
     return np.asarray(message.edge_surface[facing.slave_edge] != slave[facing.pair])
 
 
-def _as_the_pairs_say(points: Points, exchanged: NDArray[np.bool_]) -> Points:
-    """Emissivities, shares of friction heat and names in the ledger belong to the sides of a pair, not of a pass."""
+def _by_pair_sides(points: ContactPoints, exchanged: NDArray[np.bool_]) -> ContactPoints:
+    """Exchange the sides of points a second pass searched from the master: properties belong to the sides of a pair."""
     def sides(s: NDArray[Any], m: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         other = exchanged.reshape(-1, *[1] * (s.ndim - 1))
         return np.where(other, m, s), np.where(other, s, m)

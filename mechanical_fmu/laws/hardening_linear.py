@@ -1,0 +1,43 @@
+"""Linear hardening, R = yield_stress + H e; perfectly plastic with H = 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from contact.compiled import inner
+from contact.half.functions import Property
+from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening, Point, Points, lowest
+
+
+@inner
+def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
+    """R [Pa] and dR/de at e >= 0."""
+    return p.yield_stress + p.hardening_modulus * e, p.hardening_modulus
+
+
+@dataclass(frozen=True)
+class LinearLaw(IsotropicHardening):
+    """R = yield_stress + H e.  yield_stress, H : [Pa]."""
+
+    yield_stress: Property
+    H: Property = NOTHING
+
+    NAME: ClassVar = "linear"
+    FIELDS: ClassVar[Fields] = {"yield_stress": float, "hardening_modulus": float}
+    FLOW_STRESS: ClassVar = flow_stress
+
+    def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
+        p["yield_stress"], p["hardening_modulus"] = self.yield_stress(T) * factor, self.H(T) * factor
+
+    def refusal(self, T: Floats) -> str:
+        return refused_yield(self.yield_stress, T)
+
+    def softens(self, T: Floats) -> bool:
+        return bool((self.H(T) < 0.0).any())
+
+
+def refused_yield(yield_stress: Property, T: Floats) -> str:
+    """Say where the yield stress is not positive, or ""."""
+    value = yield_stress(T)
+    return f"the yield stress is {lowest(value, T, ' Pa')}" if (value <= 0.0).any() else ""
