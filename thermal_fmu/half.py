@@ -32,7 +32,7 @@ from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Conductivity, Model, parse_model
 from thermal_fmu.scene import ThermalScene, freeze, with_friction
 from thermal_fmu.sources import calendar_of, factors_of
-from thermal_fmu.step import StepContext, StepResult, entropy_jump
+from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
 from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
 
 # Variables of every thermal half of this package, in one order
@@ -259,7 +259,7 @@ class ThermalHalf:
         facing = scene.surfaces.facing(link, x)
         return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
-    def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: StepResult | None,
+    def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: ThermalStep | None,
                  T_n: Floats) -> dict[str, Value]:
         T = phase_change.temperature(self._scene.melting, state.s)
         return {

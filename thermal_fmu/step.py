@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class StepResult:
+class ThermalStep:
     """A step that was solved.
 
     s : (n,) [K] at the end.  heat : of the step.  iterations : linear solves.  residual : worst relative residual [1].
@@ -37,7 +37,7 @@ class StepResult:
     moved: Floats
     inside: Floats
 
-    def then(self, more: StepResult) -> StepResult:
+    def then(self, more: ThermalStep) -> ThermalStep:
         """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual), moved=self.moved + more.moved,
@@ -60,7 +60,7 @@ class StepContext:
 
 
 def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
-              dt: float) -> StepResult:
+              dt: float) -> ThermalStep:
     """Take one step from s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
 
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
@@ -87,12 +87,12 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
     for weight, done in zip(method.weights, solved, strict=True):
         moved += weight * dt * done.balance.flow
         inside += weight * dt * done.balance.inside
-    return StepResult(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                      max(s.residual for s in solved), anchor, moved, inside)
+    return ThermalStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
+                       max(s.residual for s in solved), anchor, moved, inside)
 
 
 def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,
-                h: float) -> StepResult:
+                h: float) -> ThermalStep:
     """Take a step from s : (n,) [K] after a jump, cut into steps of the damping method where the method needs it.
 
     Raises as take_step.
@@ -151,7 +151,7 @@ def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt
 
 # Local error
 
-def local_error(context: StepContext, start: NodalFlow, done: StepResult, t: float,
+def local_error(context: StepContext, start: NodalFlow, done: ThermalStep, t: float,
                 h: float) -> tuple[float, NodalFlow]:
     """Estimate the largest error at a free node [K] of the step `done` from t to t + h [s].
 
@@ -189,7 +189,7 @@ def local_error(context: StepContext, start: NodalFlow, done: StepResult, t: flo
 # Entropy part of the adiabatic split
 
 def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorMatrix | None, factors: Factors,
-                 t: float) -> StepResult:
+                 t: float) -> ThermalStep:
     """Find s with E(s) - E(s_n) = E_S spread over the nodes: the entropy part of the adiabatic split.
 
     E_S : (n_cells,) [J].  s_n : (n,) [K].  factors, anchor : the jump's own, for its matrix is that of storage alone.
@@ -207,4 +207,4 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     # fault: entropy part at substep nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
     #   terms) | thermal_fmu/test_thermal_entropy
     heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms)
-    return StepResult(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)
+    return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

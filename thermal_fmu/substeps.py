@@ -19,7 +19,7 @@ from thermal_fmu.step import (
     Floats,
     NodalFlow,
     StepContext,
-    StepResult,
+    ThermalStep,
     damped_step,
     flow_at,
     local_error,
@@ -125,7 +125,7 @@ class SubstepProgress:
     anchor: AnchorMatrix | None
     controller: StepController
     damped: int
-    done: StepResult | None = None
+    done: ThermalStep | None = None
     substeps: int = 0
     rejected: int = 0
 
@@ -152,7 +152,7 @@ class StepPoint:
 class SolvedStep:
     """An inner step that was solved, its measure, and the point it led to."""
 
-    done: StepResult
+    done: ThermalStep
     measure: StepMeasure
     there: StepPoint
 
@@ -227,14 +227,14 @@ def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix 
     return SolvedStep(done, StepMeasure(error, change, used.order), there)
 
 
-def _error(plan: SubstepPlan, point: StepPoint, done: StepResult, stop: float, h: float) -> tuple[float, StepPoint]:
+def _error(plan: SubstepPlan, point: StepPoint, done: ThermalStep, stop: float, h: float) -> tuple[float, StepPoint]:
     if point.flow is None:
         return 0.0, StepPoint(stop)
     error, end = local_error(plan.context, point.flow, done, point.t, h)
     return error / plan.adaptive.tolerance, StepPoint(stop, end)
 
 
-def _advanced(progress: SubstepProgress, done: StepResult, controller: StepController,
+def _advanced(progress: SubstepProgress, done: ThermalStep, controller: StepController,
               rejected: int) -> SubstepProgress:
     # After a damped step another method goes on, whose error has nothing to do with this one's.
     controller = replace(controller, error=1.0) if progress.damped > 0 else controller
@@ -256,7 +256,7 @@ MAX_HALVINGS = 10  # of an increment: 1/1024 of one
 
 
 def steady_by_increments(context: StepContext, increments: int, s_start: Floats, anchor: AnchorMatrix | None, t: float,
-                         dt: float) -> StepResult:
+                         dt: float) -> ThermalStep:
     """Go from s_start : (n,) [K] to the steady state under the loads of t + dt [s], prescribed values moving along.
 
     The path R(T) = (1 - lambda) R(T_start), lambda from 0 to 1, starts where the residual is zero by construction.  An
@@ -286,7 +286,7 @@ def steady_by_increments(context: StepContext, increments: int, s_start: Floats,
 
 
 def _all_at_once(context: StepContext, s_start: Floats, anchor: AnchorMatrix | None, t: float, dt: float,
-                 why: str) -> StepResult:
+                 why: str) -> ThermalStep:
     """Solve the end of the path from its start: where the path turns back, Newton's method may still reach it."""
     try:
         return take_step(context, STEADY, s_start, anchor, t, dt)
@@ -347,7 +347,7 @@ class SubstepStart:
 class SubstepResult:
     """The substep as one step, steps still to be damped, the controller; inner steps that passed, and that did not."""
 
-    done: StepResult
+    done: ThermalStep
     damped: int
     controller: StepController
     substeps: int = 1

@@ -77,7 +77,7 @@ class CallQueue(Generic[Waiter]):
 
     def __init__(self, instance: str) -> None:
         self.instance = instance
-        self.pending: SimpleQueue[Call | None] = SimpleQueue()
+        self.queue: SimpleQueue[Call | None] = SimpleQueue()
         self._clients: OrderedDict[str, _Client[Waiter]] = OrderedDict()
         self._lock = Lock()
 
@@ -97,11 +97,11 @@ class CallQueue(Generic[Waiter]):
                 return None
             if envelope.number <= client.newest:
                 return failure("stale", f"call {envelope.number} after {client.newest}")
-            if self.pending.qsize() >= CAPACITY:
+            if self.queue.qsize() >= CAPACITY:
                 return failure("busy", f"{CAPACITY} calls are waiting")
             client.newest = envelope.number
             client.waiting[envelope.number] = [waiter]
-        self.pending.put(Call(envelope, payload))
+        self.queue.put(Call(envelope, payload))
         return None
 
     def finish(self, call: Call, answered: Answered) -> list[Waiter]:
@@ -145,7 +145,7 @@ class Verb:
 
 
 @dataclass(frozen=True)
-class CallStats:
+class ServerStats:
     """Statistics of a server's calls.
 
     since : seconds the server has lived.  verbs : by name of the request, in the order of their first calls.
@@ -165,7 +165,7 @@ class _Count:
     recent: array[float] = field(default_factory=lambda: array("d"))
 
 
-class CallCounter:
+class CallStats:
     """Count calls; may be read from any thread while they go on."""
 
     def __init__(self) -> None:
@@ -188,15 +188,15 @@ class CallCounter:
             c.bytes_in += bytes_in
             c.bytes_out += bytes_out
 
-    def snapshot(self) -> CallStats:
+    def so_far(self) -> ServerStats:
         """Return the statistics so far."""
         with self._lock:
-            return CallStats(time.perf_counter() - self._started, {
+            return ServerStats(time.perf_counter() - self._started, {
                 verb: Verb(c.count, c.total, median(c.recent), c.most, c.bytes_in, c.bytes_out)
                 for verb, c in self._counts.items()})
 
 
-def report_lines(stats: CallStats) -> list[str]:
+def lines(stats: ServerStats) -> list[str]:
     """Format statistics for a log, a line a verb."""
     return [f"{name}: {v.count} calls, {v.total:.4g} s (median {v.typical:.3g} s, most {v.most:.3g} s), "
             f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in stats.verbs.items()]

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from contact.codec import REPLIES, Kinds, WireError, decode, encode, kinds_of
 from contact.messages import Refused, Register, Registered, Reply, Request
-from contact.rpc.calls import CallStats, Envelope
+from contact.rpc.calls import Envelope, ServerStats
 from contact.rpc.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
 from contact.rpc.server import keys_of
 from contact.rpc.zenoh_session import CONNECT_TIMEOUT, QueryAnswer, Session, close_session, open_session
@@ -20,7 +20,7 @@ STATUS_TIMEOUT = 2.0  # s
 RESTART_GRACE = 1.5  # s a client waits for a new instance after its service died
 PAUSES = (0.01, 0.02, 0.05, 0.1)  # s between repeats of a call; the last one stays
 
-STATS = kinds_of([CallStats])
+STATS = kinds_of([ServerStats])
 
 
 def _nothing() -> None:
@@ -93,13 +93,13 @@ class Client:
         answers = self._session.ask(self._keys.status, b"", "", STATUS_TIMEOUT, self._watch)
         return next((a.payload.decode() for a in answers if a.ok), "silent")
 
-    def call_stats(self) -> CallStats:
+    def stats(self) -> ServerStats:
         """Ask for the statistics of the server's calls, of all its clients.  Raises LinkError."""
         answers = self._session.ask(self._keys.stats, b"", "", STATUS_TIMEOUT, self._watch)
         payload = next((a.payload for a in answers if a.ok), None)
         if payload is None:
             raise ServiceDownError(f"{self._role} does not say what it was asked")
-        return cast(CallStats, self._decoded(payload, "call statistics", STATS))
+        return cast(ServerStats, self._decoded(payload, "call statistics", STATS))
 
     def _pin(self, instance: str) -> None:
         self._instance = instance

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from contact.codec import REQUESTS
-from contact.rpc.calls import report_lines
+from contact.rpc.calls import lines
 from contact.rpc.child import become_child, keep_freed_memory
 from contact.rpc.link import Handler
 from contact.rpc.server import Server
@@ -58,7 +58,7 @@ def main(handle: Handler, arguments: list[str] | None = None) -> int:
 def log_call_stats(served: list[Server]) -> None:
     """Write the statistics of the server's calls to the log, once."""
     while served:
-        for line in report_lines(served.pop().counter.snapshot()):
+        for line in lines(served.pop().stats.so_far()):
             print(line, file=sys.stderr, flush=True)
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from contact.codec import Kinds, WireError, decode, encode
-from contact.rpc.calls import Answered, CallCounter, CallQueue, failure
+from contact.rpc.calls import Answered, CallQueue, CallStats, failure
 from contact.rpc.link import LinkError
 from contact.rpc.zenoh_session import Question, Session
 
@@ -48,28 +48,28 @@ class Server:
     def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
         self.instance = secrets.token_hex(6)
         self._requests = requests
-        self._queue: CallQueue[Question] = CallQueue(self.instance)
+        self._calls: CallQueue[Question] = CallQueue(self.instance)
         self._busy: tuple[str, float] | None = None
-        self.counter = CallCounter()
+        self.stats = CallStats()
         self._served = 0
         self._keys = keys_of(run, role, self.instance)
         self._declared = [
             session.answer(self._keys.ask, self._arrive),
-            session.answer(self._keys.status, self._send_status),
-            session.answer(self._keys.stats, self._send_stats),
+            session.answer(self._keys.status, self._tell_status),
+            session.answer(self._keys.stats, self._tell_stats),
             session.show_token(self._keys.token),
         ]
 
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
-        while (call := self._queue.pending.get()) is not None:
+        while (call := self._calls.queue.get()) is not None:
             answered = self._carry_out(call.payload, handle)
-            for question in self._queue.finish(call, answered):
+            for question in self._calls.finish(call, answered):
                 self._answer(question, answered)
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""
-        self._queue.pending.put(None)
+        self._calls.queue.put(None)
 
     def __enter__(self) -> Self:
         return self
@@ -81,7 +81,7 @@ class Server:
     def _carry_out(self, payload: bytes, handle: Callable[[Any], Any]) -> Answered:
         started = time.monotonic()
         verb, answered = self._done(payload, handle, started)
-        self.counter.add(verb, time.monotonic() - started, len(payload), len(answered.payload))
+        self.stats.add(verb, time.monotonic() - started, len(payload), len(answered.payload))
         self._served += 1
         return answered
 
@@ -102,7 +102,7 @@ class Server:
             self._busy = None
 
     def _arrive(self, question: Question) -> None:
-        answered = self._queue.arrive(question.label, question.payload, question)
+        answered = self._calls.arrive(question.label, question.payload, question)
         if answered is not None:
             self._answer(question, answered)
 
@@ -112,11 +112,11 @@ class Server:
         except LinkError as exc:  # the asker went away: nobody is left to be told
             print(exc, file=sys.stderr)
 
-    def _send_status(self, question: Question) -> None:
+    def _tell_status(self, question: Question) -> None:
         busy = self._busy
         doing = f"busy with {busy[0]} for {time.monotonic() - busy[1]:.1f} s" if busy else "idle"
-        text = f"{doing}, {self._queue.pending.qsize()} waiting, {self._served} served"
+        text = f"{doing}, {self._calls.queue.qsize()} waiting, {self._served} served"
         question.answer(self._keys.status, True, text.encode())
 
-    def _send_stats(self, question: Question) -> None:
-        question.answer(self._keys.stats, True, encode(self.counter.snapshot()))
+    def _tell_stats(self, question: Question) -> None:
+        question.answer(self._keys.stats, True, encode(self.stats.so_far()))

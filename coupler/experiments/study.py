@@ -77,7 +77,7 @@ def _size(run: PlannedRun) -> float:
 
 
 def _factor(prediction: Prediction, scenario: Scenario, gain: float) -> float:
-    """gain : of what alternates, by the scheme."""
+    """Return the largest stable factor on the windows.  gain : of an alternating error, by the scheme."""
     schedule = plan_of(scenario).schedule
     ends = [schedule.clock.seconds(k) for k in schedule.bounds]
 
@@ -85,8 +85,7 @@ def _factor(prediction: Prediction, scenario: Scenario, gain: float) -> float:
         k = min(bisect.bisect_right(ends, t * (1 + 1e-9)), len(ends) - 1)
         return ends[k] - ends[k - 1]
 
-    return min((longest(f, prediction.method, gain) / size(f.t) for f in prediction.feedbacks),
-               default=math.inf)
+    return min((longest(f, prediction.method, gain) / size(f.t) for f in prediction.feedbacks), default=math.inf)
 
 
 @dataclass(frozen=True)

@@ -210,7 +210,7 @@ def iterated(tree: Tree) -> Edit:
 
 
 def schemes(tree: Tree) -> Iterator[Simplification]:
-    """Yield simpler exchanges than the scenario's own."""
+    """Yield simpler schemes than the scenario's own."""
     own = Scheme(at(tree, ("coupling", "scheme")) or "staggered")
     for name in dict.fromkeys(simpler.value for scheme in schemes_under(own) for simpler in scheme.simpler):
         yield Simplification(f"scheme {name}", Aspect.SCHEME, Edit({("coupling", "scheme"): name}))

@@ -122,7 +122,7 @@ def _remote(name: str, session: Session, run: str, instance: str, children: Mapp
 
 def _asked(contact: Client) -> dict[str, Any]:
     try:
-        return {verb: asdict(cost) for verb, cost in contact.call_stats().verbs.items()}
+        return {verb: asdict(cost) for verb, cost in contact.stats().verbs.items()}
     except LinkError:  # it died, which the run has been told, or is stuck: no reason to lose the rest of the totals
         return {}
 

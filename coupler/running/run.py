@@ -99,7 +99,7 @@ class Run:
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both)
-            self._committed = self._at, self._record_so_far()
+            self._committed = self._at, self._run_record()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
@@ -163,7 +163,7 @@ class Run:
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
             # fault: a checkpoint in the middle of a rejected window keeps the record of the try -> self._record(tried);
-            #   self._committed = self._committed[0], self._record_so_far() | coupler/test_resume_in_a_try
+            #   self._committed = self._committed[0], self._run_record() | coupler/test_resume_in_a_try
             self._record(tried)
             if tried.accepted:
                 if self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
@@ -195,14 +195,14 @@ class Run:
         texts = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
         self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
                             + "; ".join(x for x in (texts, "rules" if "rules" in changes else "") if x))
-        self._committed = self._at, self._record_so_far()
+        self._committed = self._at, self._run_record()
 
     def keep(self) -> Snapshot:
         """Take a snapshot to go back to: both halves and the state of the control.
 
         Raises CouplingError where a half cannot save its state.
         """
-        return self._snapshots.take(self._at, self._record_so_far(), self.plan)
+        return self._snapshots.take(self._at, self._run_record(), self.plan)
 
     def rewind(self, to: Snapshot) -> None:
         """Go back to a snapshot: windows after it are taken out of the results, their cost stays counted.
@@ -211,15 +211,15 @@ class Run:
         """
         self._snapshots.restore(to)
         record = to.record
-        # fault: the ledger is not rewound -> self._at, self.plan, self.ledger, self.noticed = to.committed, to.plan,
-        #   self.ledger, list(record.noticed) | coupler/test_interactive
-        self._at, self.plan, self.ledger, self.noticed = to.committed, to.plan, record.ledger, list(record.noticed)
+        self._at, self.plan = to.committed, to.plan
+        # fault: the ledger is not rewound -> self.noticed = list(record.noticed) | coupler/test_interactive
+        self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
         self._warnings.put_back(record.seen, record.said)
         self._recorder.rewind(to.t, record.rows)
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
-        self._committed = self._at, self._record_so_far()
+        self._committed = self._at, self._run_record()
 
     def _record(self, tried: Tried) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
@@ -244,13 +244,13 @@ class Run:
 
     def _commit(self) -> None:
         """Note where the run can be resumed from; write a checkpoint where one is due."""
-        self._committed = self._at, self._record_so_far()
+        self._committed = self._at, self._run_record()
         if self._keeper.due:
             self._keeper.keep(*self._committed)
             if self._keeper.trouble and self._keeper.trouble not in self.noticed:
                 self.noticed.append(self._keeper.trouble)
 
-    def _record_so_far(self) -> RunRecord:
+    def _run_record(self) -> RunRecord:
         """Return what was recorded and reported up to now."""
         contact, warned = self._warnings.memory
         return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,

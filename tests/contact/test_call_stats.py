@@ -12,7 +12,7 @@ import pytest
 
 from contact.codec import WireError, decode_record, encode, encode_record
 from contact.messages import Project
-from contact.rpc.calls import RECENT, CallCounter, Verb, report_lines
+from contact.rpc.calls import RECENT, CallStats, Verb, lines
 from contact.rpc.client import ZenohLink
 from contact.rpc.link import LinkProtocolError
 from contact.rpc.zenoh_session import close_session, open_session
@@ -24,23 +24,23 @@ FAKE = str(Path(__file__).parent / "fake_contact.py")
 
 
 def test_counts_sums_and_the_longest():
-    counter = CallCounter()
+    stats = CallStats()
     for seconds in (1.0, 5.0, 3.0):
-        counter.add("Project", seconds, 10, 100)
-    counter.add("Register", 2.0, 7, 0)
-    stats = counter.snapshot()
-    assert dict(stats.verbs) == {"Project": Verb(3, 9.0, 3.0, 5.0, 30, 300), "Register": Verb(1, 2.0, 2.0, 2.0, 7, 0)}
-    assert report_lines(stats)[0] == "Project: 3 calls, 9 s (median 3 s, most 5 s), 30 bytes in, 300 bytes out"
+        stats.add("Project", seconds, 10, 100)
+    stats.add("Register", 2.0, 7, 0)
+    told = stats.so_far()
+    assert dict(told.verbs) == {"Project": Verb(3, 9.0, 3.0, 5.0, 30, 300), "Register": Verb(1, 2.0, 2.0, 2.0, 7, 0)}
+    assert lines(told)[0] == "Project: 3 calls, 9 s (median 3 s, most 5 s), 30 bytes in, 300 bytes out"
 
 
 def test_the_median_is_of_recent_calls_and_memory_is_bounded():
-    counter = CallCounter()
+    stats = CallStats()
     for _ in range(RECENT):
-        counter.add("a", 1.0, 0, 0)
+        stats.add("a", 1.0, 0, 0)
     for _ in range(RECENT):
-        counter.add("a", 2.0, 0, 0)
-    assert counter.snapshot().verbs["a"].typical == 2.0
-    assert len(counter._counts["a"].recent) == RECENT
+        stats.add("a", 2.0, 0, 0)
+    assert stats.so_far().verbs["a"].typical == 2.0
+    assert len(stats._counts["a"].recent) == RECENT
 
 
 def test_a_service_tells_its_client_and_its_log():
@@ -53,7 +53,7 @@ def test_a_service_tells_its_client_and_its_log():
         link.ask(request)
     with pytest.raises(LinkProtocolError, match="planted"):
         link.ask(Project("surfaces-4", np.full((4, 2), BUG)))
-    verbs = link._client.call_stats().verbs
+    verbs = link._client.stats().verbs
     assert {name: v.count for name, v in verbs.items()} == {"Register": 1, "Project": 4}
     assert verbs["Project"].bytes_in == 4 * len(encode(requests[0]))
     assert 0.0 < verbs["Project"].typical <= verbs["Project"].most <= verbs["Project"].total

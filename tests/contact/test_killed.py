@@ -79,7 +79,7 @@ def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(tmp
     try:
         assert course(link) == course(DirectLink(ContactService().handle))
         assert (tmp_path / "flag").exists(), "it was never killed"
-        assert link._client.call_stats().verbs["Register"].count == 1  # with the next life too
+        assert link._client.stats().verbs["Register"].count == 1  # with the next life too
     finally:
         thread.join()
         link.close()

@@ -63,38 +63,38 @@ OK = Answered(True, b"yes")
 
 
 def test_a_repeated_call_is_carried_out_once():
-    queue: CallQueue[str] = CallQueue("i")
-    assert queue.arrive("i/me/1", b"x", "first") is None
-    assert queue.arrive("i/me/1", b"x", "again") is None
-    call = queue.pending.get_nowait()
+    calls: CallQueue[str] = CallQueue("i")
+    assert calls.arrive("i/me/1", b"x", "first") is None
+    assert calls.arrive("i/me/1", b"x", "again") is None
+    call = calls.queue.get_nowait()
     assert call is not None
-    assert queue.pending.empty()
-    assert queue.finish(call, OK) == ["first", "again"]
-    assert queue.arrive("i/me/1", b"x", "late") == OK
-    assert queue.pending.empty()
+    assert calls.queue.empty()
+    assert calls.finish(call, OK) == ["first", "again"]
+    assert calls.arrive("i/me/1", b"x", "late") == OK
+    assert calls.queue.empty()
 
 
 def test_forgotten_foreign_and_garbled_calls_are_refused():
-    queue: CallQueue[int] = CallQueue("i")
+    calls: CallQueue[int] = CallQueue("i")
     for n in range(1, KEEP_ANSWERS + 3):
-        assert queue.arrive(f"i/me/{n}", b"", n) is None
-        queue.finish(queue.pending.get_nowait(), OK)
-    codes = [queue.arrive(label, b"", 0).payload.split(b":")[0]
+        assert calls.arrive(f"i/me/{n}", b"", n) is None
+        calls.finish(calls.queue.get_nowait(), OK)
+    codes = [calls.arrive(label, b"", 0).payload.split(b":")[0]
              for label in ("i/me/1", "j/me/99", "", "i/me", "i/me/-1", "i/me/x", "i/m e/1", f"i/me/{10**40}")]
     assert codes == [b"stale", b"wrong_instance", *[b"bad_request"] * 6]
-    assert queue.arrive("i/you/1", b"", 0) is None
+    assert calls.arrive("i/you/1", b"", 0) is None
 
 
 def test_a_flood_is_told_to_wait_and_memory_is_bounded():
-    queue: CallQueue[int] = CallQueue("i")
+    calls: CallQueue[int] = CallQueue("i")
     for n in range(CAPACITY):
-        assert queue.arrive(f"i/c{n}/1", b"", n) is None
-    assert queue.arrive("i/late/1", b"", 0).payload.startswith(b"busy")
+        assert calls.arrive(f"i/c{n}/1", b"", n) is None
+    assert calls.arrive("i/late/1", b"", 0).payload.startswith(b"busy")
     for _ in range(CAPACITY):
-        queue.finish(queue.pending.get_nowait(), OK)
-    assert queue.arrive("i/late/1", b"", 0) is None
+        calls.finish(calls.queue.get_nowait(), OK)
+    assert calls.arrive("i/late/1", b"", 0) is None
     for n in range(3 * KEEP_CLIENTS):
-        queue.arrive(f"i/d{n}/1", b"", n)
-        while not queue.pending.empty():
-            queue.finish(queue.pending.get_nowait(), OK)
-    assert len(queue._clients) <= KEEP_CLIENTS
+        calls.arrive(f"i/d{n}/1", b"", n)
+        while not calls.queue.empty():
+            calls.finish(calls.queue.get_nowait(), OK)
+    assert len(calls._clients) <= KEEP_CLIENTS

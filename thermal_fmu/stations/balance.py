@@ -325,7 +325,7 @@ class StationContext:
 
 
 @dataclass(frozen=True)
-class StationStepResult:
+class StationStep:
     """A step that was solved.
 
     s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual [1].
@@ -336,14 +336,14 @@ class StationStepResult:
     iterations: int
     residual: float
 
-    def then(self, more: StationStepResult) -> StationStepResult:
+    def then(self, more: StationStep) -> StationStep:
         """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual))
 
 
 def advance_stations(context: StationContext, method: TimeMethod, s: Floats, damped: int, t: float,
-                     h: float) -> tuple[StationStepResult, int]:
+                     h: float) -> tuple[StationStep, int]:
     """Take a substep from s : (n,) [K] at t to t + h [s]; return how many substeps are still to be damped, too.
 
     Raises as solve_stations.
@@ -359,7 +359,7 @@ def advance_stations(context: StationContext, method: TimeMethod, s: Floats, dam
     return done, damped_left - 1
 
 
-def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) -> StationStepResult:
+def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) -> StationStep:
     """Find the jump of s : (n,) [K] that energies E : (n,) [J] make.
 
     Prescribed stations stay, and the heat they hold back counts.
@@ -371,11 +371,11 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E.sum()
     held_back = inflow_outflow(solved.balance.R[context.scene.fixed])
-    return StationStepResult(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
-                             solved.balance.relative_residual)
+    return StationStep(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
+                       solved.balance.relative_residual)
 
 
-def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt: float) -> StationStepResult:
+def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt: float) -> StationStep:
     model = context.scene.model
     solved: list[SolvedStations] = []
     for stage in method.stages:
@@ -390,8 +390,8 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
         problem = StationProblem(context.substep, loads, stage, dt, s_n, context.power_M, earlier)
         guess = _with_prescribed(context, held_T, solved[-1].s if solved else s_n)
         solved.append(solve_stations(problem, guess, model.stepping.tolerance))
-    return StationStepResult(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                             max(s.balance.relative_residual for s in solved))
+    return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
+                       max(s.balance.relative_residual for s in solved))
 
 
 def _with_prescribed(context: StationContext, loads: ThermalLoads, s: Floats) -> Floats:

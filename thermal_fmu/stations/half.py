@@ -24,7 +24,7 @@ from thermal_fmu.problem import parse_station_model
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.stations.balance import (
     StationContext,
-    StationStepResult,
+    StationStep,
     StationSubstep,
     advance_stations,
     entropy_stations,
@@ -132,7 +132,7 @@ class StationHalf:
         facing = scene.surfaces.facing(link, x)
         return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
-    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStepResult | None,
+    def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStep | None,
                  T_n: Floats) -> dict[str, Value]:
         scene = self._scene
         T, of_node = phase_change.temperature(scene.melting, state.s), scene.stations.of_node
