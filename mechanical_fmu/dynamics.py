@@ -1,4 +1,4 @@
-"""Inertia in time: the generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in method_spec.py."""
+"""Inertia in time: the generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in problem.py."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BodyMotion:
 def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Inertia:
     """Inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
 
-    With a_{n+1} = (u - u*)/(beta dt2), u* = u_n + dt v_n + dt2 (1/2 - beta) a_n, the balance of method_spec.py
+    With a_{n+1} = (u - u*)/(beta dt2), u* = u_n + dt v_n + dt2 (1/2 - beta) a_n, the balance of problem.py
     divided by 1 - alpha_f reads f_{n+1} + s M (u - u*) + (alpha_f f_n + alpha_m M a_n)/(1 - alpha_f) = 0 with
     s = (1 - alpha_m)/((1 - alpha_f) beta dt2).
     """

@@ -166,7 +166,7 @@ class SolverSettings:
 
     adopt : drift of the stiffness over a step up to which its factor is kept for the next steps; negative: never.
         Well below what would still converge, because beginning costs a factor and a solve per surface unknown.
-    method : newton, modified_newton or bfgs (methods.py).
+    method : newton, modified_newton or bfgs.
     """
 
     tolerance: float

@@ -165,9 +165,9 @@ def piola_tangent(F: Floats, L: Floats, S: Floats, D: Floats, A: Floats) -> None
 
 # P and A = dP/dF of one material point from its F, whatever the material; plane stress included.  numba.
 #
-# F, P : (5,), components (11, 12, 21, 22, 33).  kind 0 is neo-Hookean (kernels.py has its energy), every other kind
-# lives in logarithmic strain space (points.py, logstrain.py).  The pressure is kappa (ln J - e_th); a cell of mean
-# dilatation gives kappa = 0 here and adds its own.
+# F, P : (5,), components (11, 12, 21, 22, 33).  kind 0 is neo-Hookean (its energy is in elastic_loop.py), every other
+# kind lives in logarithmic strain space (point.py).  The pressure is kappa (ln J - e_th); a cell of mean dilatation
+# gives kappa = 0 here and adds its own.
 #
 # Plane stress: the thickness stretch F33 follows from P33 = 0, point by point, and A is condensed,
 #     A_ij - A_i5 A_5j / A_55  for the four components in the plane.

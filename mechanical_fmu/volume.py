@@ -1,4 +1,4 @@
-"""Internal forces, tangent entries and stress of whole meshes: the loops of kernels.py over every kind of cell."""
+"""Internal forces, tangent entries and stress of whole meshes: the compiled loops over every kind of cell."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.cells import INVERTED, NO_MODES, Cells, Out, cell_forces, cell_points, cell_stress
+from mechanical_fmu.cells import Cells
+from mechanical_fmu.elastic_loop import cell_forces, cell_stress
 from mechanical_fmu.laws.kinds import has_skew_tangent
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.point import CODES
+from mechanical_fmu.point_loop import INVERTED, NO_MODES, Out, cell_points
 from mechanical_fmu.strain import NO_THICKNESS, CellMaterials
 
 Floats = NDArray[np.float64]

@@ -30,7 +30,7 @@ def link():
 
 
 def squeezed(d, eps_N, L=1.0):
-    """p of two blocks squeezed by d, their sides free, plane strain: the energy of kernels.py written out for one F."""
+    """p of two blocks squeezed by d, their sides free, plane strain: the elastic energy written out for one F."""
     mu, kappa = E / (2 * (1 + NU)), E / (3 * (1 - 2 * NU))
 
     def stress(s1, s2):

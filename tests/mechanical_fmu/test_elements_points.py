@@ -13,7 +13,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from cell_scenes import EXPECTED, Stuff, equilibrium, grid, mesh, moduli_of, of, quads, volume_of
 
 from contact.half.linalg import pattern_of
-from mechanical_fmu.cells import Treatment, cell_forces
+from mechanical_fmu.cells import Treatment
+from mechanical_fmu.elastic_loop import cell_forces
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep
 
 SOFT = Stuff(2.5, 0.25, free=0.01, yield_stress=0.05, H=0.1)
@@ -65,7 +66,7 @@ def test_the_two_loops_agree_on_elastic_cells():
 
 
 def general_loop(cells, m, u):
-    from mechanical_fmu.cells import Out, cell_points
+    from mechanical_fmu.point_loop import Out, cell_points
     from mechanical_fmu.strain import CellMaterials
 
     out = Out(np.zeros_like(u), np.empty((len(cells.nodes), 8, 8)), np.empty((len(cells.nodes), 0)),
