@@ -54,8 +54,8 @@ def pulled(spec: dict[str, Any], axial: Floats, t: Floats, T: Floats | None = No
 def hardening(ax: Any) -> None:
     e = np.linspace(0.0, 0.3, 200)
     table = {"law": "table", "strain": [0, 0.02, 0.1, 0.25], "stress": [3e8, 3.2e8, 4.6e8, 5e8]}
-    laws = {"perfect": {"yield": 3e8}, "linear": {"yield": 3e8, "hardening": {"law": "linear", "H": 1e9}},
-            "voce": {"yield": 3e8, "hardening": {"law": "voce", "Q": 2e8, "b": 17.0}}, "table": {"hardening": table}}
+    laws = {"perfect": {"s_y": 3e8}, "linear": {"s_y": 3e8, "hardening": {"law": "linear", "H": 1e9}},
+            "voce": {"s_y": 3e8, "hardening": {"law": "voce", "Q": 2e8, "b": 17.0}}, "table": {"hardening": table}}
     for k, (name, plastic) in enumerate(laws.items()):
         ax.plot(e, pulled({"plastic": plastic}, e, e) / 1e6, label=name, **line_style(k))
     styled(ax, "strain", "stress [MPa]").set_title("hardening", fontsize=10)
@@ -66,7 +66,7 @@ def cycles(ax: Any) -> None:
     kinds = {"isotropic": {"hardening": {"law": "linear", "H": 8e9}}, "C": {"kinematic": {"C": 8e9}},
              "C, gamma": {"kinematic": {"C": 6e10, "gamma": 400.0}}}
     for k, (name, rest) in enumerate(kinds.items()):
-        ax.plot(100 * turn, pulled({"plastic": {"yield": 2.5e8, **rest}}, turn, np.arange(len(turn))) / 1e6, label=name,
+        ax.plot(100 * turn, pulled({"plastic": {"s_y": 2.5e8, **rest}}, turn, np.arange(len(turn))) / 1e6, label=name,
                 **line_style(k))
     styled(ax, "strain [%]", "stress [MPa]").set_title("there and back", fontsize=10)
 
@@ -74,7 +74,7 @@ def cycles(ax: Any) -> None:
 def rates(ax: Any) -> None:
     rate = np.geomspace(1e-8, 1.0, 25)
     laws = {"creep A, n": {"creep": {"A": 1e-40, "n": 4.0}}, "creep K, m": {"creep": {"K": 1e9, "m": 0.5}},
-            "overstress": {"plastic": {"yield": 2e8, "overstress": {"K": 1e8, "m": 0.2}}}}
+            "overstress": {"plastic": {"s_y": 2e8, "overstress": {"K": 1e8, "m": 0.2}}}}
     for k, (name, spec) in enumerate(laws.items()):
         steady = [pulled(spec, np.linspace(0, 0.5, 30), np.linspace(0, 0.5, 30) / r)[-1] for r in rate]
         ax.loglog(rate, np.array(steady) / 1e6, label=name, **line_style(k))
@@ -93,7 +93,7 @@ def heat(ax: Any) -> None:
     T = 300.0 + np.concatenate([np.linspace(0, 300, 80), np.linspace(300, 0, 80)])
     kinds = {"elastic": 1e12, "yield 250 MPa": 2.5e8, "yield falls with T": {"T": [300, 600], "value": [2.5e8, 1e8]}}
     for k, (name, s0) in enumerate(kinds.items()):
-        plastic = {"yield": s0, "hardening": {"law": "linear", "H": 2e9}}
+        plastic = {"s_y": s0, "hardening": {"law": "linear", "H": 2e9}}
         stress = pulled({"alpha": 1.2e-5, "T_ref": 300.0, "plastic": plastic}, 0 * T, np.arange(len(T)), T)
         ax.plot(T, stress / 1e6, label=name, **line_style(k))
     styled(ax, "temperature [K]", "stress [MPa]").set_title("held, heated and cooled", fontsize=10)
@@ -121,10 +121,10 @@ def repeated(n: int, kind: int, p: Floats, tables: Floats, E: Floats, h_n: Float
 
 def speed() -> None:
     """Print nanoseconds of one update of every kind, flowing."""
-    voce = {"yield": 2.5e8, "hardening": {"law": "voce", "Q": 2e8, "b": 17.0}}
+    voce = {"s_y": 2.5e8, "hardening": {"law": "voce", "Q": 2e8, "b": 17.0}}
     creep, liquid = {"A": 1e-40, "n": 4.0}, {"eta": 1e6, "bulk": 5e10, "T_s": 200.0, "T_l": 500.0}
     kinds: dict[str, dict[str, Any]] = {
-        "perfectly plastic": {"plastic": {"yield": 2.5e8}}, "voce": {"plastic": voce},
+        "perfectly plastic": {"plastic": {"s_y": 2.5e8}}, "voce": {"plastic": voce},
         "voce, C, gamma": {"plastic": {**voce, "kinematic": {"C": 5e10, "gamma": 300.0}}},
         "voce, overstress": {"plastic": {**voce, "overstress": {"K": 5e7, "m": 0.1}}},
         "creep": {"creep": creep}, "voce, creep": {"plastic": voce, "creep": creep},

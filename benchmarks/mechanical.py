@@ -101,8 +101,8 @@ def measure(n: int, repeats: int) -> dict[str, float]:
 def iteration(interface: Interface, u: NDArray[np.float64]) -> Callable[[], object]:
     """A Newton iteration of the half: forces, tangent, factors and a direction, one side held."""
     held = replace(interface, node_sets={"side": np.flatnonzero(interface.nodes[:, 0] == 0.0).astype(np.int32)})
-    boundary = [{"kind": "displacement", "on": "side", "component": i, "value": 0.0} for i in (0, 1)]
-    spec = {"half": "elastic", "format": 1, "materials": {"m": {"E": 2e11, "nu": 0.3}},
+    boundary = [{"at": "side", "u_x": 0.0, "u_y": 0.0}]
+    spec = {"half": "elastic", "format": 2, "materials": {"m": {"E": 2e11, "nu": 0.3}},
             "bodies": {"b": {"material": "m"}}, "boundary": boundary, "pairs": {}}
     system = system_of(held, parse_elastic(held, spec))
     n_fixed = system.constraints.fixed.size

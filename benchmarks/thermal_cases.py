@@ -77,7 +77,7 @@ def _body(T0: float, material: str = "m") -> dict[str, Any]:
 
 def _spec(materials: dict[str, Any], bodies: dict[str, Any], boundary: list[dict[str, Any]],
           **more: Any) -> dict[str, Any]:
-    return {"half": "thermal", "format": 1, "materials": materials, "bodies": bodies, "boundary": boundary, **more}
+    return {"half": "thermal", "format": 2, "materials": materials, "bodies": bodies, "boundary": boundary, **more}
 
 
 def nafems_t3() -> Case:
@@ -95,8 +95,8 @@ def nafems_t3() -> Case:
         return ZERO + 100.0 * math.sin(w * end) * y / L + np.sin(np.outer(y, m)) @ b
 
     spec = _spec({"m": {"rho": 7200.0, "k": 35.0, "c": 440.5}}, {"a": _body(ZERO)},
-                 [{"kind": "temperature", "on": "a.bottom", "value": ZERO},
-                  {"kind": "temperature", "on": "a.top", "value": wave}])
+                 [{"on": "a.bottom", "temperature": ZERO},
+                  {"on": "a.top", "temperature": wave}])
     return Case("A5", (L,), end, spec, exact)
 
 
@@ -153,7 +153,7 @@ def stefan() -> Case:
     s, end = Stefan(), 10.0
     material = {"rho": s.rho, "k": {"solid": s.k_s, "liquid": s.k_l}, "c": {"solid": s.c_s, "liquid": s.c_l},
                 "latent": {"L": s.L, "T_s": s.T_m, "T_l": s.T_m}}
-    spec = _spec({"m": material}, {"a": _body(s.melt)}, [{"kind": "temperature", "on": "a.bottom", "value": s.wall}])
+    spec = _spec({"m": material}, {"a": _body(s.melt)}, [{"on": "a.bottom", "temperature": s.wall}])
     return Case("A9", (0.15,), end, spec, lambda y: s.T(y, end), judged=0.1)
 
 
@@ -176,7 +176,7 @@ def half_spaces() -> Case:
     materials = {name: {"rho": 1000.0, "k": k_i, "c": c_i / 1000.0}
                  for name, k_i, c_i in zip(("m", "n"), k, heat, strict=True)}
     spec = _spec(materials, {"a": _body(hot), "b": _body(cold, "n")}, [],
-                 pairs={"p": {"closed": {"law": "constant", "h": h}, "open": None}})
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": h}, "open": None}}})
     return Case("D2", (0.2, 0.08), end, spec, exact, pairs=(Pair("p", "b.bottom", "a.top", 0.01, 1e12),),
                 pressure=1e6)
 

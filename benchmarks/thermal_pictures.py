@@ -21,8 +21,8 @@ from thermal_runs import Array, drive, scenario
 
 from contact.half.functions import property_from
 from contact.laws import closed_conductance, gap_factor, open_conductance, parse_law
+from contact.problem.thermal import SIGMA_SB
 from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
-from thermal_fmu.problem import SIGMA_SB
 
 FOLDER = PAGE.parent / "images"
 MM = 1e3
@@ -45,7 +45,7 @@ def conduction() -> Figure:
     """k(T), and what it makes of the profile."""
     figure, (left, right) = panels((T_LABEL, "conductivity [W/mK]"), (X_LABEL, T_LABEL))
     spec = scenario("conduction").models["thermal"]["materials"]["steel"]["k"]
-    law = parse_law({"law": "table", "x": spec["T"], "h": spec["value"], "variable": "T"})  # the same monotone cubic
+    law = parse_law({"law": "table", "x": spec["T"], "h": spec["value"], "variable": "T"})  # the same straight lines
     T = np.linspace(280, 520, 200)
     left.plot(T, open_conductance(law, np.zeros(200), T)[0], **line_style(0))
     left.plot(spec["T"], spec["value"], "o", color=COLOURS[0])
@@ -80,8 +80,8 @@ def front(t: Array) -> Array:
     model = scenario("melting").models["thermal"]
     m = model["materials"]["steel"]
     two = {f"{key}_{phase[0]}": m[key][phase] for key in ("k", "c") for phase in ("solid", "liquid")}
-    known = Stefan(rho=m["rho"], **two, L=m["latent"]["L"], T_m=m["latent"]["T_s"],
-                   wall=model["boundary"][0]["value"], melt=model["bodies"]["bar"]["T0"])
+    known = Stefan(rho=m["rho"], **two, L=m["latent"]["L"], T_m=m["latent"].get("T_m", m["latent"].get("T_s")),
+                   wall=model["boundary"][0]["temperature"], melt=model["bodies"]["bar"]["T0"])
     return np.array([known.front(s) for s in t])
 
 
@@ -192,7 +192,7 @@ def contact() -> Figure:
     laws = {"constant": {"law": "constant", "h": 2000.0},
             "power, to p_max": {"law": "power", "h0": 2000.0, "h1": 6000.0, "p0": 1e7, "exponent": 0.95, "p_max": 1e7},
             "cmy": {"law": "cmy", "k_s": 74.0, "m": 0.1, "sigma": 2e-6, "H": 3e9},
-            "sum: constant and cmy": scenario("contact").models["thermal"]["pairs"]["face"]["closed"]}
+            "sum: constant and cmy": scenario("contact").models["thermal"]["pairs"]["face"]["conduction"]["closed"]}
     for k, (name, spec) in enumerate(laws.items()):
         left.plot(p / 1e6, closed_conductance(parse_law(spec), p, 350.0)[0] / 1e3, **line_style(k), label=name)
     legend(left)
@@ -259,7 +259,8 @@ def steady() -> Figure:
     run, model = drive(scene), scene.models["thermal"]
     k, wall, end = property_from(model["materials"]["steel"]["k"]), *model["boundary"]
     length = float(run.X[:, 0].max())
-    T_w, T_inf, strength = wall["value"], end["T"], length * end["emissivity"] * SIGMA_SB
+    far = end["radiation"]
+    T_w, T_inf, strength = wall["temperature"], far["T"], length * far["emissivity"] * SIGMA_SB
 
     def moved(T: Array) -> Array:
         return k.increase(T, np.full(np.shape(T), T_w))

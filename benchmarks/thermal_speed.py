@@ -50,10 +50,10 @@ class Speed:
 def scene(m: int) -> tuple[Any, dict[str, Any]]:
     """Mesh and model.json of the square."""
     material = {"rho": 7800.0, "k": {"polynomial": [30.0, 0.02]}, "c": {"polynomial": [400.0, 0.2]}}
-    model = {"half": "thermal", "format": 1, "materials": {"m": material},
+    model = {"half": "thermal", "format": 2, "materials": {"m": material},
              "bodies": {"a": {"material": "m", "T0": 300.0}},
-             "boundary": [{"kind": "temperature", "on": "a.bottom", "value": 500.0},
-                          {"kind": "convection", "on": "a.top", "h": 500.0, "T": 300.0}]}
+             "boundary": [{"on": "a.bottom", "temperature": 500.0},
+                          {"on": "a.top", "convection": {"h": 500.0, "T": 300.0}}]}
     return strip((0.1,), m, m), model
 
 

@@ -23,7 +23,7 @@ class ScenarioError(SlidelineError):
     """The input is wrong.
 
     file, line : of the error (line 0: unknown).  key : dotted path of the wrong key.  value : of that key.
-    remedy : what to write instead, a sentence.
+    remedy : what to write instead, a sentence.  others : what else is wrong with the same input.
     """
 
     def __init__(self, message: str, *, file: str = "", line: int = 0, key: str = "", value: object = None,
@@ -35,15 +35,26 @@ class ScenarioError(SlidelineError):
         self.key = key
         self.value = value
         self.remedy = remedy
+        self.others: tuple[ScenarioError, ...] = ()
 
     def __str__(self) -> str:
-        """Return `file:line: key: message (got value). remedy`, without the parts that are not known."""
+        """Write `file:line: key: message (got value). remedy` without the parts that are not known, a line an error."""
+        return "\n".join((self._line(), *map(str, self.others)))
+
+    def _line(self) -> str:
         where = f"{self.file}:{self.line}" if self.file and self.line else self.file
         if not self.file and self.line:
             where = f"line {self.line}"
         got = "" if self.value is None else f" (got {self.value!r})"
         text = ": ".join(part for part in (where, self.key, self.message.rstrip(".") + got) if part)
         return f"{text}. {self.remedy}" if self.remedy else text
+
+
+def together(errors: Sequence[ScenarioError]) -> ScenarioError:
+    """Join one error or more into the first, which then tells all of them."""
+    first, *rest = errors
+    first.others = tuple(rest)
+    return first
 
 
 class HalfError(SlidelineError):

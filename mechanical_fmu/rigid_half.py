@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.checks import keys, signal
+from contact.half import checks
 from contact.half.contact_client import ContactRefusedError, ContactSurfaces
-from contact.half.functions import Signal
+from contact.half.functions import Signal, signal_from
 from contact.half.interface import Interface
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.problem.errors import demand, read
+from contact.problem.mechanical import Motion, RigidProblem
 from mechanical_fmu.contact import contact_variables
 
 Floats = NDArray[np.float64]
@@ -87,26 +89,11 @@ def load(interface: Interface, model: Mapping[str, Any]) -> RigidHalf:
 
 
 def parse_rigid(interface: Interface, spec: Mapping[str, Any]) -> RigidSpec:
-    """The model a model.json describes.  Raises ValueError naming the key, the value and what would do."""
-    keys(spec, "", {"half", "format"}, {"bodies", "pairs"})
-    if spec["half"] != "rigid" or spec["format"] != 1:
-        raise ValueError(f"model.json: half {spec['half']!r}, format {spec['format']!r} is not rigid, 1")
-    bodies = keys(spec.get("bodies", {}), "bodies", set(), interface.bodies)
-    pairs = keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs])
-    return RigidSpec(tuple(_motion(bodies.get(name, {}), f"bodies.{name}") for name in interface.bodies),
-                     tuple(_pressure(pairs.get(p.name, {}), f"pairs.{p.name}") for p in interface.pairs))
-
-
-def _motion(spec: Any, where: str) -> tuple[Signal, Signal]:
-    keys(spec, where, set(), {"u_x", "u_y"})
-    return signal(spec.get("u_x", 0.0), f"{where}.u_x"), signal(spec.get("u_y", 0.0), f"{where}.u_y")
-
-
-def _pressure(spec: Any, where: str) -> Signal | None:
-    keys(spec, where, set(), {"pressure"})
-    if "pressure" not in spec:
-        return None
-    pressure = signal(spec["pressure"], f"{where}.pressure")
-    if (pressure.value < 0.0).any():
-        raise ValueError(f"model.json: {where}.pressure must not be negative, not {pressure.value.min():g}")
-    return pressure
+    """Make the model that a model.json describes.  Raises ValueError naming every key that is wrong."""
+    problem = read(RigidProblem, spec, "rigid")
+    demand(checks.rigid_wrongs(problem, interface))
+    still = Motion()
+    motions = [problem.motion.get(name, still) for name in interface.bodies]
+    return RigidSpec(tuple((signal_from(m.u_x), signal_from(m.u_y)) for m in motions),
+                     tuple(signal_from(problem.pressure[p.name]) if p.name in problem.pressure else None
+                           for p in interface.pairs))

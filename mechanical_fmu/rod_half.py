@@ -14,11 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.checks import keys, known, made, number, signal
+from contact.half import checks
 from contact.half.contact_client import ContactRefusedError, ContactSurfaces
-from contact.half.functions import Property, Signal, positive_property, property_from
+from contact.half.functions import Property, Signal, property_from, signal_from
 from contact.half.interface import SAME, Columns, Interface, columns_of
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.problem.errors import demand, read
+from contact.problem.material import Material
+from contact.problem.mechanical import Held, RodProblem
 from mechanical_fmu.contact import contact_variables
 
 # model.json of the half `mechanical_rod`, checked.
@@ -65,36 +68,24 @@ class RodSpec:
 
 
 def parse_rod(interface: Interface, columns: Columns, spec: Mapping[str, Any]) -> RodSpec:
-    """The model a model.json describes.  Raises ValueError naming the key, the value and what would do."""
-    keys(spec, "", {"half", "format", "materials", "bodies"}, {"pairs"})
-    if spec["half"] != "mechanical_rod" or spec["format"] != 1:
-        raise ValueError(f"model.json: half {spec['half']!r}, format {spec['format']!r} is not mechanical_rod, 1")
-    if interface.axisymmetric:
-        raise ValueError("the half 'mechanical_rod' is straight: an axisymmetric scene would stretch around its axis")
-    materials = {name: _material(m, f"materials.{name}") for name, m in spec["materials"].items()}
-    bodies = keys(spec["bodies"], "bodies", set(interface.bodies))
-    keys(spec.get("pairs", {}), "pairs", set(), [p.name for p in interface.pairs])
-    parsed = tuple(_body(name, bodies[name], materials) for name in interface.bodies)
+    """Make the model that a model.json describes.  Raises ValueError naming every key that is wrong."""
+    problem = read(RodProblem, spec, "mechanical_rod")
+    demand(checks.rod_wrongs(problem, interface))
+    materials = {name: _material(m) for name, m in problem.materials.items()}
+    parsed = tuple(_body(name, materials[problem.bodies[name].material], problem.held[name])
+                   for name in interface.bodies)
     return RodSpec(parsed, _meetings(interface, columns, parsed))
 
 
-def _material(spec: Any, where: str) -> RodMaterial:
-    keys(spec, where, {"alpha"}, {"T_ref", "E", "shrinkage"})
-    alpha = made(property_from, spec["alpha"], f"{where}.alpha")
-    if "T_ref" not in spec and not (alpha.is_constant and alpha.constant == 0.0):
-        raise ValueError(f"model.json: {where}: it expands, but has no T_ref")
-    E = None if spec.get("E") is None else made(lambda v: positive_property(v, "E"), spec["E"], f"{where}.E")
-    return RodMaterial(alpha, number(spec.get("T_ref", 0.0), f"{where}.T_ref"), E,
-                       number(spec.get("shrinkage", 0.0), f"{where}.shrinkage"), "shrinkage" in spec)
+def _material(spec: Material) -> RodMaterial:
+    assert spec.alpha is not None, "asked for by fit"
+    return RodMaterial(property_from(spec.alpha), spec.T_ref or 0.0, None if spec.E is None else property_from(spec.E),
+                       0.0 if spec.liquid is None else spec.liquid.shrinkage, spec.liquid is not None)
 
 
-def _body(name: str, spec: Any, materials: Mapping[str, RodMaterial]) -> RodBody:
-    where = f"bodies.{name}"
-    keys(spec, where, {"material"}, {"left", "right"})
-    left, right = (None if spec.get(end) is None else signal(spec[end], f"{where}.{end}") for end in ("left", "right"))
-    if left is None and right is None:
-        raise ValueError(f"model.json: {where}: nothing holds it; state the displacement of its left or right end")
-    return RodBody(name, materials[known(spec["material"], f"{where}.material", materials)], left, right)
+def _body(name: str, material: RodMaterial, held: Held) -> RodBody:
+    left, right = (None if spec is None else signal_from(spec) for spec in (held.left, held.right))
+    return RodBody(name, material, left, right)
 
 
 def _meetings(interface: Interface, columns: Columns, bodies: tuple[RodBody, ...]) -> tuple[Meeting, ...]:

@@ -26,10 +26,10 @@ import pytest
 import typer
 from pydantic import TypeAdapter, ValidationError
 
+from contact.problem.material import Material
 from coupler import load_scenario
 from coupler.cli import cli
 from coupler.scenario.document import document_from
-from coupler.scenario.physics import Material
 from coupler.scenario.schema import ScenarioFile
 
 ROOT = Path(__file__).resolve().parent.parent

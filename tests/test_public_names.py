@@ -16,9 +16,10 @@ from ruamel.yaml import YAML
 ROOT = Path(__file__).resolve().parent.parent
 PUBLIC = {
     "contact.half": """
-        ContactRefusedError ContactSurfaces Couplings Discard Done Facing Field HalfModel History Interface Law Link
+        ContactRefusedError ContactSurfaces Couplings Discard Done Facing Field ForeignMechanical ForeignThermal
+        HalfModel History Interface Law Link
         LinkError Load Pair Property Signal SingularMatrixError Tractions Value Values Variable build_fmu build_main
-        factorise field_from gap_factor open_link parse_law property_from read_interface signal_from
+        factorise field_from gap_factor open_link parse_law property_from read_interface read_problem signal_from
         write_interface""",
     "coupler": """
         CouplingError HalfError Results ResultsError Run Scenario ScenarioError SlidelineError load_scenario run""",

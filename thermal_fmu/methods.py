@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import sqrt
 
+from contact.problem import thermal
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -84,10 +86,8 @@ METHODS: dict[str, TimeMethod] = {
     "steady": TimeMethod((Stage(1.0, 1.0, 1.0),), (1.0,), stores=False),
 }
 
-METHOD_NAMES = (*METHODS, "theta")
-
 # control.method: 0 is the method of model.json.
-METHOD_NUMBERS = {1: "midpoint", 2: "sdirk2", 3: "backward_euler", 4: "theta", 5: "steady"}
+METHOD_NUMBERS = {number: method.value for number, method in enumerate(thermal.Method, start=1)}
 
 # After a jump this many substeps of a method that needs it are damped.  Four quarter steps of backward Euler in one
 # substep: no rise beside a shock from dt a/h^2 = 1 to 40, second order kept, and half the error of twice two half

@@ -18,13 +18,18 @@ if TYPE_CHECKING:
     from contact.half.model import Discard, Done, HalfModel, Link, Load, Value, Values, Variable
     from contact.laws import Law, gap_factor, parse_law
     from contact.messages import Couplings, Facing, Tractions
+    from contact.problem.errors import read as read_problem
+    from contact.problem.mechanical import ForeignMechanical
+    from contact.problem.thermal import ForeignThermal
     from contact.rpc.link import LinkError
     from contact.rpc.open import open_link
 
-__all__ = ["ContactRefusedError", "ContactSurfaces", "Couplings", "Discard", "Done", "Facing", "Field", "HalfModel",
+__all__ = ["ContactRefusedError", "ContactSurfaces", "Couplings", "Discard", "Done", "Facing", "Field",
+           "ForeignMechanical", "ForeignThermal", "HalfModel",
            "History", "Interface", "Law", "Link", "LinkError", "Load", "Pair", "Property", "Signal",
            "SingularMatrixError", "Tractions", "Value", "Values", "Variable", "build_fmu", "build_main", "factorise",
-           "field_from", "gap_factor", "open_link", "parse_law", "property_from", "read_interface", "signal_from",
+           "field_from", "gap_factor", "open_link", "parse_law", "property_from", "read_interface", "read_problem",
+           "signal_from",
            "write_interface"]
 
 _HOME = {
@@ -36,10 +41,13 @@ _HOME = {
     "contact.half.model": ("Discard", "Done", "HalfModel", "Link", "Load", "Value", "Values", "Variable"),
     "contact.laws": ("Law", "gap_factor", "parse_law"),
     "contact.messages": ("Couplings", "Facing", "Tractions"),
+    "contact.problem.errors": ("read_problem",),
+    "contact.problem.mechanical": ("ForeignMechanical",),
+    "contact.problem.thermal": ("ForeignThermal",),
     "contact.rpc.link": ("LinkError",),
     "contact.rpc.open": ("open_link",),
 }
-_NAMED_THERE = {"build_main": "main"}
+_NAMED_THERE = {"build_main": "main", "read_problem": "read"}
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 

@@ -11,6 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, PPoly
 
+from contact.problem.errors import made
+from contact.problem.values import FieldSum, Form, Polynomial, PropertyTable, SignalName, SignalTable
+
 # Signals: boundary data as a function of time, constant or piecewise linear, with jumps.
 
 # A step's end is t + h in floating point: a time this close (relative) to a point of the table is that point.
@@ -63,11 +66,15 @@ class Signal:
         return np.unique(self.t) if self.t.size > 1 else np.empty(0)
 
 
-def signal_from(spec: float | Mapping[str, Any]) -> Signal:
-    """A Signal from a number or from {"t": [...], "value": [...]} (the form of model.json).
+def signal_from(spec: float | Mapping[str, Any] | SignalName | SignalTable) -> Signal:
+    """Make a Signal of a number or of {"t": [...], "value": [...]} (the form of model.json).
 
-    Raises ValueError if the table is not a function of time.
+    Raises ValueError if the table is not a function of time, or where a name stands that was not looked up.
     """
+    if isinstance(spec, SignalTable):
+        return Signal(np.asarray(spec.t, dtype=float), np.asarray(spec.value, dtype=float))
+    if isinstance(spec, str):
+        raise ValueError(f"there is no signal {str(spec)!r} here: write a number or a table")
     if isinstance(spec, Mapping):
         return Signal(np.asarray(spec["t"], dtype=float), np.asarray(spec["value"], dtype=float))
     return Signal(np.zeros(1), np.array([float(spec)]))
@@ -189,11 +196,13 @@ def _least(term: Term) -> float | None:
     return low
 
 
-def field_from(spec: float | Mapping[str, Any]) -> Field:
+def field_from(spec: float | Mapping[str, Any] | SignalName | SignalTable | FieldSum) -> Field:
     """A Field from a SIGNAL or from {"terms": [{"t"?, "x"?, "y"?}, ...]} (the forms of model.json).
 
     Raises ValueError naming the term where it is no such thing.
     """
+    if isinstance(spec, FieldSum):
+        spec = spec.plain()
     if not (isinstance(spec, Mapping) and "terms" in spec):
         return Field((Term(signal_from(spec), None, None),))
     if set(spec) != {"terms"} or not isinstance(spec["terms"], list) or not spec["terms"]:
@@ -227,7 +236,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Property:
-    """A function of temperature T [K]: constant, polynomial or monotone cubic table, one piecewise polynomial inside.
+    """A function of temperature T [K]: constant, polynomial or table, one piecewise polynomial inside.
 
     Beyond its table a property keeps the value of the table's end.
     """
@@ -288,30 +297,30 @@ class Property:
         return self.curve is None
 
 
-def property_from(spec: float | Mapping[str, Any]) -> Property:
-    """A Property from a number, {"T": [...], "value": [...]} or {"polynomial": [a0, a1, ...], "T_ref": K}.
+def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) -> Property:
+    """Make a Property of what stands at a key, or of its form in model.json.
 
-    The polynomial is a0 + a1 (T - T_ref) + ...  Raises ValueError if a table's temperatures do not increase.
+    A number, {"T": [...], "value": [...], "form": "linear" | "cubic"} (left out: linear) or {"polynomial": [a0, a1,
+                                                                                                             ...],
+    "T_ref": K}, which is a0 + a1 (T - T_ref) + ...  Raises ValueError where it is none of them.
     """
-    if not isinstance(spec, Mapping):
-        return Property(float(spec))
-    if "polynomial" in spec:
-        a = np.asarray(spec["polynomial"], dtype=float)
-        T_ref = float(spec.get("T_ref", 0.0))
+    if isinstance(spec, Mapping):
+        return property_from(made(Polynomial, spec) if "polynomial" in spec else made(PropertyTable, spec))
+    if isinstance(spec, Polynomial):
+        a = np.asarray(spec.polynomial, dtype=float)
         # One piece wide enough for any temperature; PPoly wants the highest power first, about its left end.
-        return Property(None, PPoly(a[::-1, None], np.array([T_ref, T_ref + 1e9])))
-    T, value = np.asarray(spec["T"], dtype=float), np.asarray(spec["value"], dtype=float)
-    if T.ndim != 1 or T.shape != value.shape or T.size == 0:
-        raise ValueError("a table needs as many values as temperatures, and at least one")
-    if not (np.diff(T) > 0).all():
-        raise ValueError("the temperatures of a table must increase")
+        return Property(None, PPoly(a[::-1, None], np.array([spec.T_ref, spec.T_ref + 1e9])))
+    if not isinstance(spec, PropertyTable):
+        return Property(float(spec))
+    T, value = np.asarray(spec.T, dtype=float), np.asarray(spec.value, dtype=float)
     if T.size == 1:
         return Property(float(value[0]))
-    if T.size == 2:
-        slope = (value[1] - value[0]) / (T[1] - T[0])
-        return Property(None, PPoly(np.array([[slope], [value[0]]]), T), float(T[0]), float(T[-1]))
-    curve = PchipInterpolator(T, value)
-    return Property(None, PPoly(curve.c, curve.x), float(T[0]), float(T[-1]))
+    if T.size == 2 or spec.form is Form.LINEAR:
+        curve = PPoly(np.stack([np.diff(value) / np.diff(T), value[:-1]]), T)
+    else:
+        cubic = PchipInterpolator(T, value)
+        curve = PPoly(cubic.c, cubic.x)
+    return Property(None, curve, float(T[0]), float(T[-1]))
 
 
 def positive_property(spec: float | Mapping[str, Any], what: str) -> Property:

@@ -17,6 +17,7 @@ import typer
 
 from contact.rpc.link import LinkError
 from coupler.cli.console import ProgressLine, summary
+from coupler.cli.forms import migrate_command, schema_command
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.experiments.advise import AdviceOptions, advise
@@ -85,6 +86,8 @@ def options(version: Annotated[bool, typer.Option("--version", callback=_tell_ve
 
 app.command("init")(init_command)
 app.command("verify-half")(verify_half_command)
+app.command("schema")(schema_command)
+app.command("migrate")(migrate_command)
 
 
 @app.command("check")
@@ -264,7 +267,8 @@ def main() -> None:
     try:
         app()
     except (SlidelineError, LinkError) as exc:
-        typer.echo("\n".join([f"error: {exc}", *getattr(exc, "__notes__", ())]), err=True)
+        told = str(exc).splitlines() if isinstance(exc, ScenarioError) else [str(exc)]
+        typer.echo("\n".join([*(f"error: {line}" for line in told), *getattr(exc, "__notes__", ())]), err=True)
         code = {ScenarioError: BAD_INPUT, ResultsError: BAD_RESULTS}.get(type(exc), FAILED)
         sys.exit(code)
     except KeyboardInterrupt as exc:

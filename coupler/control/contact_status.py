@@ -138,10 +138,9 @@ def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
 #     radiation         d_near, d_far  between near ones below, the surroundings above
 #
 # Conduction knows pressure where a pair touches and gap where it does not, so its own jump is at touch, an event of the
-# pair.  Knots of a table are none: the curve through them is smooth.  What is looked at is a pair as a whole: its least
+# pair.  Knots of a table are none: each bends the law a little.  What is looked at is a pair as a whole: its least
 # gap, its largest pressure; between the first point and the last one all windows have points on both sides.
 
-GAPS = ("d_cut", "d_full", "d_near", "d_far")
 
 
 @dataclass(frozen=True)
@@ -166,11 +165,12 @@ def branches_of(thermal: Mapping[str, Any], pairs: tuple[Pair, ...],
     for pair, own in zip(pairs, nodes, strict=True):
         model = thermal.get("pairs", {}).get(pair.name, {})
         films = [b for b in thermal.get("boundary", ()) if b.get("on") in (pair.slave, pair.master)]
-        gaps = {float(law[n]) for law in (*films, model.get("radiation") or {}) for n in GAPS if law.get(n) is not None}
+        fading = (*(b.get(kind, {}) for b in films for kind in ("convection", "radiation")), model.get("radiation", {}))
+        gaps = {float(gap) for law in fading for gap in law.get("gap", {}).values()}
         # A gap of zero is the touch.
         for at in sorted(gaps - {0.0}):
             found.append(Branch(own, at))
-        for at in sorted(set(_pressures(model.get("closed")))):
+        for at in sorted(set(_pressures(model.get("conduction", {}).get("closed")))):
             found.append(Branch(own, at, pressure=True))
     return tuple(found)
 

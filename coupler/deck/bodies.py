@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from contact.problem.values import did_you_mean
 from coupler.deck.keywords import Log
 from coupler.deck.lexer import DeckLine, number, wrong
 from coupler.deck.mesh import DeckMesh
 from coupler.deck.outline import Outline, named
-from coupler.scenario.document import did_you_mean
 
 MAX_BODIES = 200
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from contact.problem.values import did_you_mean
 from coupler.deck.bodies import DeckBody, Names
 from coupler.deck.keywords import Log
 from coupler.deck.lexer import KeywordBlock, number, numbers, wrong
-from coupler.deck.materials import JOINED
 from coupler.deck.outline import Outline, Owner, named
 from coupler.deck.surfaces import DeckSurfaces
-from coupler.scenario.document import did_you_mean
 
 ENDS = 1.001  # a table that ends before it is zero drops to zero within a thousandth of its last gap
 TOUCH = 0.05  # of that: a gap over which surfaces of different meshes still touch
@@ -140,8 +139,6 @@ def _conductance(blocks: Sequence[KeywordBlock], log: Log) -> tuple[Law, Law]:
                      + ("pressure, because it rises" if pressures else "gap, because it does not rise")
                      + " (write PRESSURE where it is of the pressure)")
         h, x, T = ([row[i] for row in rows] for i in range(3))
-        if len(rows) > 2:
-            log.note(JOINED)
         if min(h) < 0.0 or min(x) < 0.0:
             raise wrong(block.row, "conductances, pressures and gaps are not negative")
         if len(rows) > 1 and len(set(x)) == 1:

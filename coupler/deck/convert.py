@@ -80,7 +80,7 @@ def tree_of(deck: Deck, mesh_file: str, title: str, log: Log) -> Tree:
     _note_dropped(analysis, thermal or entries.Q_T, mechanical or entries.gravity, log)
     pairs = pairs_of(outline, bodies, deck.surfaces, analysis, log)
     return {
-        "slideline": 1, "title": title, "units": {"temperature": physics.temperature_unit},
+        "slideline": 2, "title": title, "units": {"temperature": physics.temperature_unit},
         "geometry": "axisymmetric" if _families(deck) & {"CAX", "DCAX"} else "plane",
         "materials": materials,
         "bodies": {name: {"mesh": {"file": {"path": mesh_file, "region": name}}, "material": of_body[name],

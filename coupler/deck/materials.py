@@ -15,7 +15,6 @@ from coupler.deck.outline import Outline, Owner
 
 MAX_ROWS = 2_000  # of a table: a scenario is a text of some kilobytes
 FINER = 4  # pieces of a table's interval, where an expansion counted from elsewhere bends between its points
-JOINED = "tables are joined by a monotone cubic through their points, where a deck has straight lines"
 Property = float | dict[str, list[float]]
 Tree = dict[str, Any]
 
@@ -56,8 +55,6 @@ def table(block: KeywordBlock, columns: int, what: str, log: Log) -> list[TableR
     if len(block.data) > MAX_ROWS:
         raise wrong(block.row, f"more than {MAX_ROWS} lines in a table")
     out = []
-    if len(block.data) > 2 and block.word != "PLASTIC":
-        log.note(JOINED)
     for row in block.data:
         values = numbers(row, what)
         if len(values) < columns:

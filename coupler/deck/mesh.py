@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.problem.values import did_you_mean
 from coupler.deck.keywords import Log
 from coupler.deck.lexer import DeckLine, KeywordBlock, is_whole, number, whole, wrong
 from coupler.deck.outline import Outline, named, scope_of
-from coupler.scenario.document import did_you_mean
 
 PLANE = re.compile(r"(CPE|CPS|CAX)([34])([RHIT]*)")
 HEAT = re.compile(r"(DC2D|DCAX)([34])")

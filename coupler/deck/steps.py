@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
+from contact.problem.values import did_you_mean
 from coupler.deck.keywords import Log
 from coupler.deck.lexer import DeckLine, KeywordBlock, number, numbers, wrong
 from coupler.deck.outline import Outline, named
-from coupler.scenario.document import did_you_mean
 
 PROCEDURES = ("STATIC", "COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "HEAT TRANSFER")
 MAX_WINDOWS = 100_000

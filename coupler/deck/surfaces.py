@@ -6,12 +6,12 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+from contact.problem.values import did_you_mean
 from coupler.deck.bodies import DeckBody, Names
 from coupler.deck.keywords import Log
 from coupler.deck.lexer import DeckLine, KeywordBlock, wrong
 from coupler.deck.mesh import DeckMesh, Name
 from coupler.deck.outline import Outline, named, scope_of
-from coupler.scenario.document import did_you_mean
 
 _FACE = re.compile(r"[A-Z]+([1-4])")
 Edge = tuple[int, int]

@@ -11,11 +11,11 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.experiments.trial import TrialResult
 from coupler.experiments.variants import OWN
 from coupler.record.results import UNITS
-from coupler.scenario.document import did_you_mean
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
-from coupler.scenario.document import Document, Key, did_you_mean, dotted, yaml_value
+from coupler.scenario.document import Document, Key, dotted, yaml_value
 from coupler.scenario.edits import Tree, apply_overrides, cells_times, windows_times
 from coupler.scenario.options import Scheme
 from coupler.scenario.schema import ErrorTolerances

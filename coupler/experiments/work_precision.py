@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.experiments.reference import Array, ReferenceSolution
 from coupler.experiments.trial import TrialResult
-from coupler.scenario.document import did_you_mean
 
 LEVELS = (1e-2, 1e-3, 1e-4)
 # A probe whose range is below this fraction of its size does not change: that is round-off.

@@ -14,6 +14,7 @@ import typer
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.representer import RoundTripRepresenter
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.init.templates import (
     Choices,
@@ -29,7 +30,7 @@ from coupler.init.templates import (
 )
 from coupler.running.safe_write import check_free, new_files
 from coupler.scenario import parse_override
-from coupler.scenario.document import WIDTH, Document, did_you_mean, document_from, dumped, layout
+from coupler.scenario.document import WIDTH, Document, document_from, dumped, layout
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import checked
 from coupler.scenario.scenario import Scenario

@@ -9,8 +9,9 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
-from coupler.scenario.document import Document, did_you_mean, document_from, dotted, read_document
+from coupler.scenario.document import Document, document_from, dotted, read_document
 from coupler.scenario.edits import cells_times
 
 FOLDER = Path(__file__).resolve().parent.parent / "templates"

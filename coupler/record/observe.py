@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from contact.half.diagnostics import ContactLog, ContactMonitor, ContactSample
 from contact.half.interface import Interface
+from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.fmu.half import Block, Half
 from coupler.fmu.outputs import On, OutputField, at_nodes, component_of, names_of, output_fields, place_of, unclear
 from coupler.record.tables import FRICTION
 from coupler.scenario import Probe
-from coupler.scenario.document import did_you_mean
 from coupler.schemes.state import Halves, Level
 
 Array = NDArray[np.float64]

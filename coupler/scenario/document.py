@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import datetime
-import difflib
 import io
 import itertools
-import math
 import re
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, ValidationError
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq, TaggedScalar
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from coupler.errors import ScenarioError
+from contact.problem.errors import UNKNOWN, wrongs
+from coupler.errors import ScenarioError, together
 
 Key = tuple[str | int, ...]
 
@@ -99,179 +98,41 @@ class _Cut(str):
         return str(self)
 
 
-# What a single value in a scenario may be: numbers, names, and the help given where it is something else.
+class Findings:
+    """Gathers what is wrong with a document, so that all of it is told at once."""
 
-# What people write behind a number, as (factor, SI unit); temperatures are in the unit the scenario states.
-UNITS: dict[str, tuple[float, str]] = {
-    "m": (1, "m"), "cm": (1e-2, "m"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"),
-    "μm": (1e-6, "m"), "nm": (1e-9, "m"), "in": (0.0254, "m"), "inch": (0.0254, "m"), "ft": (0.3048, "m"),
-    "s": (1, "s"), "sec": (1, "s"), "ms": (1e-3, "s"), "min": (60, "s"), "h": (3600, "s"),
-    "Pa": (1, "Pa"), "kPa": (1e3, "Pa"), "MPa": (1e6, "Pa"), "GPa": (1e9, "Pa"), "bar": (1e5, "Pa"),
-    "psi": (6894.757293168, "Pa"), "N/mm2": (1e6, "Pa"),
-    "W/mK": (1, "W/mK"), "W/m/K": (1, "W/mK"), "W/(mK)": (1, "W/mK"),
-    "J/kgK": (1, "J/kgK"), "kJ/kgK": (1e3, "J/kgK"),
-    "kg/m3": (1, "kg/m3"), "g/cm3": (1e3, "kg/m3"), "W/m2K": (1, "W/m2K"), "kW/m2K": (1e3, "W/m2K"),
-    "W/m2": (1, "W/m2"), "kW/m2": (1e3, "W/m2"), "W/m3": (1, "W/m3"), "1/K": (1, "1/K"),
-    "%": (1e-2, "a fraction"),
-}
-# Longer lists than this are not read.
-MANY = 16
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._errors: list[ScenarioError] = []
 
+    def wrong(self, key: Key, text: str, remedy: str = "") -> None:
+        """Note what is wrong at a key; what was noted before is not noted again."""
+        self._add(self._document.error(key, text, remedy))
 
-def problem(text: str, remedy: str = "", at: tuple[str | int, ...] = ()) -> PydanticCustomError:
-    """A wrong value, said in our words.  at : where, from the place being checked downwards."""
-    return PydanticCustomError("slideline", "{text}", {"text": text, "remedy": remedy, "at": at})
+    @contextmanager
+    def each(self) -> Iterator[None]:
+        """Go on behind the block where it raises a ScenarioError, which is noted."""
+        try:
+            yield
+        except ScenarioError as exc:
+            for error in (exc, *exc.others):
+                self._add(error)
 
+    def stop(self) -> None:
+        """Raise the ScenarioError that tells all, if there is anything to tell."""
+        if self._errors:
+            raise together(self._errors)
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A remedy that names the nearest of the known words, then the others (of many, the nearest ones)."""
-    names = sorted(known)
-    near = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
-    guess = f"Did you mean {near[0]!r}? " if near else ""
-    more = ""
-    if len(names) > MANY:
-        more = f" and {len(names) - MANY} more"
-        names = difflib.get_close_matches(word, names, n=MANY, cutoff=0.0)
-    return f"{guess}Known here: {', '.join(names) or 'none'}{more}."
-
-
-def looks_like_number(text: str) -> bool:
-    """True for text that begins with a number, such as "40 mm"."""
-    return _QUANTITY.fullmatch(text) is not None
-
-
-def number(value: Any) -> float:
-    """A finite number; text with a unit is answered with the number to write."""
-    if isinstance(value, str):
-        raise _text_for_number(value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        what = {bool: "true or false", list: "a list", dict: "a mapping", type(None): "nothing"}
-        raise problem(f"a number is needed here, not {what.get(type(value), type(value).__name__)}")
-    try:
-        as_float = float(value)
-    except OverflowError:
-        raise problem("the number is too large") from None
-    if not math.isfinite(as_float):
-        raise problem("the number is not finite", "Give a finite number; leave optional keys out.")
-    return as_float
-
-
-def _text_for_number(text: str) -> PydanticCustomError:
-    match = _QUANTITY.fullmatch(text)
-    if match is None:
-        return problem("a number is needed here, not text")
-    digits, unit = match.groups()
-    if not unit:
-        return problem("a number is needed here, not text", f"Write {digits} without quotes.")
-    if unit in UNITS:
-        factor, si = UNITS[unit]
-        return problem("a number without its unit is needed here; all is SI",
-                       f"Write {float(digits) * factor:.12g} ({si}).")
-    if unit in ("K", "C", "degC", "°C", "F", "degF", "°F"):
-        return problem("a number without its unit is needed here",
-                       "Temperatures are in the unit that units.temperature states (degC or K).")
-    return problem(
-        "a number without its unit is needed here; all is SI",
-        f"Convert it to SI and write the number alone (m, s, kg, Pa, W, J); the unit {unit!r} is not known.",
-    )
-
-
-def _positive(value: float) -> float:
-    if value <= 0:
-        raise problem("must be greater than zero")
-    return value
-
-
-def _not_negative(value: float) -> float:
-    if value < 0:
-        raise problem("must not be negative")
-    return value
-
-
-def whole(value: Any) -> int:
-    """A whole number, at least 1."""
-    as_float = number(value)
-    if as_float != int(as_float) or as_float < 1:
-        raise problem("must be a whole number, 1 or more")
-    return int(as_float)
-
-
-def name(value: Any) -> str:
-    """A name: what stands in dotted keys, FMI variables and HDF5 paths, so no dots, blanks or slashes."""
-    if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,63}", value):
-        raise problem(
-            "not usable as a name", "Use letters, digits, _ and -, beginning with a letter, at most 64."
-        )
-    return value
-
-
-def dotted_name(value: Any) -> str:
-    """A name that may have dots inside, such as that of a probe."""
-    if not isinstance(value, str) or len(value) > 200:
-        raise problem("not usable as a name")
-    for part in value.split("."):
-        name(part)
-    return value
-
-
-def text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise problem("text is needed here", "Put it in quotes.")
-    return value
-
-
-Number = Annotated[float, BeforeValidator(number)]
-Positive = Annotated[Number, AfterValidator(_positive)]
-NotNegative = Annotated[Number, AfterValidator(_not_negative)]
-Whole = Annotated[int, BeforeValidator(whole)]
-Name = Annotated[str, BeforeValidator(name)]
-DottedName = Annotated[str, BeforeValidator(dotted_name)]
-Text = Annotated[str, BeforeValidator(text)]
-
-
-# From what pydantic found wrong to the one ScenarioError that is raised.
-
-@dataclass(frozen=True)
-class Problem:
-    """A wrong value: where, what, and what to write instead."""
-
-    key: Key
-    message: str
-    remedy: str
+    def _add(self, error: ScenarioError) -> None:
+        error.others = ()
+        if all((error.key, error.message) != (e.key, e.message) for e in self._errors):
+            self._errors.append(error)
 
 
 def scenario_error(document: Document, error: ValidationError) -> ScenarioError:
-    """The problem to show: unknown keys first (a misspelt key is also a missing one), then by line."""
-    problems = [_problem(details, document) for details in error.errors(include_url=False)]
-    first = min(problems, key=lambda p: (p.message != "unknown key", document.line(p.key), len(p.key)))
-    return document.error(first.key, first.message, first.remedy)
-
-
-def _problem(details: ErrorDetails, document: Document) -> Problem:
-    # Tags of unions stand in angle brackets, "[key]" marks a name that is itself wrong: not in the file.
-    key: Key = tuple(p for p in details["loc"] if not (isinstance(p, str) and (p[:1] == "<" or p == "[key]")))
-    context = details.get("ctx", {})
-    kind = details["type"]
-    if kind == "slideline":
-        return Problem((*key, *context["at"]), context["text"], context["remedy"])
-    if kind == "missing" and isinstance(key[-1], int):
-        return Problem(key[:-1], "the list is too short", "")
-    if kind == "missing":
-        return Problem(key, "a required key is missing", "See docs/scenario.md.")
-    if kind in ("enum", "literal_error"):
-        known = [word.strip(" '") for word in str(context["expected"]).replace(" or ", ",").split(",")]
-        return Problem(key, "not known here", did_you_mean(str(details["input"]), known))
-    if kind in ("tuple_type", "list_type"):
-        return Problem(key, "a list is needed here", "Write [a, b, ...].")
-    if kind == "dict_type":
-        return Problem(key, "a mapping of names is needed here", "Write {name: ...}.")
-    if kind in ("too_short", "too_long"):
-        wanted = context.get("min_length", context.get("max_length"))
-        return Problem(key, f"a list of {wanted} is needed here, not of {context['actual_length']}", "")
-    if kind == "bool_type":
-        return Problem(key, "true or false is needed here", "")
-    return Problem(key, details["msg"][:1].lower() + details["msg"][1:], "")
+    """Make the error of a file whose form is wrong: unknown keys first, then by line."""
+    found = sorted(wrongs(error), key=lambda w: (w.text != UNKNOWN, document.line(w.key), len(w.key)))
+    return together([document.error(w.key, w.text, w.remedy) for w in dict.fromkeys(found)])
 
 
 # From a file to a Document: YAML 1.2, one document, bounded in size, depth and aliases.
@@ -305,7 +166,7 @@ def document_from(path: Path, text: str) -> Document:
             "a scenario is a mapping of keys at its top, not a list or a single value",
             file=str(path),
             line=1,
-            remedy="Start with `slideline: 1`; see docs/scenario.md.",
+            remedy="Start with `slideline: 2`; see docs/scenario.md.",
         )
     reading = _Reading(str(path))
     tree = reading.plain(node, ())

@@ -11,17 +11,21 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact.half.functions import Signal, signal_from
-from coupler.scenario.document import Document, did_you_mean, document_from, read_document, scenario_error
+from contact.problem.values import Part, SignalName, did_you_mean
+from coupler.scenario.context import Context
+from coupler.scenario.document import Document, Findings, document_from, read_document, scenario_error
 from coupler.scenario.edits import apply_overrides
+from coupler.scenario.kinds import OWN, check_kind, fmu_path
 from coupler.scenario.mesh import mesh_path
-from coupler.scenario.models import models
 from coupler.scenario.probes import probes_of
+from coupler.scenario.problems import Stated, problem_of, wrongs_of
 from coupler.scenario.rules import rules_of
 from coupler.scenario.scenario import Scenario
-from coupler.scenario.scene import Context, Convert, scene_of
+from coupler.scenario.scene import scene_of
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.si import ToSI
 from coupler.scenario.timing import coupling_of, output_of
-from coupler.scenario.values import SignalTable, fmu_path
+from coupler.scenario.versions import notice, with_old_defaults
 
 
 def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Scenario:
@@ -39,19 +43,43 @@ def scenario_from(text: str, path: Path, overrides: Mapping[str, Any]) -> Scenar
     return checked(document_from(path, text), overrides)
 
 
+def checked_form(path: Path) -> tuple[Document, ScenarioFile]:
+    """Read a scenario and check its form alone, key by key.  Raises ScenarioError."""
+    document = read_document(path)
+    return document, _form_of(document)
+
+
+def _form_of(document: Document) -> ScenarioFile:
+    try:
+        return ScenarioFile.model_validate(document.tree)
+    except ValidationError as exc:
+        raise scenario_error(document, exc) from None
+
+
 def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
     """The scenario of a document with values put in place of its own.  Raises ScenarioError."""
     document = apply_overrides(read, overrides)
-    try:
-        file = ScenarioFile.model_validate(document.tree)
-    except ValidationError as exc:
-        raise scenario_error(document, exc) from None
-    convert = Convert(document, file)
-    signals = _signals(document, file)
-    scene = scene_of(document, file, convert)
-    context = Context(document, file, convert, scene)
-    written = models(context)
-    coupling = coupling_of(document, file.coupling, written)
+    file = _form_of(document)
+    notes = notice(file, document.path.name)
+    file = with_old_defaults(file)
+    found = Findings(document)
+    signals = _signals(document, file, found)
+    convert = ToSI(document, file.units.temperature.value, file.signals, found.wrong)
+    stated = in_si(file, convert)
+    scene = scene_of(document, stated, found)
+    context = Context(document, stated, convert, scene, found)
+    problems = problems_of(context)
+    written = {role: problem.plain() for role, problem in problems.items()}
+    coupling, output = None, None
+    with found.each():
+        coupling = coupling_of(document, file.coupling, written)
+    probes = probes_of(context)
+    rules = rules_of(context, written, coupling.adaptive.least if coupling and coupling.adaptive else 0.0)
+    with found.each():
+        output = output_of(document, file.output, file.coupling.end)
+    found.stop()
+    assert coupling is not None, "found.stop has raised"
+    assert output is not None, "found.stop has raised"
     return Scenario(
         file=document.path,
         text=document.text,
@@ -64,26 +92,54 @@ def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
         signals=signals,
         models=written,
         coupling=coupling,
-        probes=probes_of(context),
-        rules=rules_of(context, written, coupling.adaptive.least if coupling.adaptive else 0.0),
-        output=output_of(document, file.output, coupling.end),
+        probes=probes,
+        rules=rules,
+        output=output,
+        version_notes=tuple(notes),
+        stated=stated,
     )
 
 
-def _signals(document: Document, file: ScenarioFile) -> dict[str, Signal]:
+def _signals(document: Document, file: ScenarioFile, found: Findings) -> dict[str, Signal]:
     """The named signals, used or not."""
     signals = {}
     for name, spec in file.signals.items():
-        if isinstance(spec, str):
-            raise document.error(
-                ("signals", name),
-                "a signal is a number or a table, not the name of another",
-                did_you_mean(spec, set(file.signals) - {name}),
-            )
-        signals[name] = signal_from(
-            {"t": spec.t, "value": spec.value} if isinstance(spec, SignalTable) else spec
-        )
+        if isinstance(spec, SignalName):
+            found.wrong(("signals", name), "a signal is a number or a table, not the name of another",
+                        did_you_mean(spec, set(file.signals) - {name}))
+        else:
+            signals[name] = signal_from(spec)
     return signals
+
+
+def in_si(file: ScenarioFile, convert: ToSI) -> ScenarioFile:
+    """What a file says of bodies, contact and halves, in SI; materials and halves not used stay as they are."""
+    foreign = {role for role in ("thermal", "mechanical") if getattr(file, role).half not in OWN[role]}
+    used = set(file.materials) if foreign else {body.material for body in file.bodies.values()}
+    kind = file.mechanical.half
+    chosen = ("elastic", "rigid", "rod") if "mechanical" in foreign else (kind,)
+    blocks = {name: convert.part(block, ("mechanical", name)) for name in chosen
+              if (block := getattr(file.mechanical, name)) is not None}
+    return file.model_copy(update={
+        "materials": {n: convert.part(m, ("materials", n)) if n in used else m for n, m in file.materials.items()},
+        "bodies": {n: convert.part(b, ("bodies", n)) for n, b in file.bodies.items()},
+        "contact": {n: convert.part(p, ("contact", n)) for n, p in file.contact.items()},
+        "thermal": convert.part(file.thermal, ("thermal",)),
+        "mechanical": file.mechanical.model_copy(update=blocks)})
+
+
+def problems_of(c: Context) -> dict[str, Part]:
+    """What each half is told, by role; what is wrong with it is noted."""
+    file = c.file
+    kinds = {"thermal": file.thermal.half, "mechanical": file.mechanical.half}
+    for role, kind in kinds.items():
+        with c.found.each():
+            check_kind(c.document, role, kind)
+    stated = Stated(file, c.interface, c.convert.unit, c.convert.offset, c.document.path.parent)
+    problems = {role: problem_of(stated, role, kind) for role, kind in kinds.items()}
+    for key, text, remedy in wrongs_of(stated, problems):
+        c.found.wrong(key, text, remedy)
+    return problems
 
 
 def _hash(document: Document, file: ScenarioFile) -> str:

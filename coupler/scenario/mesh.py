@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import meshio
 import numpy as np
@@ -16,8 +16,8 @@ from pydantic import StrictBool, model_validator
 from skfem import MeshQuad
 
 from contact.half.interface import Interface, Pair
-from coupler.scenario.document import Name, Number, Positive, Text, Whole, did_you_mean, problem
-from coupler.scenario.values import FieldSpec, Part, PropertySpec, exactly_one
+from contact.problem.thermal import BodyHeat
+from contact.problem.values import Entry, Number, Part, Positive, Text, Whole, did_you_mean, exactly_one, problem
 
 # The part of the schema that says what there is: bodies and their meshes.
 
@@ -27,11 +27,13 @@ MAX_CELLS = 4_000_000
 class Rectangle(Part):
     """origin, size [m]; cells along x and y; grading: last cell's size over the first's, along x and y."""
 
-    origin: tuple[Number, Number]
-    size: tuple[Positive, Positive]
-    cells: tuple[Whole, Whole]
-    grading: tuple[Positive, Positive] = (1.0, 1.0)
-    triangles: StrictBool = False
+    origin: Annotated[tuple[Number, Number], Entry("lower left corner", unit="m")]
+    size: Annotated[tuple[Positive, Positive], Entry("its sides", unit="m")]
+    cells: Annotated[tuple[Whole, Whole], Entry("number of cells", kind="[x, y]")]
+    grading: Annotated[tuple[Positive, Positive], Entry(
+        "size of the last cell over that of the first; in between they grow geometrically",
+        kind="[x, y]")] = (1.0, 1.0)
+    triangles: Annotated[StrictBool, Entry("every quad cut in two")] = False
 
     @model_validator(mode="after")
     def _not_too_many(self) -> Rectangle:
@@ -43,9 +45,12 @@ class Rectangle(Part):
 class MeshFile(Part):
     """A mesh file; path relative to the scenario; unit of its coordinates; region: a group of cells."""
 
-    path: Text
-    unit: Literal["m", "cm", "mm", "um"] = "m"
-    region: Text | None = None
+    path: Annotated[Text, Entry(
+        "relative to the scenario file; gmsh (2.2, 4.1) or what meshio reads, of first order")]
+    unit: Annotated[Literal["m", "cm", "mm", "um"], Entry("of the file's coordinates")] = "m"
+    region: Annotated[Text | None, Entry(
+        "the named group of cells (gmsh: physical surface) to take",
+        default="all cells")] = None
 
     @model_validator(mode="after")
     def _has_a_path(self) -> MeshFile:
@@ -57,8 +62,8 @@ class MeshFile(Part):
 class Mesh(Part):
     """Exactly one way to mesh a body."""
 
-    rectangle: Rectangle | None = None
-    file: MeshFile | None = None
+    rectangle: Annotated[Rectangle | None, Entry("a rectangle", default="one of the two")] = None
+    file: Annotated[MeshFile | None, Entry("a mesh file", default="one of the two")] = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Mesh:
@@ -66,20 +71,10 @@ class Mesh(Part):
         return self
 
 
-class Body(Part):
-    """T0 in the scenario's unit of temperature; Q_T [W/m3] of current volume, times its factor over temperature."""
+class Body(BodyHeat):
+    """A body: its mesh, what it is made of, its temperature at the start and the heat made in it."""
 
-    mesh: Mesh
-    material: Name
-    T0: Number
-    Q_T: FieldSpec = 0.0
-    Q_T_factor: PropertySpec | None = None
-
-    @model_validator(mode="after")
-    def _factor_has_a_source(self) -> Body:
-        if self.Q_T_factor is not None and "Q_T" not in self.model_fields_set:
-            raise problem("a factor without its source: Q_T is missing", at=("Q_T_factor",))
-        return self
+    mesh: Annotated[Mesh, Entry("one of `rectangle`, `file`")]
 
 
 # The mesh of one body, whatever it came from, and what makes its cells fit to be solved on.

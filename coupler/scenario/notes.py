@@ -33,9 +33,10 @@ def thermal_notes(model: Model, pairs: Iterable[Pair]) -> list[str]:
 
 def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
     """A pair whose conductance jumps when it touches (physics wants h(g -> 0+) = h(p -> 0+))."""
-    if pair.get("closed") is None or pair.get("open") is None:
+    laws = pair.get("conduction", {})
+    if laws.get("closed") is None or laws.get("open") is None:
         return []
-    closed, opened = parse_law(pair["closed"]), parse_law(pair["open"])
+    closed, opened = parse_law(laws["closed"]), parse_law(laws["open"])
     T = float(np.mean([body["T0"] for body in model["bodies"].values()]))
     h = float(closed_conductance(closed, 0.0, T)[0])
     jump = branch_jump(closed, opened, T)
@@ -50,11 +51,11 @@ def _unlit(model: Model, pairs: Iterable[Pair]) -> list[str]:
     known, alike = model.get("pairs", {}), dict[float, dict[str, str]]()
     for pair in pairs:
         near = known.get(pair.name, {}).get("radiation")
-        if near is None or near["d_far"] is None:
+        if near is None or "gap" not in near:
             continue
         for surface in (pair.slave, pair.master):
             if not _far(model, surface):
-                alike.setdefault(near["d_far"], {}).setdefault(surface, pair.name)
+                alike.setdefault(near["gap"]["d_far"], {}).setdefault(surface, pair.name)
     notes = []
     for gap, places in alike.items():
         names = list(dict.fromkeys(places.values()))
@@ -73,7 +74,7 @@ def _listed(names: list[str]) -> str:
 
 def _far(model: Model, surface: str) -> list[Model]:
     """The radiation of a surface to its surroundings."""
-    return [b for b in model.get("boundary", ()) if b["kind"] == "radiation" and b["on"] == surface]
+    return [b["radiation"] for b in model.get("boundary", ()) if "radiation" in b and b["on"] == surface]
 
 
 def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
@@ -84,10 +85,10 @@ def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
     notes = []
     for surface in dict.fromkeys((pair.slave, pair.master)):
         for b in _far(model, surface):
-            if b["d_near"] is None or near["d_far"] is None:
+            if "gap" not in b or "gap" not in near:
                 notes.append(f"pair {pair.name}: near radiation and the radiation on {surface} both act at every gap: "
                              "give both the same gap")
-            elif (b["d_near"], b["d_far"]) != (near["d_near"], near["d_far"]):
+            elif b["gap"] != near["gap"]:
                 notes.append(f"pair {pair.name}: near radiation and the radiation on {surface} fade over different "
                              "gaps")
     return notes
@@ -95,10 +96,10 @@ def _radiation(model: Model, pair: Pair, spec: Model) -> list[str]:
 
 def _out_of_sight(model: Model, pair: Pair, spec: Model) -> list[str]:
     """What fades over gaps that reach beyond gap_max ends there at once: nothing is faced farther off."""
-    near = spec.get("radiation") or {}
-    fading = [("near radiation", "d_far", near.get("d_far"))]
-    fading += [(f"{b['kind']} on {b['on']}", key, b.get(key)) for b in model.get("boundary", ())
-               for key in ("d_full", "d_far") if b["on"] in (pair.slave, pair.master)]
+    fading = [("near radiation", "d_far", spec.get("radiation", {}).get("gap", {}).get("d_far"))]
+    fading += [(f"{kind} on {b['on']}", key, b.get(kind, {}).get("gap", {}).get(key)) for b in model.get("boundary", ())
+               if b.get("on") in (pair.slave, pair.master) for kind, key in (("convection", "d_full"),
+                                                                            ("radiation", "d_far"))]
     return [f"pair {pair.name}: {what} fades up to {key} = {far:g} m, but the surfaces see each other only up to "
             f"gap_max = {pair.gap_max:g} m: it jumps there" for what, key, far in fading
             if far is not None and far > pair.gap_max]

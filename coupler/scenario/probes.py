@@ -8,9 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from contact.half.interface import Interface
-from coupler.scenario.document import Key, did_you_mean
+from contact.problem.values import did_you_mean
+from coupler.scenario.context import Context
+from coupler.scenario.document import Key
 from coupler.scenario.mesh import Floats, Ints, body_mean, cell_volumes, cells_along, cells_with, locate
-from coupler.scenario.scene import NEAREST, Context, surface_key
+from coupler.scenario.problems import NEAREST
+from coupler.scenario.scene import surface_key
 from coupler.scenario.schema import Place
 from coupler.scenario.schema import Probe as ProbeSpec
 
@@ -70,7 +73,11 @@ class Probe:
 
 def probes_of(c: Context) -> dict[str, Probe]:
     """The scenario's probes by name, in its order.  Raises ScenarioError for one off the mesh or contact."""
-    return {name: _probe(c, spec, ("probes", name)) for name, spec in c.file.probes.items()}
+    found = {}
+    for name, spec in c.file.probes.items():
+        with c.found.each():
+            found[name] = _probe(c, spec, ("probes", name))
+    return found
 
 
 def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
@@ -80,7 +87,9 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
         return _of_output(c, quantity, target, key)
     spot = _spot(c, target, key)
     nodes = spot.nodes
-    if quantity in AT_CONTACT and not np.isin(nodes, c.interface.contact_nodes).all():
+    # A pair whose surfaces are wrong is told by itself.
+    paired = len(c.interface.pairs) == len(c.file.contact)
+    if quantity in AT_CONTACT and paired and not np.isin(nodes, c.interface.contact_nodes).all():
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
         raise c.document.error(key, f"{quantity} exists only on contact surfaces",
                                f"Contact surfaces here: {', '.join(sorted(sides)) or 'none'}.")

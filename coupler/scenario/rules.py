@@ -6,8 +6,13 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from contact.problem.mechanical import Solution
+from contact.problem.thermal import Method
+from contact.problem.values import did_you_mean
 from coupler.scenario import rule_model
-from coupler.scenario.document import Key, did_you_mean
+from coupler.scenario.context import Context
+from coupler.scenario.document import Key
+from coupler.scenario.kinds import OWN
 from coupler.scenario.rule_model import (
     Action,
     Drive,
@@ -23,14 +28,12 @@ from coupler.scenario.rule_model import (
     Window,
 )
 from coupler.scenario.rule_model import Change as NewValue
-from coupler.scenario.scene import Context
 from coupler.scenario.schema import ActionSpec, Condition, Conditions, DriveSpec, HalfName, RuleSpec
-from coupler.scenario.values import OWN
 
 # control.method of our own halves (docs/design.md); 0 is the method of the scenario.
-THERMAL_METHODS = {"own": 0, "midpoint": 1, "sdirk2": 2, "backward_euler": 3, "theta": 4, "steady": 5}
-SMALL_METHODS = {n: k for n, k in THERMAL_METHODS.items() if n != "steady"}
-ELASTIC_METHODS = {"own": 0, "newton": 1, "modified_newton": 2, "bfgs": 3, "explicit": 4}
+THERMAL_METHODS = {"own": 0} | {method.value: number for number, method in enumerate(Method, start=1)}
+SMALL_METHODS = {n: k for n, k in THERMAL_METHODS.items() if n != Method.STEADY.value}
+ELASTIC_METHODS = {"own": 0} | {method.value: number for number, method in enumerate(Solution, start=1)}
 METHODS: Mapping[str, Mapping[str, int]] = {
     "thermal": THERMAL_METHODS, "lumped": SMALL_METHODS, "thermal_rod": SMALL_METHODS, "elastic": ELASTIC_METHODS}
 HALVES = tuple(h.value for h in HalfName)
@@ -44,9 +47,10 @@ def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]], least: float =
     found: list[Rule] = []
     for i, spec in enumerate(c.file.rules):
         if any(r.name == spec.name for r in found):
-            raise c.document.error(("rules", i, "name"), f"there is another rule {spec.name!r}",
-                                   "Firings are told by name; give each rule its own.")
-        found.append(_Reader(c, models, ("rules", i), least).rule(spec))
+            c.found.wrong(("rules", i, "name"), f"there is another rule {spec.name!r}",
+                          "Firings are told by name; give each rule its own.")
+        with c.found.each():
+            found.append(_Reader(c, models, ("rules", i), least).rule(spec))
     return tuple(found)
 
 
@@ -146,7 +150,8 @@ class _Reader:
 
     def _half(self, kind: str, condition: str, half: str | None, key: Key) -> str:
         """The half that has a condition of this name.  Raises ScenarioError."""
-        names = {role: {b["name"] for b in self._models[role].get("boundary", ()) if "name" in b} for role in HALVES}
+        names = {role: {b["name"] for b in (*model.get("boundary", ()), model.get("gravity", {})) if "name" in b}
+                 for role, model in self._models.items()}
         # What another package's half calls its inputs is seen only when it is loaded.
         if half is not None and self._models[half]["half"] not in OWN[half].values():
             return half

@@ -12,8 +12,9 @@ from contact.half.functions import Signal
 from contact.half.interface import Interface, write_interface
 from coupler.scenario.notes import contact_notes, thermal_notes
 from coupler.scenario.probes import Probe
+from coupler.scenario.problems import NEAREST
 from coupler.scenario.rule_model import Rule
-from coupler.scenario.scene import NEAREST
+from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.timing import Coupling, Output
 
 
@@ -26,6 +27,7 @@ class Scenario:
     temperature_unit : "degC" or "K", for display; everything here is in kelvin but resolved.
     interface : mesh, surfaces and pairs.  signals : the named ones, in the units of the file.
     models : "thermal" and "mechanical" -> model.json (docs/design.md).
+    stated : what the file states, checked; materials, bodies, contact and halves in SI.
     """
 
     file: Path
@@ -42,6 +44,8 @@ class Scenario:
     probes: Mapping[str, Probe]
     output: Output
     rules: tuple[Rule, ...] = ()
+    version_notes: tuple[str, ...] = ()
+    stated: ScenarioFile | None = None
 
     @property
     def geometry(self) -> str:
@@ -52,10 +56,10 @@ class Scenario:
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
         face nothing, laws that do not join, radiation that is missing or counted twice."""
-        found = []
+        found = [*self.version_notes]
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
-                name = str(boundary["on"])
+                name = str(boundary.get("at", ""))
                 if name.endswith(NEAREST):
                     x, y = self.interface.nodes[self.interface.node_sets[name][0]]
                     found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "

@@ -17,15 +17,31 @@ from pydantic import (
     model_validator,
 )
 
-from coupler.scenario.document import DottedName, Name, NotNegative, Number, Positive, Text, Whole, number, problem
+from contact.problem.material import Material
+from contact.problem.mechanical import Elastic, Rigid, Rod
+from contact.problem.pairs import ContactPair
+from contact.problem.thermal import ThermalSettings
+from contact.problem.values import (
+    DottedName,
+    Entry,
+    Name,
+    NotNegative,
+    Number,
+    Part,
+    Positive,
+    SignalSpec,
+    Text,
+    Whole,
+    exactly_one,
+    number,
+    problem,
+)
 from coupler.scenario.mesh import Body
 from coupler.scenario.options import Acceleration, OnCycle, OnMax, Scheme, Seen, Tolerance, Tolerances
 from coupler.scenario.options import Adaptive as Sizes
 from coupler.scenario.options import ErrorTolerances as ErrorOptions
 from coupler.scenario.options import Iteration as IterationOptions
-from coupler.scenario.physics import ContactPair, Material, Mechanical, Thermal
 from coupler.scenario.rule_model import Change, Of
-from coupler.scenario.values import Part, SignalSpec, exactly_one
 
 # The scenario file's `study`: a grid of runs, and what their errors are measured against (docs/study.md).
 
@@ -38,11 +54,21 @@ class StudyReference(Part):
     error : what the author of a file says of it, as the errors of the study are measured.
     """
 
-    scheme: Scheme = Scheme.ITERATED
-    finer: Whole = 4
-    set: dict[Text, Any] = Field(default_factory=dict)
-    file: Text | None = None
-    error: NotNegative | None = None
+    scheme: Annotated[Scheme, Entry("how the reference is computed")] = Scheme.ITERATED
+    finer: Annotated[Whole, Entry(
+        "its windows are so many times as fine as the finest of the grid")] = 4
+    set: Annotated[dict[Text, Any], Entry(
+        "what else it changes, such as `{mesh: 2}`",
+        kind="{axis: value}",
+        default="none")] = Field(default_factory=dict)
+    file: Annotated[Text | None, Entry(
+        "instead: a stored answer, a results file or a table `.csv` (`t`, then probes by name, SI); relative "
+        "to the scenario",
+        kind="path",
+        default="none")] = None
+    error: Annotated[NotNegative | None, Entry(
+        "the relative error of that file",
+        default="not known")] = None
 
     @model_validator(mode="after")
     def _one_kind(self) -> StudyReference:
@@ -59,10 +85,20 @@ class StudySpec(Part):
     measure : probes (default: all that change).  span : [from, until], s (default: all of the run).
     """
 
-    grid: tuple[dict[Text, Values], ...] = ()
-    measure: tuple[DottedName, ...] = ()
-    span: tuple[Number, Number] | None = None
-    reference: StudyReference = StudyReference()
+    grid: Annotated[tuple[dict[Text, Values], ...], Entry(
+        "every combination is run. Axes: `scheme`, `half`, `thermal`, `substeps`; the factors `windows`, "
+        "`tolerance`, `mesh`; any dotted key",
+        kind="{axis: [values]}, or a list of such",
+        default="`--grid`")] = ()
+    measure: Annotated[tuple[DottedName, ...], Entry(
+        "probes whose error counts",
+        kind="[probe, ...]",
+        default="all that change")] = ()
+    span: Annotated[tuple[Number, Number] | None, Entry(
+        "from when until when",
+        unit="s",
+        default="all of the run")] = None
+    reference: Annotated[StudyReference, Entry("what the errors are measured against")] = StudyReference()
 
     @field_validator("grid", mode="before")
     @classmethod
@@ -121,10 +157,26 @@ class DisplacementError(Part):
 class ErrorTolerances(Part):
     """What error a window may make, a quantity each."""
 
-    temperature: TemperatureError = TemperatureError()
-    gap: GapError = GapError()
-    heat: HeatError = HeatError()
-    displacement: DisplacementError = DisplacementError()
+    temperature: Annotated[TemperatureError, Entry(
+        "of the error of one window",
+        unit="K",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = TemperatureError()
+    gap: Annotated[GapError, Entry(
+        "of the error of one window",
+        unit="m",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = GapError()
+    heat: Annotated[HeatError, Entry(
+        "of the error of one window",
+        unit="J",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = HeatError()
+    displacement: Annotated[DisplacementError, Entry(
+        "of the error of one window",
+        unit="m",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = DisplacementError()
 
     @property
     def method(self) -> ErrorOptions:
@@ -142,10 +194,17 @@ LEAST = 1e-6
 class Adaptive(Part):
     """Windows that find their own size [s] from the error they make."""
 
-    first: Positive
-    least: Positive | None = None
-    most: Positive | None = None
-    tolerance: ErrorTolerances = ErrorTolerances()
+    first: Annotated[Positive, Entry(
+        "the first window, and the first after a kink or an event; a shorter one follows if its error is too "
+        "large",
+        unit="s")]
+    least: Annotated[Positive | None, Entry(
+        "no window is shorter but to end at a kink or an event; at this size an error that is too large is "
+        "taken and told",
+        unit="s",
+        default="1e-6 of `first`")] = None
+    most: Annotated[Positive | None, Entry("no window is longer", unit="s", default="`end`")] = None
+    tolerance: Annotated[ErrorTolerances, Entry("of the error of one window")] = ErrorTolerances()
 
     @model_validator(mode="after")
     def _in_order(self) -> Adaptive:
@@ -169,9 +228,17 @@ class Events(Part):
     branches : and where a gap or a pressure passes a bend of a law.
     """
 
-    locate: bool | None = None
-    tolerance: Positive | None = None
-    branches: StrictBool = False
+    locate: Annotated[bool | None, Entry(
+        "windows end where contact opens, closes, sticks or slips",
+        kind="true, false",
+        default="true with `adaptive`, else false")] = None
+    tolerance: Annotated[Positive | None, Entry(
+        "how nearly",
+        unit="s",
+        default="1e-6 of the window")] = None
+    branches: Annotated[StrictBool, Entry(
+        "windows end, too, where the least gap or the largest pressure of a pair passes a bend of a law: "
+        "`p_max`, `d_cut`, `d_full`, `d_near`, `d_far`; sets `events.locate`")] = False
 
     @model_validator(mode="after")
     def _are_located(self) -> Events:
@@ -183,7 +250,11 @@ class Events(Part):
 class Stop(Part):
     """steady [K/s]: stop once the temperature of no node changes faster for two windows."""
 
-    steady: NotNegative | None = None
+    steady: Annotated[NotNegative | None, Entry(
+        "the run ends, as completed, once no node's temperature changes faster for two windows and no kink "
+        "lies ahead",
+        unit="K/s",
+        default="none")] = None
 
 
 # The scenario file's `coupling.iteration`; defaults and their reasons are those of coupler.scenario.options.
@@ -223,22 +294,57 @@ class SolidFractionTolerance(Part):
 class IterationTolerances(Part):
     """A difference passes if it is at most atol + rtol times the largest change over the window."""
 
-    temperature: TemperatureTolerance = TemperatureTolerance()
-    gap: GapTolerance = GapTolerance()
-    pressure: PressureTolerance = PressureTolerance()
-    solid_fraction: SolidFractionTolerance = SolidFractionTolerance()
+    temperature: Annotated[TemperatureTolerance, Entry(
+        "of the largest change over the window, so errors of all windows add up to at most 1e-4 of the way a "
+        "quantity goes; `atol` > 0 is the floor at rest",
+        unit="K",
+        kind="`{atol, rtol}`",
+        default="1e-4, 1e-4")] = TemperatureTolerance()
+    gap: Annotated[GapTolerance, Entry(
+        "of every coordinate; 1e-4 of a gas layer of 10 um",
+        unit="m",
+        kind="`{atol, rtol}`",
+        default="1e-9, 1e-4")] = GapTolerance()
+    pressure: Annotated[PressureTolerance, Entry(
+        "1e-4 of 1 MPa",
+        unit="Pa",
+        kind="`{atol, rtol}`",
+        default="100, 1e-4")] = PressureTolerance()
+    solid_fraction: Annotated[SolidFractionTolerance, Entry(
+        "0.4 J/kg of aluminium's latent heat, as little as `temperature`'s",
+        kind="`{atol, rtol}`",
+        default="1e-6, 1e-4")] = SolidFractionTolerance()
 
 
 class Iteration(Part):
     """How `iterated` goes to agreement; other schemes do not read it."""
 
-    acceleration: Acceleration = METHOD.acceleration
-    relaxation: Positive = METHOD.relaxation
-    max_iterations: Whole = METHOD.max_iterations
-    on_max: OnMax = METHOD.on_max
-    reuse: NotNegative = float(METHOD.reuse)
-    tolerance: IterationTolerances = IterationTolerances()
-    level: Seen = METHOD.level
+    acceleration: Annotated[Acceleration, Entry(
+        "how the next guess is made",
+        why="It converges where the others do, and where several modes are stiff, at the same cost for one.")] = (
+            METHOD.acceleration)
+    relaxation: Annotated[Positive, Entry(
+        "first factor of `aitken` and `iqn_ils`, and that of `constant`, which needs one below 1",
+        kind="number in (0, 1]",
+        why="Where `T` does not act back, a whole first step makes the second iterate the last.")] = METHOD.relaxation
+    max_iterations: Annotated[Whole, Entry(
+        "iterates of one window",
+        why="Accelerated windows take 2 to 16; one that takes more is cheaper in two halves.")] = METHOD.max_iterations
+    on_max: Annotated[OnMax, Entry(
+        "what follows then: `stop` ends the run; `accept` goes on, and the window keeps its verdict `max "
+        "iterations`",
+        why="Halved, the contraction is halved too.")] = METHOD.on_max
+    reuse: Annotated[NotNegative, Entry(
+        "windows whose residuals `iqn_ils` remembers; nothing is kept over a kink",
+        kind="count, 0 for none",
+        default="0",
+        why="1 or 2 save iterates where slopes hardly change, and cost some where a melting front moves.")] = (
+            float(METHOD.reuse))
+    tolerance: Annotated[IterationTolerances, Entry("when a window agrees")] = IterationTolerances()
+    level: Annotated[Seen, Entry(
+        "of which time of its substep the thermal half is given `x` and `t_N`",
+        why="`middle` is of second order; `end` is of first order, and with `backward_euler` or `sdirk2` "
+            "damps windows of any size.")] = METHOD.level
 
     @model_validator(mode="after")
     def _in_bounds(self) -> Iteration:
@@ -300,10 +406,15 @@ class Scale(StrEnum):
 class Condition(Part):
     """Holds while the monitor (or its change over the window, or that a second) is above, below or between."""
 
-    above: Number | None = None
-    below: Number | None = None
-    between: tuple[Number, Number] | None = None
-    of: Of = Of.VALUE
+    above: Annotated[Number | None, Entry("the monitor is above it", default="none")] = None
+    below: Annotated[Number | None, Entry("the monitor is below it", default="none")] = None
+    between: Annotated[tuple[Number, Number] | None, Entry(
+        "instead of both; bounds themselves do not count",
+        kind="[a, b]",
+        default="none")] = None
+    of: Annotated[Of, Entry(
+        "what is compared: its value, its change since the end of the window before, or that change a second")] = (
+            Of.VALUE)
     windows: Whole = Field(default=1, alias="for")
 
     @model_validator(mode="after")
@@ -336,8 +447,8 @@ When = dict[Text, Annotated[
 class RetrySpec(Part):
     """Put the window back and try this share of it, none shorter than least [s]."""
 
-    window: Positive = 0.5
-    least: NotNegative = 0.0
+    window: Annotated[Positive, Entry("the share of the window that is tried")] = 0.5
+    least: Annotated[NotNegative, Entry("no window is shorter", unit="s")] = 0.0
 
     @model_validator(mode="after")
     def _smaller(self) -> RetrySpec:
@@ -349,10 +460,14 @@ class RetrySpec(Part):
 class SubstepsSpec(Part):
     """Substeps of one half or both, kept in [least, most]."""
 
-    thermal: NewValue | None = None
-    mechanical: NewValue | None = None
-    least: Whole = 1
-    most: Whole = 64
+    thermal: Annotated[NewValue | None, Entry(
+        "a number, or `x2` for twice as many",
+        default="as they are")] = None
+    mechanical: Annotated[NewValue | None, Entry(
+        "the same of the other half",
+        default="as they are")] = None
+    least: Annotated[Whole, Entry("no fewer")] = 1
+    most: Annotated[Whole, Entry("no more")] = 64
 
     @model_validator(mode="after")
     def _whole(self) -> SubstepsSpec:
@@ -370,8 +485,10 @@ class SubstepsSpec(Part):
 class MethodSpec(Part):
     """The solution method of one half or both, by its name in the scenario; own: that of the scenario."""
 
-    thermal: Text | None = None
-    mechanical: Text | None = None
+    thermal: Annotated[Text | None, Entry(
+        "the half's method by its name; `own` is that of the scenario",
+        default="as it is")] = None
+    mechanical: Annotated[Text | None, Entry("the same of the other half", default="as it is")] = None
 
     @model_validator(mode="after")
     def _one(self) -> MethodSpec:
@@ -383,13 +500,18 @@ class MethodSpec(Part):
 class ActionSpec(Part):
     """One thing that a rule does."""
 
-    retry: RetrySpec | None = None
-    substeps: SubstepsSpec | None = None
-    method: MethodSpec | None = None
-    scheme: Scheme | None = None
-    window: NewValue | None = None
-    set: dict[Text, NewValue] | None = None
-    stop: Text | None = None
+    retry: Annotated[RetrySpec | None, Entry("put the window back and try a share of it")] = None
+    substeps: Annotated[SubstepsSpec | None, Entry("other numbers of substeps")] = None
+    method: Annotated[MethodSpec | None, Entry("another method of a half")] = None
+    scheme: Annotated[Scheme | None, Entry("as `coupling.scheme`")] = None
+    window: Annotated[NewValue | None, Entry(
+        "`x.5`: windows of half the planned size; `2`: none longer than 2 s",
+        kind="number or factor")] = None
+    set: Annotated[dict[Text, NewValue] | None, Entry(
+        "the factor of a named boundary condition, or what is added to it",
+        kind="{load.NAME: number or factor}")] = None
+    stop: Annotated[Text | None, Entry(
+        "the run ends after this window, as completed, and says why")] = None
 
     @model_validator(mode="after")
     def _one(self) -> ActionSpec:
@@ -402,17 +524,40 @@ class ActionSpec(Part):
 class DriveSpec(Part):
     """A load, or bc, driven so that a monitor holds a target."""
 
-    load: Name | None = None
-    bc: Name | None = None
-    half: HalfName | None = None
-    so_that: dict[Text, Number] = Field(min_length=1, max_length=1)
-    scale: Scale | None = None
-    gain: Positive | None = None
-    first: Number | None = None
-    least: Number | None = None
-    most: Number | None = None
-    rate: Positive | None = None
-    lag: NotNegative = 0.0
+    load: Annotated[Name | None, Entry(
+        "which input is driven, by the name of its boundary condition; or",
+        kind="name",
+        default="one of them required")] = None
+    bc: Annotated[Name | None, Entry(
+        "the same of what is added",
+        kind="name",
+        default="one of them required")] = None
+    half: Annotated[HalfName | None, Entry(
+        "where both have the name",
+        default="the one that has the name")] = None
+    so_that: Annotated[dict[Text, Number], Entry("what is to be held", kind="{MONITOR: target}")] = Field(min_length=1,
+                                                                                                          max_length=1)
+    scale: Annotated[Scale | None, Entry(
+        "in what the load moves",
+        default="`log` for `load`, `linear` for `bc`")] = None
+    gain: Annotated[Positive | None, Entry(
+        "change of (the logarithm of) the load for a change of (the logarithm of) the monitor; required with "
+        "`linear`",
+        default="measured (`log`)")] = None
+    first: Annotated[Number | None, Entry(
+        "value at the start (the half begins in equilibrium with it)",
+        default="1 (`bc`: 0)")] = None
+    least: Annotated[Number | None, Entry("bound", default="1e-6 `first` (`linear`: none)")] = None
+    most: Annotated[Number | None, Entry("bound", default="none")] = None
+    rate: Annotated[Positive | None, Entry(
+        "largest change of (the logarithm of) the load a second; with `log` never more than twice or half in "
+        "a window",
+        unit="1/s",
+        default="none")] = None
+    lag: Annotated[NotNegative, Entry(
+        "for a monitor that is slow to answer, such as a temperature: it goes to its target with this time "
+        "constant. 0 suits one that answers at once, such as a strain rate",
+        unit="s")] = 0.0
 
     @model_validator(mode="after")
     def _one(self) -> DriveSpec:
@@ -443,16 +588,28 @@ class DriveSpec(Part):
 class RuleSpec(Part):
     """When all conditions hold at the end of a window, do; in windows that end in (after, until] [s]."""
 
-    name: Text
-    when: When = Field(default_factory=dict)
-    do: tuple[ActionSpec, ...] = ()
-    drive: DriveSpec | None = None
-    once: bool = False
-    after: NotNegative = 0.0
-    until: Positive | None = None
-    # fault: a key that a page's fragment has is unknown -> cool_down: NotNegative = 0.0 |
+    name: Annotated[Text, Entry("by which its firings are told; each rule its own")]
+    when: Annotated[When, Entry(
+        "all must hold; under `any` stands a list of such mappings, one of which must hold besides",
+        kind="{MONITOR: condition}",
+        default="always")] = Field(default_factory=dict)
+    do: Annotated[tuple[ActionSpec, ...], Entry(
+        "what follows, in order; each entry one of those below",
+        kind="list",
+        default="none")] = ()
+    drive: Annotated[DriveSpec | None, Entry(
+        "a load that follows a target, below; a rule has `do` or `drive` or both",
+        kind="mapping",
+        default="none")] = None
+    once: Annotated[bool, Entry("fires at most once in a run")] = False
+    after: Annotated[NotNegative, Entry("only in windows that end later", unit="s")] = 0.0
+    until: Annotated[Positive | None, Entry("and not later than this", unit="s", default="the end")] = None
+    # fault: a key that a page's fragment has is unknown -> cool_down: Annotated[NotNegative, Entry( |
     #   test_docs::test_yaml_is_understood
-    cooldown: NotNegative = 0.0
+    cooldown: Annotated[NotNegative, Entry(
+        "windows that are let pass after it fired",
+        kind="count",
+        default="0")] = 0.0
 
     @model_validator(mode="after")
     def _does_something(self) -> RuleSpec:
@@ -476,7 +633,7 @@ class RuleSpec(Part):
         return self
 
 
-FORMAT_VERSION = 1
+VERSION = 2  # of the scenario form; older ones: coupler.scenario.versions
 
 
 class Geometry(StrEnum):
@@ -496,16 +653,47 @@ class TemperatureUnit(StrEnum):
 class Units(Part):
     """Only temperature has a choice; all else is SI."""
 
-    temperature: TemperatureUnit
+    temperature: Annotated[TemperatureUnit, Entry(
+        "unit of every temperature in the file; differences are not converted")]
+
+
+class Thermal(ThermalSettings):
+    """Which half solves for heat, and how."""
+
+    half: Annotated[Text, Entry("in the plane; one temperature a body; conduction along x of rectangles "
+                              "([halves.md](halves.md)); or a kind that another package adds, or the path of an FMU "
+                              "ending in `.fmu` ([write_a_half.md](write_a_half.md))",
+                              kind="`thermal`, `lumped`, `rod`")] = (
+        "thermal")
+    options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
+                                           kind="mapping", default="none")] = Field(default_factory=dict)
+
+
+class Mechanical(Part):
+    """Which half solves for displacements; the settings of the kinds not chosen stay, so that a swap is one word."""
+
+    half: Annotated[Text, Entry("`--swap mechanical=rigid` changes just this",
+                                kind="`elastic`, `rigid`, `rod`, or one that "
+                              "another package adds, or the path of an FMU")]
+    elastic: Annotated[Elastic | None, Entry("of the half `elastic`")] = None
+    rigid: Annotated[Rigid | None, Entry("of the half `rigid`")] = None
+    rod: Annotated[Rod | None, Entry("of the half `rod`")] = None
+    options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
+                                           kind="mapping", default="none")] = Field(default_factory=dict)
 
 
 class Windows(Part):
     """Windows up to `until` [s]: all of one size, or growing (shrinking) geometrically, first to last [s]."""
 
-    until: Positive
-    size: Positive | None = None
-    first: Positive | None = None
-    last: Positive | None = None
+    until: Annotated[Positive, Entry("end of the range", unit="s")]
+    size: Annotated[Positive | None, Entry(
+        "of its windows, no longer than the range; or",
+        unit="s",
+        default="this or the two below")] = None
+    first: Annotated[Positive | None, Entry(
+        "the first, growing or shrinking geometrically",
+        unit="s")] = None
+    last: Annotated[Positive | None, Entry("to the last", unit="s")] = None
 
     @model_validator(mode="after")
     def _one_form(self) -> Windows:
@@ -526,24 +714,50 @@ class Windows(Part):
 class Substeps(Part):
     """Substeps of each half in a window."""
 
-    thermal: Whole = 1
-    mechanical: Whole = 1
+    thermal: Annotated[Whole, Entry("substeps of the thermal half in a window")] = 1
+    mechanical: Annotated[Whole, Entry("of the mechanical half")] = 1
 
 
 class Coupling(Part):
     """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
 
-    scheme: Scheme = Scheme.STAGGERED
-    iteration: Iteration = Iteration()
-    end: Positive
-    kinks: tuple[Number, ...] = ()
-    windows: tuple[Windows, ...] | None = None
-    adaptive: Adaptive | None = None
-    events: Events = Events()
-    on_cycle: OnCycle | None = None
-    stop: Stop = Stop()
-    substeps: Substeps = Substeps()
-    link: Text = "direct"
+    scheme: Annotated[Scheme, Entry(
+        "thermal first (the paper's); mechanics first; both at once; thermal first on extrapolated geometry; the same "
+        "along the heat stored, for windows with many thermal substeps; both until they agree, at two solves or more; "
+        "mechanics at frozen entropy, for `elastic` with `adiabatic: true`; one of them, the cheapest that is safe, "
+        "window by window ([coupling.md](coupling.md)). What each half sees of the other, and the order: "
+        "[theory.md](theory.md)",
+        kind="`staggered`, `mechanical_first`, `parallel`, `extrapolated`, `along_heat`, `iterated`, `adiabatic`, "
+             "`auto`")] = Scheme.STAGGERED
+    iteration: Annotated[Iteration, Entry(
+        "how `iterated` goes to agreement; other schemes do not read it",
+        default="")] = Iteration()
+    end: Annotated[Positive, Entry("runs begin at 0", unit="s")]
+    kinks: Annotated[tuple[Number, ...], Entry(
+        "times at which windows end and prediction starts afresh, besides the kinks of all signals the chosen "
+        "halves use; at those stated here, at jumps, and at kinks of motion and load the thermal half "
+        "restarts damped too",
+        unit="s",
+        kind="[s, ...]",
+        default="none")] = ()
+    windows: Annotated[tuple[Windows, ...] | None, Entry(
+        "ranges, in order, that reach `end` (what lies beyond it is cut off): `{until, size}` or `{until, "
+        "first, last}`",
+        kind="list",
+        default="this or `adaptive`")] = None
+    adaptive: Annotated[Adaptive | None, Entry(
+        "windows find their own size from the error they make",
+        default="none")] = None
+    events: Annotated[Events, Entry("where windows end because of contact")] = Events()
+    on_cycle: Annotated[OnCycle | None, Entry(
+        "what follows when something goes up and down from window to window: it is only told; the windows "
+        "after it are iterated; the window is put back and halved",
+        default="`note`; `iterate` with `adaptive` or `auto`")] = None
+    stop: Annotated[Stop, Entry("when a run ends early")] = Stop()
+    substeps: Annotated[Substeps, Entry("in a window")] = Substeps()
+    link: Annotated[Text, Entry(
+        "how the halves reach the contact service",
+        kind="`direct`, `codec`, `zenoh:ENDPOINT`")] = "direct"
 
     @model_validator(mode="after")
     def _one_way_to_size(self) -> Coupling:
@@ -560,11 +774,13 @@ class Coupling(Part):
 class Place(Part):
     """A point of a body's reference mesh (at [m], body), or the max, min or mean over a surface."""
 
-    at: tuple[Number, Number] | None = None
-    body: Name | None = None
-    max: Text | None = None
-    min: Text | None = None
-    mean: Text | None = None
+    at: Annotated[tuple[Number, Number] | None, Entry(
+        "a point in the reference configuration; it moves with the body",
+        unit="m")] = None
+    body: Annotated[Name | None, Entry("of which body the point is")] = None
+    max: Annotated[Text | None, Entry("the largest over a surface or the nodes of a body")] = None
+    min: Annotated[Text | None, Entry("the smallest")] = None
+    mean: Annotated[Text | None, Entry("the mean by reference area or volume")] = None
 
     @model_validator(mode="after")
     def _one_form(self) -> Place:
@@ -586,16 +802,21 @@ class Probe(Part):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, ProbeTarget]
 
-    T: ProbeTarget | None = None
-    u_x: ProbeTarget | None = None
-    u_y: ProbeTarget | None = None
-    gap: ProbeTarget | None = None
-    p: ProbeTarget | None = None
-    f_s: ProbeTarget | None = None
+    T: Annotated[ProbeTarget | None, Entry("temperature", unit="K", kind="place")] = None
+    u_x: Annotated[ProbeTarget | None, Entry("displacement", unit="m", kind="place")] = None
+    u_y: Annotated[ProbeTarget | None, Entry("displacement", unit="m", kind="place")] = None
+    gap: Annotated[ProbeTarget | None, Entry("on contact surfaces only", unit="m", kind="place")] = None
+    p: Annotated[ProbeTarget | None, Entry(
+        "contact pressure, on contact surfaces only",
+        unit="Pa",
+        kind="place")] = None
+    f_s: Annotated[ProbeTarget | None, Entry(
+        "solid fraction, where a material has `latent`",
+        kind="place")] = None
 
     @classmethod
-    def _knows(cls, key: object) -> bool:
-        return super()._knows(key) or (isinstance(key, str) and key.startswith(HALVES))
+    def knows(cls, key: object) -> bool:
+        return super().knows(key) or (isinstance(key, str) and key.startswith(HALVES))
 
     @model_validator(mode="after")
     def _one_quantity(self) -> Probe:
@@ -611,8 +832,13 @@ class Probe(Part):
 class Fields(Part):
     """When fields are kept: every so many windows, and at the first window end at or after times [s]."""
 
-    every: Whole | None = None
-    at: tuple[NotNegative, ...] = ()
+    every: Annotated[Whole | None, Entry(
+        "keep fields every so many windows",
+        default="never by count")] = None
+    at: Annotated[tuple[NotNegative, ...], Entry(
+        "keep them at the first window end at or after each time",
+        kind="[s, ...]",
+        default="none")] = ()
 
 
 class Output(Part):
@@ -621,32 +847,55 @@ class Output(Part):
     checkpoint : least wall time between two checkpoints [s]; 0: after every window; null: none, and no resume.
     """
 
-    fields: Fields = Fields()
-    checkpoint: NotNegative | None = 30.0
+    fields: Annotated[Fields, Entry("when fields are kept")] = Fields()
+    checkpoint: Annotated[NotNegative | None, Entry(
+        "least wall time between two checkpoints, from which `slideline resume` goes on; 0: after every "
+        "window; null: none, and no resume",
+        unit="s",
+        kind="number >= 0, or null")] = 30.0
 
 
 class ScenarioFile(Part):
     """The whole file."""
 
-    slideline: Whole
-    title: Text = ""
-    units: Units
-    geometry: Geometry
-    signals: dict[Name, SignalSpec] = Field(default_factory=dict)
-    materials: dict[Name, Material] = Field(min_length=1)
-    bodies: dict[Name, Body] = Field(min_length=1)
-    contact: dict[Name, ContactPair] = Field(default_factory=dict)
-    thermal: Thermal
-    mechanical: Mechanical
-    coupling: Coupling
-    rules: tuple[RuleSpec, ...] = ()
-    probes: dict[DottedName, Probe] = Field(default_factory=dict)
-    output: Output = Output()
-    study: StudySpec | None = None
+    slideline: Annotated[Whole, Entry(
+        "version of this form; `slideline migrate` writes the newest",
+        kind="2")]
+    title: Annotated[Text, Entry("shown in results", default="the file's name")] = ""
+    units: Annotated[Units, Entry("of temperatures")]
+    geometry: Annotated[Geometry, Entry(
+        "plane strain, per metre of depth; or x = r, y = z, the whole turn of 2 pi")]
+    signals: Annotated[dict[Name, SignalSpec], Entry(
+        "data over time, used by name; a signal nobody uses makes no kink",
+        kind="name -> SIGNAL",
+        default="none")] = Field(default_factory=dict)
+    materials: Annotated[dict[Name, Material], Entry(
+        "what bodies are made of",
+        kind="name -> material")] = Field(min_length=1)
+    bodies: Annotated[dict[Name, Body], Entry("what there is", kind="name -> body")] = Field(min_length=1)
+    contact: Annotated[dict[Name, ContactPair], Entry(
+        "what may meet",
+        kind="name -> pair",
+        default="none")] = Field(default_factory=dict)
+    thermal: Annotated[Thermal, Entry("the thermal half")]
+    mechanical: Annotated[Mechanical, Entry("the mechanical half")]
+    coupling: Annotated[Coupling, Entry("how the two exchange")]
+    rules: Annotated[tuple[RuleSpec, ...], Entry(
+        "what changes when something is seen",
+        kind="list",
+        default="none")] = ()
+    probes: Annotated[dict[DottedName, Probe], Entry(
+        "values over time; names may have dots",
+        kind="name -> probe",
+        default="none")] = Field(default_factory=dict)
+    output: Annotated[Output, Entry("what is kept")] = Output()
+    study: Annotated[StudySpec | None, Entry(
+        "a grid of runs, for `slideline study`",
+        default="none")] = None
 
     @model_validator(mode="after")
     def _version_known(self) -> ScenarioFile:
-        if self.slideline != FORMAT_VERSION:
+        if self.slideline > VERSION:
             raise problem("a version of the scenario form this program does not know",
-                          f"It reads version {FORMAT_VERSION}.", at=("slideline",))
+                          f"It reads versions 1 to {VERSION}.", at=("slideline",))
         return self

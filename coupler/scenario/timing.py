@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 from coupler.scenario.document import Document, Key
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme, WindowRange
-from coupler.scenario.scene import jumps_in, kinks_in
 from coupler.scenario.schema import Coupling as CouplingSpec
 from coupler.scenario.schema import Output as OutputSpec
 from coupler.scenario.schema import Windows
@@ -72,6 +71,29 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
                     adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
                     spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0,
                     spec.events.branches)
+
+
+def kinks_in(model: Any) -> Iterator[float]:
+    """Times [s] of every signal table anywhere in a model."""
+    for times in _tables_in(model):
+        yield from times
+
+
+def jumps_in(model: Any) -> Iterator[float]:
+    """Times [s] at which a signal anywhere in a model has two values."""
+    for times in _tables_in(model):
+        yield from (t for t, after in pairwise(times) if t == after)
+
+
+def _tables_in(model: Any) -> Iterator[list[float]]:
+    if isinstance(model, Mapping):
+        if "t" in model and "value" in model and len(model["t"]) > 1:
+            yield model["t"]
+        for inner in model.values():
+            yield from _tables_in(inner)
+    elif isinstance(model, list):
+        for inner in model:
+            yield from _tables_in(inner)
 
 
 def _on_cycle(spec: CouplingSpec) -> OnCycle:

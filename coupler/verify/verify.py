@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from contact.problem.values import did_you_mean
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.builders import build_half, known_halves
 from coupler.fmu.description import read_description, unpack
@@ -19,7 +20,6 @@ from coupler.fmu.half import Half
 from coupler.init.templates import templates
 from coupler.running.demo import shipped_scenarios
 from coupler.scenario import Scenario, load_scenario
-from coupler.scenario.document import did_you_mean
 from coupler.verify.behaviour import behaviour_findings
 from coupler.verify.bench import settled
 from coupler.verify.description_checks import description_findings, reference_finding, state_findings

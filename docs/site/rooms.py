@@ -50,6 +50,7 @@ ROOMS = {
     "contact/half": Room(13, 1, ("what every half is made of,", "and its FMI face")),
     "contact/rpc": Room(14, 1, ("calls that reach the service", "once, here or over zenoh")),
     "contact": Room(15, 1, ("geometry, laws, forces, and", "the service that answers")),
+    "contact/problem": Room(16, 1, ("the one declaration of a", "scene: keys, units, bounds")),
 }
 
 ARROWS = (
@@ -78,6 +79,7 @@ ARROWS = (
     ("contact/half/__init__.py", "contact/half"),
     ("contact/half", "contact/rpc"),
     ("contact/rpc", "contact"),
+    ("contact", "contact/problem"),
 )
 
 LEGEND = ("An arrow is an import. A room may import", "every room it reaches along the arrows,", "and no other.",

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from contact.half.functions import positive_property, property_from
 
-TABLE = {"T": [300.0, 400.0, 700.0], "value": [10.0, 40.0, 25.0]}
+TABLE = {"T": [300.0, 400.0, 700.0], "value": [10.0, 40.0, 25.0], "form": "cubic"}
 SPECS = [7.0, TABLE, {"T": [300.0, 500.0], "value": [1.0, 2.0]}, {"polynomial": [2.0, 0.01, 1e-5], "T_ref": 300.0}]
 
 
@@ -36,3 +36,17 @@ def test_increases_of_a_path_add_up():
 def test_what_must_be_positive(spec):
     with pytest.raises(ValueError, match="conductivity must be positive"):
         positive_property(spec, "conductivity")
+
+
+def test_a_table_is_straight_between_its_points_unless_it_is_said_to_be_cubic():
+    """(300, 1), (400, 100), (500, 1): the cubic has a third more under it, 100 x (1 + 2/3 x 99) and not 100 x 50.5."""
+    table = {"T": [300.0, 400.0, 500.0], "value": [1.0, 100.0, 1.0]}
+    linear, cubic = property_from(table), property_from(table | {"form": "cubic"})
+    T = np.array([250.0, 300.0, 325.0, 400.0, 450.0, 500.0, 600.0])
+    assert linear(T) == pytest.approx([1.0, 1.0, 25.75, 100.0, 50.5, 1.0, 1.0], rel=1e-15)
+    assert linear.slope(T) == pytest.approx([0.0, 0.99, 0.99, -0.99, -0.99, -0.99, 0.0], rel=1e-14)
+    under = [float(p.increase(np.array(300.0), np.array(500.0))) for p in (linear, cubic)]
+    assert under == pytest.approx([200 * 50.5, 2 * (100.0 + 2.0 / 3.0 * 9900.0)], rel=1e-13)
+    assert under[1] / under[0] == pytest.approx(1.3267, abs=1e-4)
+    assert property_from({"T": [300.0, 400.0], "value": [1.0, 2.0], "form": "cubic"})(T).tolist() == property_from(
+        {"T": [300.0, 400.0], "value": [1.0, 2.0]})(T).tolist()

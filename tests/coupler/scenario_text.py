@@ -10,7 +10,7 @@ from coupler.scenario import Scenario, load_scenario
 ROOT = Path(__file__).resolve().parents[2]
 
 GOOD = """\
-slideline: 1
+slideline: 2
 title: Two blocks
 units: {temperature: degC}
 geometry: plane

@@ -35,7 +35,7 @@ class Case:
     probes: bool = True
     title: str = "Two blocks that no solver saw"
     message: str = "thermal: no convergence in 25 iterations"
-    text: str = "slideline: 1\ntitle: synthetic\n"
+    text: str = "slideline: 2\ntitle: synthetic\n"
     ledger: bool = True
     kinks: tuple[float, ...] = KINKS
     melts: bool = False  # with a solid fraction and a heat flux in its frames

@@ -85,8 +85,9 @@ def test_bends_of_a_scenario() -> None:
 def test_bends_of_radiation_and_of_sums() -> None:
     scenario = load_scenario(ROOT / "scenarios/sliding_blocks.yaml")
     power = {"law": "power", "h0": 1.0, "h1": 1.0, "p0": 1.0, "exponent": 1.0, "p_max": 3e6}
-    thermal = {"pairs": {"interface": {"radiation": {"d_near": 0.0, "d_far": 2e-3},
-                                       "closed": {"law": "sum", "of": [power, {"law": "constant", "h": 1.0}]}}}}
+    total = {"law": "sum", "of": [power, {"law": "constant", "h": 1.0}]}
+    thermal = {"pairs": {"interface": {"radiation": {"gap": {"d_near": 0.0, "d_far": 2e-3}},
+                                       "conduction": {"closed": total}}}}
     pairs = scenario.interface.pairs
     found = branches_of(thermal, pairs, pair_nodes_of(scenario.interface))
     assert [(b.at, b.pressure) for b in found] == [(2e-3, False), (3e6, True)]

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from contact.problem.pairs import Augmented, ContactForm, ContactPair, Friction
 from coupler.scenario import load_scenario
-from coupler.scenario.physics import Augmented, ContactForm, ContactPair, Friction
 from mechanical_fmu.problem import parse_elastic
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

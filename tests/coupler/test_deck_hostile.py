@@ -117,10 +117,10 @@ def test_what_is_no_deck_is_refused(tmp_path, raw):
 
 
 def test_text_of_a_deck_cannot_leave_its_comment(tmp_path):
-    evil = "*NODE FILE, X=\x85slideline: 2\u2028thermal: {}\x0bmechanical\n"
+    evil = "*NODE FILE, X=\x85slideline: 9\u2028thermal: {}\x0bmechanical\n"
     _, told = converted(tmp_path, heat_deck(PRESCRIBED + evil, model="*TIE, NAME=\x1b[31m\nA, B\n"))
     text = told.files[0].read_text(encoding="utf-8")
-    assert [line for line in text.splitlines() if line.startswith("slideline")] == ["slideline: 1"]
+    assert [line for line in text.splitlines() if line.startswith("slideline")] == ["slideline: 2"]
     assert not set(text) & set("\x85\u2028\x0b\x1b")
 
 
@@ -130,7 +130,7 @@ def test_names_of_decks_cannot_leave_their_comment_either(tmp_path, name):
     deck.write_text(heat_deck(PRESCRIBED, model="*INITIAL CONDITIONS, TYPE=\x1b[31m\x85slideline: 3\n"))
     told = convert(deck, tmp_path / "scene.yaml")
     text = told.files[0].read_text(encoding="utf-8")
-    assert read_document(told.files[0]).tree["slideline"] == 1
+    assert read_document(told.files[0]).tree["slideline"] == 2
     assert all(line.isprintable() for line in text.split("\n"))
     assert all(line.isprintable() for line in told.lines)
 

@@ -32,7 +32,7 @@ def test_a_template_says_what_it_is_and_what_to_change(name: str, tmp_path: Path
     out = tmp_path / "mine.yaml"
     template = template_named(name)
     new_scenario(template, Choices(), out)
-    head = out.read_text(encoding="utf-8").partition("slideline: 1")[0]
+    head = out.read_text(encoding="utf-8").partition("slideline: 2")[0]
     assert "slideline run mine.yaml --report" in head
     assert "Change first:" in head
     assert "Expect:" in head

@@ -28,7 +28,7 @@ from fake_halves import FakeHalf
 from toy_halves import HALVES, environment
 
 SCENE = """
-slideline: 1
+slideline: 2
 title: A half of a third party
 units: {temperature: K}
 geometry: plane

@@ -138,7 +138,7 @@ def test_facts_and_versions(page: Page) -> None:
     assert page.row("kinks")[1].startswith("2500 s, 9900 s, 10000 s, 12500 s, 14772.7 s, 15000 s")
     assert page.row("versions")[1] == "python 3.11, numpy 2.0"
     assert "a note of the run" in page.words
-    assert "slideline: 1 title: synthetic" in page.words
+    assert "slideline: 2 title: synthetic" in page.words
 
 
 def test_names_of_strangers_are_text(tmp_path: Path) -> None:

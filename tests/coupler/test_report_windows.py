@@ -86,7 +86,7 @@ def test_the_highest_temperature_may_be_that_of_the_start(tmp_path: Path) -> Non
 
 
 def test_a_scene_speaks_for_itself(tmp_path: Path) -> None:
-    text = "# Two blocks meet.\n# They are <hot>.\n#\n# Run it: now\nslideline: 1\n"
+    text = "# Two blocks meet.\n# They are <hot>.\n#\n# Run it: now\nslideline: 2\n"
     results = write_run(tmp_path / "run.h5", Case(windows=2, frames=0, text=text))
     assert about(results) == "Two blocks meet. They are <hot>."
     assert "They are &lt;hot&gt;." in render(results)

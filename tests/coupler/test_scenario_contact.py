@@ -64,13 +64,13 @@ def test_model_json_says_what_the_interface_does_not(tmp_path: Path) -> None:
     """The tolerance of augmentation belongs to the elastic half, the share of friction heat to the thermal one."""
     plain = scene_of(tmp_path).models
     assert plain["mechanical"]["pairs"] == {"face": {}}
-    assert "friction_share" not in plain["thermal"]["pairs"]["face"]
+    assert "friction" not in plain["thermal"]["pairs"]["face"]
     full = scene_of(tmp_path, friction={"mu": 0.2, "share": 0.25}, augmented={"tolerance": 1e-5})
-    both = {"share": 1e-5, "method": "semi_smooth"}
+    both = {"tolerance": 1e-5, "method": "semi_smooth"}
     assert full.models["mechanical"]["pairs"] == {"face": {"augmented": both}}
-    assert full.models["thermal"]["pairs"]["face"]["friction_share"] == 0.25
+    assert full.models["thermal"]["pairs"]["face"]["friction"]["share"] == 0.25
     rounds = scene_of(tmp_path, augmented={"method": "uzawa"})
-    assert rounds.models["mechanical"]["pairs"] == {"face": {"augmented": 1e-3}}
+    assert rounds.models["mechanical"]["pairs"] == {"face": {"augmented": {"tolerance": 1e-3, "method": "uzawa"}}}
     assert parse_elastic(rounds.interface, rounds.models["mechanical"]).enforcement == "uzawa"
     # What a scenario writes, the halves take.
     assert parse_elastic(full.interface, full.models["mechanical"]).augmented == {"face": 1e-5}
@@ -93,7 +93,7 @@ def test_the_rigid_half_takes_what_has_no_force(tmp_path: Path) -> None:
              f"{FACE}.two_pass": True}
     scenario = load_text(tmp_path, GOOD, rigid)
     assert the_pair(scenario) == replace(PLAIN, two_pass=True, by_node=True)
-    assert set(scenario.models["mechanical"]["pairs"]["face"]) == {"pressure"}
+    assert set(scenario.models["mechanical"]["pressure"]) == {"face"}
 
 
 # keys of the pair, where the error is, words that the message or its remedy must hold
@@ -106,11 +106,12 @@ WRONG = {
     "sticking without friction": ({"friction": {"mu": 0, "stick": 1.0e12}}, "friction.stick", "without friction"),
     "sticking of no stiffness": ({"friction": {"mu": 0.1, "stick": 0}}, "friction.stick", "greater than zero"),
     "more than all of the heat": ({"friction": {"mu": 0.1, "share": 1.5}}, "friction.share", "between 0 and 1"),
-    "a negative share": ({"friction": {"mu": 0.1, "share": -0.1}}, "friction.share", "not be negative"),
+    "a negative share": ({"friction": {"mu": 0.1, "share": -0.1}}, "friction.share", "between 0 and 1"),
     "the key of before": ({"friction_share": 0.4}, "friction_share", "Did you mean 'friction'"),
-    "a tolerance of nothing": ({"augmented": {"tolerance": 0}}, "augmented.tolerance", "greater than zero"),
+    "a tolerance of nothing": ({"augmented": {"tolerance": 0}}, "augmented.tolerance",
+                               "between 1e-09 and 1, 1 excluded"),
     "a tolerance of round-off": ({"augmented": {"tolerance": 1e-12}}, "augmented.tolerance", "1e-09"),
-    "a tolerance of everything": ({"augmented": {"tolerance": 1.0}}, "augmented.tolerance", "below 1"),
+    "a tolerance of everything": ({"augmented": {"tolerance": 1.0}}, "augmented.tolerance", "1 excluded"),
     "an unknown way to settle": ({"augmented": {"method": "semi-smooth"}}, "augmented.method", "semi_smooth"),
     "augmented as a word": ({"augmented": True}, "augmented", "mapping"),
     "a penalty of no stiffness": ({"penalty": 0}, "penalty", "greater than zero"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import sys
 from collections.abc import Iterator
@@ -51,3 +52,14 @@ def test_the_limits_are_the_real_ones() -> None:
     for limit in (f"{document.MAX_BYTES // 1000} kB", f"{spaced} values", f"{document.MAX_ALIASES} aliases",
                   f"{document.MAX_DEPTH} levels", f"{timing.MAX_WINDOWS:,} windows".replace(",", " ")):
         assert limit in TEXT
+
+
+def test_the_tables_are_those_of_the_declaration() -> None:
+    found = importlib.util.spec_from_file_location("keys", ROOT / "docs/site/keys.py")
+    assert found is not None
+    assert found.loader is not None
+    keys = importlib.util.module_from_spec(found)
+    sys.modules["keys"] = keys
+    found.loader.exec_module(keys)
+    assert keys.page(TEXT) == TEXT, "stale: run python docs/site/keys.py"
+    assert TEXT.count("<!-- keys: ") == len(keys.MARK.findall(TEXT)) > 20

@@ -19,7 +19,7 @@ def table(x: str) -> str:
 
 def test_tables_of_conductance_in_temperature_become_kelvin(tmp_path: Path) -> None:
     text = GOOD.replace(CLOSED, f"{{law: sum, of: [{table('[-20, 100]')}, {{law: table, x: [0, 9], h: [1, 2]}}]}}")
-    inner, by_pressure = load_text(tmp_path, text).models["thermal"]["pairs"]["face"]["closed"]["of"]
+    inner, by_pressure = load_text(tmp_path, text).models["thermal"]["pairs"]["face"]["conduction"]["closed"]["of"]
     assert inner["x"] == pytest.approx([253.15, 373.15])
     assert inner["variable"] == "T"
     assert by_pressure["x"] == [0, 9]
@@ -27,17 +27,17 @@ def test_tables_of_conductance_in_temperature_become_kelvin(tmp_path: Path) -> N
 
 def test_kelvin_tables_are_left_alone(tmp_path: Path) -> None:
     text = GOOD.replace("degC", "K").replace(CLOSED, table("[20, 100]"))
-    assert load_text(tmp_path, text).models["thermal"]["pairs"]["face"]["closed"]["x"] == [20.0, 100.0]
+    assert load_text(tmp_path, text).models["thermal"]["pairs"]["face"]["conduction"]["closed"]["x"] == [20.0, 100.0]
 
 
 @pytest.mark.parametrize(("law", "key", "words"), [
     (table("[-300, 100]"), "contact.face.conduction.closed.x.0", "absolute zero"),
-    (table("[100, 20]"), "contact.face.conduction.closed", "increase"),
+    (table("[100, 20]"), "contact.face.conduction.closed.x", "increase"),
     (table("[20, hot]"), "contact.face.conduction.closed.x.1", "number"),
-    ("{law: sum, of: [3]}", "contact.face.conduction.closed", "law"),
-    ("{law: sum, of: 3}", "contact.face.conduction.closed", "law"),
-    ("{law: sum, of: []}", "contact.face.conduction.closed", "sum"),
-    ("{law: table, variable: Q, x: [0, 1], h: [1, 1]}", "contact.face.conduction.closed", "variable"),
+    ("{law: sum, of: [3]}", "contact.face.conduction.closed.of.0", "law"),
+    ("{law: sum, of: 3}", "contact.face.conduction.closed.of", "list"),
+    ("{law: sum, of: []}", "contact.face.conduction.closed.of", "at least one law"),
+    ("{law: table, variable: Q, x: [0, 1], h: [1, 1]}", "contact.face.conduction.closed.variable", "Known here: T, x"),
     ("3", "contact.face.conduction.closed", "contact law"),
 ])
 def test_a_law_that_is_none_is_named(law: str, key: str, words: str, tmp_path: Path) -> None:

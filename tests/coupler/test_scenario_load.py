@@ -24,12 +24,12 @@ def test_temperatures_become_kelvin_everywhere(tmp_path: Path) -> None:
     thermal = load_text(tmp_path, text).models["thermal"]
     assert thermal["bodies"]["lower"]["T0"] == pytest.approx(293.15)
     steel = thermal["materials"]["steel"]
-    assert steel["k"] == {"T": [273.15, 373.15], "value": [30.0, 40.0]}
+    assert steel["k"] == {"T": [273.15, 373.15], "value": [30.0, 40.0], "form": "linear"}
     assert steel["c"] == {"polynomial": [500.0, 1.0], "T_ref": 293.15}
     oven, flux, film = thermal["boundary"]
-    assert oven["value"] == {"t": [0.0, 20.0], "value": [293.15, 673.15]}
-    assert flux == {"kind": "flux", "value": 1000.0, "on": "upper.top", "name": "lamp"}
-    assert (film["T"], film["h"], film["d_cut"], film["d_full"]) == (473.15, 40.0, 1e-3, 6e-3)
+    assert oven["temperature"] == {"t": [0.0, 20.0], "value": [293.15, 673.15]}
+    assert flux == {"flux": 1000.0, "on": "upper.top", "name": "lamp"}
+    assert film["convection"] == {"T": 473.15, "h": 40.0, "exponent": 0.0, "gap": {"d_cut": 1e-3, "d_full": 6e-3}}
 
 
 def test_kelvin_stays_kelvin_and_other_signals_are_not_shifted(tmp_path: Path) -> None:
@@ -37,21 +37,22 @@ def test_kelvin_stays_kelvin_and_other_signals_are_not_shifted(tmp_path: Path) -
     assert s.temperature_unit == "K"
     assert s.models["thermal"]["bodies"]["upper"]["T0"] == 100.0
     c = load_text(tmp_path, GOOD)
-    assert c.models["mechanical"]["boundary"][2]["value"]["value"] == [0.0, 0.0, -1e-4, -2e-4]
+    assert c.models["mechanical"]["boundary"][1]["u_y"]["value"] == [0.0, 0.0, -1e-4, -2e-4]
     assert c.models["mechanical"]["materials"]["steel"]["T_ref"] == pytest.approx(293.15)
 
 
 def test_models_have_the_documented_form(tmp_path: Path) -> None:
     elastic = load_text(tmp_path, GOOD).models["mechanical"]
     assert elastic["half"] == "elastic"
-    assert [(b["kind"], b["component"], b["on"]) for b in elastic["boundary"]] == [
-        ("displacement", 0, "lower.bottom"), ("displacement", 1, "lower.bottom"), ("displacement", 1, "upper.top"),
-        ("displacement", 0, "upper.top.left")]
+    push = {"t": [0.0, 10.0, 10.0, 30.0], "value": [0.0, 0.0, -1e-4, -2e-4]}
+    assert elastic["boundary"] == [{"on": "lower.bottom", "u_x": 0.0, "u_y": 0.0}, {"on": "upper.top", "u_y": push},
+                                   {"at": "upper.top.left", "u_x": 0.0}]
     assert elastic["tolerance"] == 1e-8
     thermal = load_text(tmp_path, GOOD).models["thermal"]
     assert thermal["method"] == "midpoint"
-    assert thermal["pairs"]["face"] == {"closed": {"law": "constant", "h": 2000}, "closed_factor": 1.0,
-                                        "open": {"law": "gas", "k_g": 0.05, "g_m": 25e-6}, "open_factor": 1.0}
+    assert thermal["pairs"]["face"]["conduction"] == {
+        "closed": {"law": "constant", "h": 2000.0}, "closed_factor": 1.0,
+        "open": {"law": "gas", "k_g": 0.05, "g_m": 25e-6}, "open_factor": 1.0}
 
 
 def test_swapping_the_half_uses_what_the_file_says_of_the_other(tmp_path: Path) -> None:
@@ -59,8 +60,8 @@ def test_swapping_the_half_uses_what_the_file_says_of_the_other(tmp_path: Path) 
     assert rigid.mechanical_half == "rigid"
     assert rigid.thermal_half == "thermal"
     model = rigid.models["mechanical"]
-    assert model["pairs"] == {"face": {"pressure": 1e6}}
-    assert model["bodies"]["upper"]["u_y"]["t"] == [0.0, 10.0, 10.0, 30.0]
+    assert model["pressure"] == {"face": 1e6}
+    assert model["motion"]["upper"]["u_y"]["t"] == [0.0, 10.0, 10.0, 30.0]
     assert rigid.interface.mesh_hash == load_text(tmp_path, GOOD).interface.mesh_hash
 
 
@@ -155,7 +156,7 @@ def test_sliding_blocks_are_those_of_the_paper() -> None:
 def test_a_condition_at_a_point_without_a_node_goes_to_the_nearest_and_says_so(tmp_path):
     scenario = load_text(tmp_path, GOOD.replace("{at: upper.top.left", "{at: upper.top.centre"))
     model = scenario.models["mechanical"]
-    (name,) = {b["on"] for b in model["boundary"] if b["on"].endswith(".nearest")}
+    (name,) = {b["at"] for b in model["boundary"] if b.get("at", "").endswith(".nearest")}
     (node,) = scenario.interface.node_sets[name]
     top = scenario.interface.nodes[scenario.interface.surfaces["upper.top"]].reshape(-1, 2)
     centre = 0.5 * (top.min(axis=0) + top.max(axis=0))

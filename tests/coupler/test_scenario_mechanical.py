@@ -60,7 +60,8 @@ def model_of(folder, *changes):
 
 def test_a_scenario_without_any_of_it_says_none_of_it(tmp_path):
     model, spec = model_of(tmp_path)
-    assert set(model) == {"half", "format", "tolerance", "materials", "bodies", "boundary", "pairs"}
+    assert set(model) == {"half", "format", "tolerance", "materials", "bodies", "boundary", "pairs", "method", "cuts",
+                          "element", "state", "thermoelastic_heat", "adiabatic"}
     assert set(model["materials"]["steel"]) == {"E", "nu", "alpha", "T_ref"}
     assert spec.dynamics is None
     assert spec.method == "newton"
@@ -68,15 +69,18 @@ def test_a_scenario_without_any_of_it_says_none_of_it(tmp_path):
 
 def test_everything_arrives(tmp_path):
     model, spec = model_of(tmp_path, (ENTRIES, WHOLE))
-    entries = [(b["kind"], b["on"], b.get("component")) for b in model["boundary"]]
-    assert entries == [("displacement", "upper", 0), ("displacement", "upper", 2), ("force", "upper", 1),
-                       ("force", "upper", 2), ("displacement", "lower.bottom", 0), ("displacement", "lower.bottom", 1),
-                       ("traction", "lower.right", 0), ("traction", "lower.right", 1), ("force", "lower.top.left", 0),
-                       ("force", "lower.top.left", 1), ("body_force", "lower", 0), ("gravity", "lower", 1),
-                       ("gravity", "upper", 1)]
+    moved = [("displacement", d.on, d.component) for d in spec.displacements]
+    assert moved == [("displacement", "upper", 0), ("displacement", "upper", 2), ("displacement", "lower.bottom", 0),
+                     ("displacement", "lower.bottom", 1)]
+    dead = [(d.kind, d.on, d.component) for d in spec.dead]
+    assert dead == [("force", "upper", 1), ("force", "upper", 2), ("traction", "lower.right", 0),
+                    ("traction", "lower.right", 1), ("force", "lower.top.left", 0), ("force", "lower.top.left", 1),
+                    ("body_force", "lower", 0), ("gravity", "lower", 1), ("gravity", "upper", 1)]
     assert spec.load_names == ("weight", "g")
-    assert model["bodies"] == {"lower": {"material": "steel", "element": "mean_dilatation"},
-                               "upper": {"material": "steel", "rigid": True, "v0": [1.0, 2.0, 3.0]}}
+    assert model["bodies"] == {
+        "lower": {"material": "steel", "element": "mean_dilatation", "rigid": False, "v0": [0.0, 0.0], "omega0": 0.0},
+        "upper": {"material": "steel", "rigid": True, "v0": [1.0, 2.0], "omega0": 3.0}}
+    assert spec.bodies[1].v0 == (1.0, 2.0, 3.0)
     assert (model["method"], model["cuts"], model["state"], model["element"]) == ("bfgs", 2, "plane_stress", "enhanced")
     assert model["dynamics"] == {"rho_inf": 0.8, "mass": "lumped"}
     assert spec.dynamics is not None
@@ -88,7 +92,7 @@ def test_everything_arrives(tmp_path):
 def test_materials_that_flow_arrive_in_kelvin(tmp_path):
     flow, _ = model_of(tmp_path, (STEEL, FLOWS))
     plastic = flow["materials"]["steel"]["plastic"]
-    assert plastic["yield"] == {"T": [293.15, 873.15], "value": [250e6, 90e6]}
+    assert plastic["s_y"] == {"T": [293.15, 873.15], "value": [250e6, 90e6], "form": "linear"}
     assert plastic["hardening"] == {"law": "voce", "Q": 1e8, "b": 12.0, "H": 1e9}
     assert (plastic["kinematic"], plastic["overstress"], plastic["chi"]) == (
         {"C": 1e10, "gamma": 50.0}, {"K": 1e6, "m": 0.5}, 0.8)
@@ -96,36 +100,39 @@ def test_materials_that_flow_arrive_in_kelvin(tmp_path):
     material = melt["materials"]["steel"]
     assert material["plastic"]["hardening"]["T"] == [293.15, 1173.15]
     assert (material["liquid"]["T_s"], material["liquid"]["T_l"]) == (1673.15, 1723.15)
-    assert material["creep"] == {"A": 1e-40, "n": 4.0, "Q": 2e5}
+    assert material["creep"] == {"A": 1e-40, "n": 4.0, "Q": 2e5, "heat": 1.0}
     assert spec.materials[0].kind
 
 
 @pytest.mark.parametrize(("old", "new", "text"), [
     (STEEL, STEEL[:-1] + ", plastic: {chi: 0.9}}", "the yield stress is missing"),
-    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1.0e8, hardening: {law: voce, Q: 1.0e8}}}", "the law voce needs b"),
-    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1.0e8, hardening: {law: linear, H: 1.0e8, b: 3}}}", "has no b"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1.0e8, hardening: {law: voce, Q: 1.0e8}}}",
+     "plastic.hardening.b: a required key is missing"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1.0e8, hardening: {law: linear, H: 1.0e8, b: 3}}}",
+     "plastic.hardening.b: unknown key"),
     (STEEL, STEEL[:-1] + ", creep: {A: 1, m: 0.5}}", "either A and n, or K and m"),
     (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 800}}", "melting must not begin above"),
     (STEEL, STEEL[:-1] + ", plastic: {s_y: -1}}", "plastic.s_y: must be greater than zero"),
     (STEEL, STEEL[:-1] + ", plastic: {s_y: {T: [0, 9], value: [1, 0]}}}", "plastic.s_y.value.1: must be greater"),
-    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, factor: -1}}", "plastic.factor: must not be less than zero"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, factor: -1}}", "plastic.factor: must not be negative"),
     (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, hardening: {law: linear, H: -1}}}", "falls with plastic strain"),
     (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, hardening: {law: voce, Q: -1, b: 2, H: 1}}}", "falls with plastic"),
     (STEEL, STEEL[:-1] + ", plastic: {hardening: {law: table, strain: [0, 1], stress: [2, 1]}}}", "falls with"),
     (STEEL, STEEL[:-1] + ", plastic: {hardening: {law: table, T: [0, 1], strain: [0, 1], stress: [[2, 2], [2, 1]]}}}",
      "softening: true"),
     (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, kinematic: {C: 0}}}", "kinematic.C: must be greater than zero"),
-    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, kinematic: {C: 1, gamma: -1}}}", "gamma: must not be less than zero"),
-    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, overstress: {K: -1, m: 1}}}", "overstress.K: must not be less than zero"),
-    (STEEL, STEEL[:-1] + ", creep: {A: -1, n: 3}}", "creep.A: must not be less than zero"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, kinematic: {C: 1, gamma: -1}}}", "gamma: must not be negative"),
+    (STEEL, STEEL[:-1] + ", plastic: {s_y: 1, overstress: {K: -1, m: 1}}}", "overstress.K: must not be negative"),
+    (STEEL, STEEL[:-1] + ", creep: {A: -1, n: 3}}", "creep.A: must not be negative"),
     (STEEL, STEEL[:-1] + ", creep: {K: 0, m: 0.5}}", "creep.K: must be greater than zero"),
-    (STEEL, STEEL[:-1] + ", creep: {K: 1, m: 2}}", "creep.m: must be at most 1"),
+    (STEEL, STEEL[:-1] + ", creep: {K: 1, m: 2}}", "creep.m: must be greater than zero and at most 1"),
     (STEEL, STEEL[:-1] + ", liquid: {eta: 0, bulk: 1, T_s: 900, T_l: 910}}", "liquid.eta: must be greater than zero"),
     (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 0, T_s: 900, T_l: 910}}", "liquid.bulk: must be greater than zero"),
-    (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 910, shrinkage: 2}}", "is a linear strain"),
+    (STEEL, STEEL[:-1] + ", liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 910, shrinkage: 2}}",
+     "shrinkage: must lie between -0.5 and 0.5"),
     (STEEL, STEEL[:-1] + ", latent: {L: 1, T_m: 700}, liquid: {eta: 1, bulk: 1, T_s: 900, T_l: 910}}",
      "One material melts once"),
-    (STEEL, STEEL.replace("nu: 0.3", "nu: {T: [0, 1], value: [0.3, 0.5]}"), "Poisson's ratio"),
+    (STEEL, STEEL.replace("nu: 0.3", "nu: {T: [0, 1], value: [0.3, 0.5]}"), "nu.value.1: must lie between -1 and 0.5"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, u_y: push, t_x: 1}", "one kind of condition"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, f_y: push}", "a force acts at a point"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, b_y: push}", "a body force acts on a body"),
@@ -136,10 +143,10 @@ def test_materials_that_flow_arrive_in_kelvin(tmp_path):
     (ENTRIES, ENTRIES + "    bodies: {upper: {v0: [1, 0]}}\n", "without dynamics a body has no velocity"),
     (ENTRIES, ENTRIES + "    dynamics: {}\n    skip: {u: 1.0e-6}\n", "with inertia every step must be solved"),
     (ENTRIES, ENTRIES + "    dynamics: {beta: 0.25, alpha: -0.1}\n", "is enough"),
-    (ENTRIES, ENTRIES + "    tolerance: 2\n", "is a share of the forces"),
+    (ENTRIES, ENTRIES + "    tolerance: 2\n", "It is a share of the forces"),
     (ENTRIES, ENTRIES.replace("push}", "push, name: p}") + "    gravity: {y: -9, name: p}\n",
      "already that of a boundary"),
-    (ENTRIES, ENTRIES + "    cuts: 2.5\n", "whole number from 0 to 12"),
+    (ENTRIES, ENTRIES + "    cuts: 2.5\n", "cuts: must be a whole number, 0 or more"),
     (ENTRIES, ENTRIES + "    method: newtn\n", "newton"),
 ])
 def test_what_does_not_fit_is_refused_before_any_solver(tmp_path, old, new, text):

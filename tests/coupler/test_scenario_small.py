@@ -25,9 +25,9 @@ def test_what_the_halves_are_given() -> None:
     s = load_scenario(CASTING)
     assert (s.thermal_half, s.mechanical_half) == ("thermal_rod", "mechanical_rod")
     mechanical = s.models["mechanical"]
-    assert mechanical["materials"]["aluminium"]["shrinkage"] == 0.0225026
-    assert mechanical["bodies"] == {"rod": {"material": "aluminium", "left": 0.0},
-                                    "mould": {"material": "die", "left": 0.0, "right": 0.0}}
+    assert mechanical["materials"]["aluminium"]["liquid"]["shrinkage"] == 0.0225026
+    assert mechanical["bodies"] == {"rod": {"material": "aluminium"}, "mould": {"material": "die"}}
+    assert mechanical["held"] == {"rod": {"left": 0.0}, "mould": {"left": 0.0, "right": 0.0}}
     assert load_scenario(CASTING, overrides={"thermal.half": "lumped"}).thermal_half == "lumped"
 
 

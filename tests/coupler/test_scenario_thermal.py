@@ -51,7 +51,8 @@ def error_in(folder: Path, old: str, new: str) -> ScenarioError:
 def test_materials_become_si_kelvin_and_radians(tmp_path: Path) -> None:
     steel = load_text(tmp_path, RICH).models["thermal"]["materials"]["steel"]
     assert steel["k"] == {"k_1": {"solid": 210.0, "liquid": 95.0},
-                          "k_2": {"T": [273.15, 973.15], "value": [10.0, 20.0]}, "angle": pytest.approx(pi / 6),
+                          "k_2": {"T": [273.15, 973.15], "value": [10.0, 20.0], "form": "linear"},
+                          "angle": pytest.approx(pi / 6),
                           "turns": False}
     assert steel["c"]["liquid"] == {"polynomial": [600.0, 0.1], "T_ref": pytest.approx(933.15)}
     assert steel["latent"] == {"L": 4e5, "T_s": pytest.approx(923.15), "T_l": pytest.approx(933.15)}
@@ -60,23 +61,25 @@ def test_materials_become_si_kelvin_and_radians(tmp_path: Path) -> None:
 def test_one_melting_point_stands_for_both_limits_and_axes_turn_by_default(tmp_path: Path) -> None:
     text = RICH.replace("T_s: 650, T_l: 660", "T_m: 660").replace(", angle: 30, turns: false", "").replace("degC", "K")
     steel = load_text(tmp_path, text).models["thermal"]["materials"]["steel"]
-    assert steel["latent"] == {"L": 4e5, "T_s": 660.0, "T_l": 660.0}
+    assert steel["latent"] == {"L": 4e5, "T_m": 660.0}
     assert (steel["k"]["angle"], steel["k"]["turns"]) == (0.0, True)
 
 
 def test_a_sum_of_temperatures_gets_one_term_to_kelvin(tmp_path: Path) -> None:
     oven, flux, film, sky = load_text(tmp_path, RICH).models["thermal"]["boundary"]
-    *own, more = oven["value"]["terms"]
+    *own, more = oven["temperature"]["terms"]
     assert own == [{"t": {"t": [0.0, 20.0], "value": [20.0, 400.0]}}, {"t": 10.0, "x": {"polynomial": [0.0, 1.0]}}]
     assert more == {"t": 273.15}
-    assert field_from(oven["value"]).at(lower_bottom(2.0), 20.0) == pytest.approx([673.15 + 20.0])
-    assert flux["value"] == {"terms": [{"t": 1.0, "x": {"polynomial": [1.0, 2.0]},
+    assert field_from(oven["temperature"]).at(lower_bottom(2.0), 20.0) == pytest.approx([673.15 + 20.0])
+    assert flux["flux"] == {"terms": [{"t": 1.0, "x": {"polynomial": [1.0, 2.0]},
                                         "y": {"at": [0.0, 2.0], "value": [0.0, 9.0]}}]}
+    film = film["convection"]
     assert film["h"]["terms"] == [{"t": 40.0, "x": {"at": [0.0, 2.0], "value": [1.0, 2.0]}}]
-    assert film["h_factor"] == {"T": [273.15, 323.15], "value": [0.0, 1.0]}
+    assert film["h_factor"] == {"T": [273.15, 323.15], "value": [0.0, 1.0], "form": "linear"}
     assert field_from(film["T"]).at(lower_bottom(0.0), 5.0) == pytest.approx([474.15])
-    assert sky == {"kind": "radiation", "on": "upper.bottom", "name": "sky", "T": 300.15, "d_near": 1e-3, "d_far": 5e-3,
-                   "emissivity": {"T": [273.15, 373.15], "value": [0.1, 0.8]}}
+    assert sky == {"on": "upper.bottom", "name": "sky", "radiation": {
+        "T": 300.15, "gap": {"d_near": 1e-3, "d_far": 5e-3},
+        "emissivity": {"T": [273.15, 373.15], "value": [0.1, 0.8], "form": "linear"}}}
 
 
 def lower_bottom(x: float) -> np.ndarray:
@@ -85,7 +88,7 @@ def lower_bottom(x: float) -> np.ndarray:
 
 def test_a_sum_in_kelvin_gets_no_further_term(tmp_path: Path) -> None:
     oven = load_text(tmp_path, RICH.replace("degC", "K")).models["thermal"]["boundary"][0]
-    assert len(oven["value"]["terms"]) == 2
+    assert len(oven["temperature"]["terms"]) == 2
 
 
 def test_sources_pairs_and_stepping(tmp_path: Path) -> None:
@@ -93,17 +96,17 @@ def test_sources_pairs_and_stepping(tmp_path: Path) -> None:
     thermal = s.models["thermal"]
     upper = thermal["bodies"]["upper"]
     assert upper["Q_T"]["terms"][0]["t"] == {"t": [0.0, 3.0, 8.0], "value": [0.0, 1.0, 1.0]}
-    assert upper["Q_T_factor"] == {"T": [273.15, 373.15], "value": [1.0, 2.0]}
+    assert upper["Q_T_factor"] == {"T": [273.15, 373.15], "value": [1.0, 2.0], "form": "linear"}
     assert "Q_T_factor" not in thermal["bodies"]["lower"]
     assert {k: thermal[k] for k in ("method", "theta", "sigma_SB")} == {
         "method": "theta", "theta": 0.6, "sigma_SB": 5.67e-8}
     # Differences of temperature: not converted.
     assert thermal["adaptive"] == {"tolerance": 0.1, "max_dT": 5.0, "least": 1e-3}
     pair = thermal["pairs"]["face"]
-    assert pair["friction_share"] == 0.5
+    assert pair["friction"]["share"] == 0.5
     assert pair["radiation"] == {"emissivity_slave": 0.1,
-                                 "emissivity_master": {"T": [273.15, 282.15], "value": [0.2, 1.0]}, "d_near": 1e-3,
-                                 "d_far": 5e-3}
+                                 "emissivity_master": {"T": [273.15, 282.15], "value": [0.2, 1.0], "form": "linear"},
+                                 "gap": {"d_near": 1e-3, "d_far": 5e-3}}
     assert s.notes == ("pair face: near radiation ends at a gap of 0.005 m, and lower.top has no radiation of its own: "
                        "farther apart, and where it faces nothing, it gives off none",)
 
@@ -114,10 +117,11 @@ def test_kinks_of_signals_inside_fields_count(tmp_path: Path) -> None:
 
 def test_what_is_left_out_is_not_in_the_model(tmp_path: Path) -> None:
     thermal = load_text(tmp_path, GOOD).models["thermal"]
-    assert set(thermal) == {"half", "format", "method", "tolerance", "materials", "bodies", "boundary", "pairs"}
+    assert set(thermal) == {"half", "format", "method", "tolerance", "sigma_SB", "materials", "bodies", "boundary",
+                            "pairs"}
     assert set(thermal["materials"]["steel"]) == {"rho", "k", "c"}
     assert set(thermal["bodies"]["upper"]) == {"material", "T0", "Q_T"}
-    assert set(thermal["pairs"]["face"]) == {"closed", "open", "closed_factor", "open_factor"}
+    assert set(thermal["pairs"]["face"]) == {"conduction"}
 
 
 def test_steady_increments(tmp_path: Path) -> None:
@@ -189,7 +193,7 @@ WRONG = {
                                 "thermal.boundary.3.on", "Did you mean 'upper.bottom'"),
     "more than the whole": ("share: 0.5", "share: 1.5", "contact.face.friction.share",
                             "between 0 and 1"),
-    "a negative share": ("share: 0.5", "share: -1", "contact.face.friction.share", "negative"),
+    "a negative share": ("share: 0.5", "share: -1", "contact.face.friction.share", "between 0 and 1"),
     "theta below a half": ("theta: 0.6", "theta: 0.4", "thermal.theta", "between 0.5 and 1"),
     "theta above one": ("theta: 0.6", "theta: 1.1", "thermal.theta", "between 0.5 and 1"),
     "theta left out": (STEPS, "  method: theta\n", "thermal.method", "Add theta"),
@@ -197,7 +201,7 @@ WRONG = {
     "increments in time": (STEPS, "  increments: 3\n", "thermal.increments", "belongs to method steady"),
     "no increments": (STEPS, "  method: steady\n  increments: 0\n", "thermal.increments", "1 or more"),
     "millions of increments": (f"{STEPS}  sigma_SB: 5.67e-8\n{ADAPTIVE}", "  method: steady\n  increments: 1000000\n",
-                               "thermal.increments", "more than 100000"),
+                               "thermal.increments", "at most 100000"),
     "adaptive without time": (STEPS, "  method: steady\n", "thermal.adaptive", "Use increments"),
     "adaptive by nothing": (ADAPTIVE, "  adaptive: {least: 1}\n", "thermal.adaptive", "tolerance, max_dT"),
     "an unknown key of adaptive": (ADAPTIVE, "  adaptive: {tol: 1}\n", "thermal.adaptive.tol", "tolerance"),
@@ -257,14 +261,14 @@ def test_what_is_no_error_is_noted(old: str, new: str, words: str, tmp_path: Pat
 
 
 def test_a_surface_that_folds_is_told_once() -> None:
-    near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "d_near": 1e-3, "d_far": 5e-3}
+    near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "gap": {"d_near": 1e-3, "d_far": 5e-3}}
     notes = thermal_notes({"pairs": {"fold": {"radiation": near}}}, [Pair("fold", "a.top", "a.top", 0.1, 0.0)])
     assert len(notes) == 1
     assert "a.top has no radiation of its own" in notes[0]
 
 
 def test_surfaces_without_radiation_of_their_own_are_told_in_one_sentence() -> None:
-    near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "d_near": 1e-3, "d_far": 5e-3}
+    near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "gap": {"d_near": 1e-3, "d_far": 5e-3}}
     pairs = [Pair("side", "a.right", "b.wall", 0.1, 0.0), Pair("base", "a.bottom", "b.floor", 0.1, 0.0)]
     notes = thermal_notes({"pairs": {p.name: {"radiation": near} for p in pairs}}, pairs)
     assert len(notes) == 1

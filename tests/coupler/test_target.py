@@ -40,7 +40,7 @@ def test_new_empty_and_older_results_files_will_do(tmp_path: Path, run_h5: Path)
 ])
 def test_what_else_stands_there_stays(tmp_path: Path, name: str, says: str) -> None:
     (tmp_path / "folder").mkdir()
-    (tmp_path / "s.yaml").write_text("slideline: 1\n")
+    (tmp_path / "s.yaml").write_text("slideline: 2\n")
     os.mkfifo(tmp_path / "device")
     with h5py.File(tmp_path / "foreign.h5", "w") as f:
         f["a"] = 1
@@ -50,16 +50,16 @@ def test_what_else_stands_there_stays(tmp_path: Path, name: str, says: str) -> N
 
 def test_the_recorder_asks_too(tmp_path: Path) -> None:
     scenario = tmp_path / "s.yaml"
-    scenario.write_text("slideline: 1\n")
+    scenario.write_text("slideline: 2\n")
     with pytest.raises(ResultsError, match="not a results file"):
         Recorder(scenario, {}, blocks(2))
     assert [p.name for p in tmp_path.iterdir()] == ["s.yaml"]
-    assert scenario.read_text() == "slideline: 1\n"
+    assert scenario.read_text() == "slideline: 2\n"
 
 
 @pytest.mark.parametrize("name", ["old.h5", "s.yaml"])
 def test_a_page_replaces_pages_only(tmp_path: Path, run_h5: Path, name: str) -> None:
-    (tmp_path / "s.yaml").write_text("slideline: 1\n")
+    (tmp_path / "s.yaml").write_text("slideline: 2\n")
     before = (tmp_path / name).read_bytes()
     with pytest.raises(ResultsError, match="not a page"):
         write_report(Results(run_h5), tmp_path / name)

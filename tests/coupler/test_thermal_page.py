@@ -12,23 +12,13 @@ import pytest
 from pydantic import BaseModel
 from ruamel.yaml import YAML
 
+from contact.problem.boundary import RadiationGap
+from contact.problem.material import Axes, Latent
+from contact.problem.pairs import Conduction, NearRadiation
+from contact.problem.thermal import Adaptive, Convection, FilmGap, Method, Radiation, ThermalBoundary
+from contact.problem.values import FieldSum, Phases, Term
 from coupler.scenario import load_scenario
-from coupler.scenario.physics import (
-    Adaptive,
-    Axes,
-    Conduction,
-    Convection,
-    FilmGap,
-    Latent,
-    Method,
-    NearRadiation,
-    Phases,
-    Radiation,
-    RadiationGap,
-    Thermal,
-    ThermalBoundary,
-)
-from coupler.scenario.values import FieldSum, Term
+from coupler.scenario.schema import Thermal
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from thermal_page import PAGE, scenes

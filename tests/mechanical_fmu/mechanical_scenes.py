@@ -68,18 +68,24 @@ def blocks(lower, upper, gap=0.0, L=1.0, kinds=("quads", "quads"), eps_N=None, g
 
 def elastic(interface, boundary=(), material=None, tolerance=1e-8, **more):
     """The elastic half of one material."""
-    return load(interface, {"half": "elastic", "format": 1, "tolerance": tolerance,
+    return load(interface, {"half": "elastic", "format": 2, "tolerance": tolerance,
                             "materials": {"m": STEEL | (material or {})},
-                            "bodies": {b: {"material": "m"} for b in interface.bodies}, "boundary": list(boundary),
-                            **more})
+                            "bodies": {b: {"material": "m"} for b in interface.bodies},
+                            "boundary": placed(interface, boundary), **more})
+
+
+def placed(interface, boundary):
+    """Conditions with `at` where they stand on a node set, `body` where on a body."""
+    keys = dict.fromkeys(interface.node_sets, "at") | dict.fromkeys(interface.bodies, "body")
+    return [{keys.get(value, key) if key == "on" else key: value for key, value in b.items()} for b in boundary]
 
 
 def hold(on, component, value=0.0, **more):
-    return {"kind": "displacement", "on": on, "component": component, "value": value, **more}
+    return {"on": on, ("u_x", "u_y", "angle")[component]: value, **more}
 
 
 def press(on, value, **more):
-    return {"kind": "pressure", "on": on, "value": value, **more}
+    return {"on": on, "pressure": value, **more}
 
 
 def inputs_of(half, T=None, **loads):

@@ -34,7 +34,8 @@ def link():
 
 def bar(eps_L_over_E, augmented=None, stroke=(0.0, -DELTA), **more):
     """Two blocks squeezed by DELTA in the first second; a tolerance where they are augmented."""
-    pairs = {} if augmented is None else {"pairs": {"interface": {"augmented": augmented}}}
+    pairs = {} if augmented is None else {"pairs": {"interface": {"augmented": {"tolerance": augmented,
+                                                                                "method": "uzawa"}}}}
     driven = hold("upper.top", 1, {"t": list(range(len(stroke))), "value": list(stroke)})
     interface = blocks(4, 4, eps_N=eps_L_over_E * MODULUS / LENGTH)
     return elastic(interface, [*HOLDS, driven], **({"tolerance": 1e-11} | pairs | more))

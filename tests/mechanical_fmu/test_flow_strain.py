@@ -50,7 +50,7 @@ def test_it_is_the_strain_less_the_elastic_part() -> None:
 
 
 def test_plastic_strain_counts_too() -> None:
-    (*_, last) = drawn(6, plastic={"yield": 50e6})
+    (*_, last) = drawn(6, plastic={"s_y": 50e6})
     e = 2.0 / np.sqrt(3.0) * RATE * DT * 6 - elastic_share(50e6)
     assert last["flow.block"] == pytest.approx(e, rel=2e-3)
 

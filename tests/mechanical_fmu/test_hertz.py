@@ -54,7 +54,7 @@ def test_half_width_and_pressure(case):
     lower = {"E": 1e5 * upper["E"], "nu": 0.3} if rigid else upper
     boundary = [hold("lower.bottom", 1), hold("lower.left", 0), hold("upper.left", 0),
                 hold("upper.top", 1, {"t": [0.0, 2.0], "value": [0.0, -expected["push"]]})]
-    half = load(interface, {"half": "elastic", "format": 1, "tolerance": 1e-8,
+    half = load(interface, {"half": "elastic", "format": 2, "tolerance": 1e-8,
                             "materials": {"lower": lower, "upper": upper},
                             "bodies": {b: {"material": b} for b in interface.bodies}, "boundary": boundary})
     with closing(open_link("direct")) as link:

@@ -18,10 +18,10 @@ STROKE = {"t": [0, 1, 2], "value": [0, -1e-3, -1.01e-3]}
 MODELS = {
     "elastic": {"materials": {"m": STEEL}, "bodies": {"lower": {"material": "m"}, "upper": {"material": "m"}},
                 "boundary": [hold("lower.bottom", 1), hold("lower.left", 0),
-                             hold("upper.top", 1, STROKE), hold("upper.middle", 0),
+                             hold("upper.top", 1, STROKE), {"at": "upper.middle", "u_x": 0.0},
                              hold("lower.left", 1),
                              hold("lower.right", 0, 1e-9, name="squash"), hold("lower.right", 1)]},
-    "rigid": {"bodies": {"upper": {"u_y": STROKE}}, "pairs": {"interface": {"pressure": 1e7}}},
+    "rigid": {"motion": {"upper": {"u_y": STROKE}}, "pressure": {"interface": 1e7}},
 }
 DRIVE = """
 import sys
@@ -58,7 +58,7 @@ print("well")
 @pytest.mark.parametrize("kind", MODELS)
 def test_an_fmu_is_built_valid_steps_restores_and_refuses(tmp_path, kind):
     write_interface(blocks(4, 5, gap=1e-3), tmp_path / "interface.h5")
-    (tmp_path / "model.json").write_text(json.dumps({"half": kind, "format": 1} | MODELS[kind]), encoding="utf-8")
+    (tmp_path / "model.json").write_text(json.dumps({"half": kind, "format": 2} | MODELS[kind]), encoding="utf-8")
     fmu = tmp_path / f"{kind}.fmu"
     run([sys.executable, "-m", "mechanical_fmu.build", str(tmp_path), str(fmu)])
     assert run([sys.executable, "-c", DRIVE, str(fmu), *(["squash"] if kind == "elastic" else [])]) == "well"
@@ -66,7 +66,7 @@ def test_an_fmu_is_built_valid_steps_restores_and_refuses(tmp_path, kind):
 
 def test_the_builder_of_a_wrong_model_says_what_is_wrong(tmp_path):
     write_interface(blocks(2, 2), tmp_path / "interface.h5")
-    model = {"half": "elastic", "format": 1, "materials": {}, "bodies": {}}
+    model = {"half": "elastic", "format": 2, "materials": {}, "bodies": {}}
     (tmp_path / "model.json").write_text(json.dumps(model), encoding="utf-8")
     command = [sys.executable, "-m", "mechanical_fmu.build", str(tmp_path), str(tmp_path / "x.fmu")]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)

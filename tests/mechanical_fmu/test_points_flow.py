@@ -15,19 +15,19 @@ sys.path.insert(0, str(Path(__file__).parent))
 from point_driver import material, parameters, strained, uniaxial, virgin
 
 NORTON = {"A": 1e-40, "n": 4.0}
-VOCE = {"yield": 250e6, "hardening": {"law": "voce", "Q": 265e6, "b": 16.93, "H": 129e6}}
+VOCE = {"s_y": 250e6, "hardening": {"law": "voce", "Q": 265e6, "b": 16.93, "H": 129e6}}
 AF = {"kinematic": {"C": 50e9, "gamma": 300.0}}
 OVER = {"overstress": {"K": 50e6, "m": 0.1}}
 TABLE = {"law": "table", "strain": [0.0, 0.01, 0.1, 1.0], "stress": [2e8, 2.5e8, 3e8, 3.1e8]}
 LIQUID = {"eta": 1e6, "bulk": 1e11, "T_s": 1000.0, "T_l": 1100.0}
 KINDS = {
-    "perfect": {"plastic": {"yield": 250e6}},
-    "linear": {"plastic": {"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}}},
-    "softening": {"plastic": {"yield": 250e6, "hardening": {"law": "linear", "H": -1e8}, "softening": True}},
+    "perfect": {"plastic": {"s_y": 250e6}},
+    "linear": {"plastic": {"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}}},
+    "softening": {"plastic": {"s_y": 250e6, "hardening": {"law": "linear", "H": -1e8}, "softening": True}},
     "voce": {"plastic": VOCE},
     "table": {"plastic": {"hardening": TABLE}},
     "cubic table": {"plastic": {"hardening": {**TABLE, "form": "cubic", "beyond": "slope"}}},
-    "Prager": {"plastic": {"yield": 250e6, "kinematic": {"C": 5e9}}},
+    "Prager": {"plastic": {"s_y": 250e6, "kinematic": {"C": 5e9}}},
     "Armstrong-Frederick": {"plastic": {**VOCE, **AF}},
     "overstress": {"plastic": {**VOCE, **OVER}},
     "overstress, backstress": {"plastic": {**VOCE, **AF, **OVER}},
@@ -35,7 +35,7 @@ KINDS = {
     "superplastic": {"creep": {"K": 1e9, "m": 0.5}},
     "creep, plastic": {"plastic": VOCE, "creep": NORTON},
     "creep, overstress": {"plastic": {**VOCE, **OVER}, "creep": NORTON},
-    "liquid": {"liquid": {**LIQUID, "T_l": 1000.0}, "plastic": {"yield": 1e7}},
+    "liquid": {"liquid": {**LIQUID, "T_l": 1000.0}, "plastic": {"s_y": 1e7}},
     "mush": {"liquid": LIQUID, "plastic": {**VOCE, **AF, **OVER}},
     "creeping mush": {"liquid": LIQUID, "plastic": VOCE, "creep": NORTON},
 }
@@ -101,7 +101,7 @@ def test_isotropic_and_kinematic_hardening_reverse_as_they_should():
     H, s0, E = 2e9, 250e6, 2e11
     for kind in ("isotropic", "kinematic"):
         hardening = {"hardening": {"law": "linear", "H": H}} if kind == "isotropic" else {"kinematic": {"C": H}}
-        point = uniaxial(virgin(material(plastic={"yield": s0, **hardening})), 0.01)
+        point = uniaxial(virgin(material(plastic={"s_y": s0, **hardening})), 0.01)
         s = s0 + H * (0.01 - s0 / E) / (1 + H / E)
         assert point.S[0] == pytest.approx(s, rel=1e-9)
         span = 2 * s if kind == "isotropic" else 2 * s0
@@ -116,7 +116,7 @@ def test_backstress_saturates_at_c_over_gamma():
     C, gamma = 50e9, 300.0
     errors = []
     for n in (100, 200):
-        point = virgin(material(plastic={"yield": 250e6, **AF}))
+        point = virgin(material(plastic={"s_y": 250e6, **AF}))
         for strain in np.linspace(0.0, 0.02, n + 1)[1:]:
             point = uniaxial(point, strain)
         errors.append(1.5 * point.h[6] - C / gamma * (1 - np.exp(-gamma * point.h[4])))
@@ -129,7 +129,7 @@ def test_steady_flow_stresses():
     rate = 1e-3
     wanted = {"creep": (rate / 1e-40) ** 0.25, "superplastic": 1e9 * rate**0.5,
               "overstress": 3e8 + 5e7 * rate**0.1, "liquid": 3e6 * rate}
-    given = {**KINDS, "overstress": {"plastic": {"yield": 3e8, **OVER}}}
+    given = {**KINDS, "overstress": {"plastic": {"s_y": 3e8, **OVER}}}
     for name, q in wanted.items():
         point = virgin(material(**given[name]))
         for _ in range(60):
@@ -160,7 +160,7 @@ def test_creep_slows_with_temperature_as_arrhenius_says():
 
 def test_plastic_flow_caps_what_creep_leaves():
     """Short steps leave the yield stress, long ones creep below it."""
-    m = material(plastic={"yield": 250e6}, creep=NORTON)
+    m = material(plastic={"s_y": 250e6}, creep=NORTON)
     E = np.array([0.01, -0.005, 0.0, -0.005])
     short, long = strained(virgin(m), E, 1e-3), strained(virgin(m), E, 1e6)
     assert short.S[0] - short.S[1] == pytest.approx(250e6, rel=1e-12)
@@ -174,7 +174,7 @@ def test_plastic_flow_caps_what_creep_leaves():
 def test_creep_beside_hardening_that_bends_is_found():
     """n = 20 and Voce: Newton's method alone hops for ever between the two sides of the bend."""
     s0, Q, b = 1022314371.1884116, 3376405683.190754, 1.4120055918414174
-    m = material(E=2.6 * 78383065386.88814, plastic={"yield": s0, "hardening": {"law": "voce", "Q": Q, "b": b}},
+    m = material(E=2.6 * 78383065386.88814, plastic={"s_y": s0, "hardening": {"law": "voce", "Q": Q, "b": b}},
                  creep={"A": np.exp(-443.0337171124942), "n": 20.0})
     S, D, h, _ = step(m, np.array([1.08840173, 1.55657012, -1.94226521, -0.16377704]), 44.28837039437646, np.zeros(6),
                       parameters(m))
@@ -187,10 +187,10 @@ def test_creep_beside_hardening_that_bends_is_found():
 def test_heat_is_the_share_of_what_is_dissipated():
     """Linear hardening: chi (s0 p + H p^2/2) in one step; a Prager backstress stores its part; creep gives q dc."""
     E = np.array([0.1, -0.05, 0.0, -0.05])
-    point = strained(virgin(material(plastic={"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}})), E)
+    point = strained(virgin(material(plastic={"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}})), E)
     p = point.h[4]
     assert point.heat == pytest.approx(0.9 * (250e6 * p + 1e9 * p * p), rel=1e-9)
-    point = strained(virgin(material(plastic={"yield": 250e6, "kinematic": {"C": 2e9}, "chi": 1.0})), E)
+    point = strained(virgin(material(plastic={"s_y": 250e6, "kinematic": {"C": 2e9}, "chi": 1.0})), E)
     assert point.heat == pytest.approx(250e6 * point.h[4], rel=1e-9)
     point = strained(virgin(material(creep=NORTON)), E, 1e3)
     assert point.heat == pytest.approx((point.S[0] - point.S[1]) * point.h[5], rel=1e-9)
@@ -200,7 +200,7 @@ def test_work_is_what_is_stored_and_what_is_lost():
     """A cycle with a backstress that forgets, chi = 1: work = heat + elastic and backstress energy, of order 1."""
     left = []
     for n in (200, 400):
-        m = material(plastic={"yield": 250e6, "chi": 1.0, **AF})
+        m = material(plastic={"s_y": 250e6, "chi": 1.0, **AF})
         point, work, heat = virgin(m), 0.0, 0.0
         path = np.concatenate([np.linspace(0, 0.01, n), np.linspace(0.01, -0.01, 2 * n), np.linspace(-0.01, 0, n)])
         for a in path:
@@ -217,14 +217,14 @@ def test_work_is_what_is_stored_and_what_is_lost():
 
 
 def test_moduli_that_change_with_temperature_change_the_stress_of_the_same_strain():
-    m = material(E={"T": [300, 600], "value": [2e11, 1e11]}, plastic={"yield": 1e9})
+    m = material(E={"T": [300, 600], "value": [2e11, 1e11]}, plastic={"s_y": 1e9})
     point = strained(virgin(m), [1e-3, -5e-4, 0.0, -5e-4], T=300.0)
     assert strained(point, point.E, T=600.0).S[0] == pytest.approx(0.5 * point.S[0], rel=1e-12)
     assert point.S[0] == pytest.approx(2e11 / 1.3 * 1e-3, rel=1e-12)
 
 
 def test_what_softens_too_fast_is_told():
-    m = material(E=2e9, plastic={"yield": 2e8, "hardening": {"law": "linear", "H": -4e9}, "softening": True})
+    m = material(E=2e9, plastic={"s_y": 2e8, "hardening": {"law": "linear", "H": -4e9}, "softening": True})
     p = parameters(m)
     h, S, D = np.zeros(6), np.empty(4), np.empty((4, 4))
     assert update(m.kind, p[0], p[1], np.array([0.12, -0.06, 0.0, -0.06]), 1.0, np.zeros(6), h, S, D)[0] == 2

@@ -13,7 +13,7 @@ from point_driver import material, parameters, strained, virgin
 
 T_S, T_L = 1000.0, 1100.0
 LIQUID = {"eta": 1e3, "bulk": 5e10, "T_s": T_S, "T_l": T_L}
-METAL = material(plastic={"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}, "kinematic": {"C": 1e9}},
+METAL = material(plastic={"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}, "kinematic": {"C": 1e9}},
                  liquid=LIQUID)
 PULL = np.array([1.0, -0.5, 0.2, -0.5])
 

@@ -24,7 +24,7 @@ def test_b9_a_fixed_bar_heated_and_cooled():
     Length is kept, so the force per reference area is the Kirchhoff stress.
     """
     row = EXPECTED["B9"]
-    point = virgin(material(nu=0.3, plastic={"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}}))
+    point = virgin(material(nu=0.3, plastic={"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}}))
     first = 3 * 1.2e-5 * row["yields_at"]
     assert uniaxial(point, 0.0, e_th=first * (1 - 1e-6)).h[4] == 0.0
     assert uniaxial(point, 0.0, e_th=first * (1 + 1e-6)).h[4] > 0.0
@@ -41,7 +41,7 @@ def test_b9_a_fixed_bar_heated_and_cooled():
 def test_b10_the_largest_load_of_a_voce_bar(E):
     """The row is of a rigid-plastic bar; elastic strain lowers the load by 3e-3 and adds s/E of elongation."""
     row = EXPECTED["B10"]
-    m = material(E=E, plastic={"yield": 450e6, "hardening": {"law": "voce", "Q": 265e6, "b": 16.93, "H": 129.24e6}})
+    m = material(E=E, plastic={"s_y": 450e6, "hardening": {"law": "voce", "Q": 265e6, "b": 16.93, "H": 129.24e6}})
     point, loads = virgin(m), []
     elongations = np.linspace(0.0, 9e-3, 301)[1:]
     for u in elongations:
@@ -59,10 +59,10 @@ def test_b11_plastic_work_heats():
     """Adiabatic to a plastic strain of .5; with softening the yield stress follows the temperature it makes."""
     row = EXPECTED["B11"]
     rho_c, G = 7800.0 * 460.0, 2e11 / 2.6
-    m = material(plastic={"yield": 300e6})
+    m = material(plastic={"s_y": 300e6})
     E = (0.5 + 300e6 / (3 * G)) * np.array([1.0, -0.5, 0.0, -0.5])
     assert strained(virgin(m), E).heat / rho_c == pytest.approx(row["rise"], rel=1e-6)
-    m = material(plastic={"yield": 300e6, "factor": {"polynomial": [1.0, -0.002], "T_ref": 300.0}})
+    m = material(plastic={"s_y": 300e6, "factor": {"polynomial": [1.0, -0.002], "T_ref": 300.0}})
     point, T = virgin(m), 300.0
     n = 200
     for k in range(n):
@@ -98,8 +98,8 @@ def test_b12_norton_relaxation():
     assert np.abs((2 * answers[1] - answers[0]) / row["stress"] - 1.0).max() <= 2e-5
 
 
-@pytest.mark.parametrize("spec", [{}, {"plastic": {"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}}},
-                                  {"plastic": {"yield": 250e6, "kinematic": {"C": 5e9, "gamma": 30.0}}}])
+@pytest.mark.parametrize("spec", [{}, {"plastic": {"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}}},
+                                  {"plastic": {"s_y": 250e6, "kinematic": {"C": 5e9, "gamma": 30.0}}}])
 def test_b17_a_stretched_block_turned_in_three_unequal_steps(spec):
     m = material(**spec)
 

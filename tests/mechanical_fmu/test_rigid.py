@@ -20,13 +20,13 @@ PRESSURE = {"t": [0, 1, 2], "value": [1e6, 1e6, 1e7]}
 
 
 def rigid(interface, **more):
-    return load(interface, {"half": "rigid", "format": 1} | more)
+    return load(interface, {"half": "rigid", "format": 2} | more)
 
 
 def scene():
     interface = blocks(4, 5, gap=0.05)
-    return interface, rigid(interface, bodies={"upper": {"u_x": SLIDE, "u_y": STROKE}},
-                            pairs={"interface": {"pressure": PRESSURE}})
+    return interface, rigid(interface, motion={"upper": {"u_x": SLIDE, "u_y": STROKE}},
+                            pressure={"interface": PRESSURE})
 
 
 def test_bodies_follow_their_signals_and_those_not_named_stay():
@@ -58,25 +58,25 @@ def test_t_n_is_the_prescribed_pressure_wherever_the_pair_touches():
 
 def test_a_pair_without_pressure_touches_with_none():
     interface = blocks(4, 4)
-    _, outputs = rigid(interface, bodies={"upper": {"u_y": -1e-6}}).start({}, 0.0, open_link("direct"))
+    _, outputs = rigid(interface, motion={"upper": {"u_y": -1e-6}}).start({}, 0.0, open_link("direct"))
     assert not outputs["contact.t_N"].any()
     assert outputs["contact.gap"] == pytest.approx(-1e-6, rel=1e-6)
     assert outputs["contact.covered"] == pytest.approx(1.0)
 
 
 def test_without_pairs_nobody_is_asked():
-    half = rigid(block([0, 1], [0, 1]), bodies={"block": {"u_x": 2.0}})
+    half = rigid(block([0, 1], [0, 1]), motion={"block": {"u_x": 2.0}})
     _, outputs = half.start({}, 0.0, NoLink())
     assert list(outputs) == [v.name for v in half.variables] == ["x"]
 
 
 @pytest.mark.parametrize(("more", "text"), [
-    ({"bodies": {"midle": {}}}, "bodies: unknown key 'midle'"),
-    ({"bodies": {"upper": {"u_z": 0}}}, "unknown key 'u_z'"),
-    ({"bodies": {"upper": {"u_x": {"t": [1, 0], "value": [0, 0]}}}}, "bodies.upper.u_x: the times"),
-    ({"pairs": {"interface": {"pressure": -1.0}}}, "pairs.interface.pressure must not be negative"),
-    ({"pairs": {"other": {}}}, "pairs: unknown key 'other'"),
-    ({"format": 2}, "format 2 is not rigid, 1"),
+    ({"motion": {"midle": {}}}, "motion.midle: there is no body 'midle'"),
+    ({"motion": {"upper": {"u_z": 0}}}, "motion.upper.u_z: unknown key"),
+    ({"motion": {"upper": {"u_x": {"t": [1, 0], "value": [0, 0]}}}}, "motion.upper.u_x.t.1: time goes backwards"),
+    ({"pressure": {"interface": -1.0}}, "pressure.interface: must not be negative, not -1.0"),
+    ({"pressure": {"other": 0.0}}, "pressure.other: there is no contact pair 'other'"),
+    ({"format": 1}, "format 1 is not rigid, 2"),
 ])
 def test_a_wrong_model_is_refused_with_its_key(more, text):
     with pytest.raises(ValueError, match=text):

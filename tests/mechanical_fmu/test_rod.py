@@ -39,10 +39,11 @@ def scene(gap: float = GAP, rows: int = 2, height: float = H) -> Interface:
 
 
 def spec(**more: Any) -> dict[str, Any]:
-    return {"half": "mechanical_rod", "format": 1,
+    return {"half": "mechanical_rod", "format": 2,
             "materials": {"m": {"alpha": ALPHA, "T_ref": T_REF, "E": 2e9}, "n": {"alpha": 2 * ALPHA, "T_ref": T_REF,
                                                                               "E": 5e9}},
-            "bodies": {"a": {"material": "m", "left": 0.0}, "b": {"material": "n", "right": 0.0}}, **more}
+            "bodies": {"a": {"material": "m"}, "b": {"material": "n"}},
+            "held": {"a": {"left": 0.0}, "b": {"right": 0.0}}, **more}
 
 
 def answer(interface: Interface, model: dict[str, Any], T: np.ndarray, t: float = 1.0, **given: Any) -> dict[str, Any]:
@@ -84,8 +85,7 @@ def test_the_pressure_closes_the_overlap_of_free_rods():
 def test_a_rod_held_at_both_ends_presses_by_itself():
     """p = (alpha dT - (u_right - u_left)/L) E, with the modulus of its temperature."""
     interface = scene()
-    model = spec(bodies={"a": {"material": "m", "left": {"t": [0, 2], "value": [0, 2e-6]}, "right": 1e-6},
-                         "b": {"material": "n", "right": 0.0}})
+    model = spec(held={"a": {"left": {"t": [0, 2], "value": [0, 2e-6]}, "right": 1e-6}, "b": {"right": 0.0}})
     model["materials"]["m"]["E"] = {"T": [300, 400], "value": [3e9, 1e9]}
     out = answer(interface, model, np.where(interface.nodes[:, 0] <= L, T_REF + 50.0, T_REF))
     assert out["p.a"] == pytest.approx((ALPHA * 50.0 + (1e-6 - 1e-6) / L) * 2e9, rel=1e-12)
@@ -97,7 +97,8 @@ def test_freezing_shrinks_what_was_poured():
     interface = scene(0.0)
     shrinkage = 0.0225026
     model = spec()
-    model["materials"]["m"] = {"alpha": 2.6e-5, "T_ref": T_REF, "E": 2e9, "shrinkage": shrinkage}
+    model["materials"]["m"] = {"alpha": 2.6e-5, "T_ref": T_REF, "E": 2e9,
+                              "liquid": {"eta": 1.0, "bulk": 1.0, "T_s": 933.0, "T_l": 933.0, "shrinkage": shrinkage}}
     rod = interface.node_body == 0
     f_s = np.where(rod, interface.nodes[:, 0] / L, 1.0)
     T = np.where(rod, T_REF - 100.0, T_REF)
@@ -118,9 +119,9 @@ def test_a_modulus_that_is_not_positive_is_a_discard():
 
 
 @pytest.mark.parametrize(("change", "words"), [
-    ({"bodies": {"a": {"material": "m"}, "b": {"material": "n", "right": 0.0}}}, "nothing holds it"),
-    ({"bodies": {"a": {"material": "m", "left": 0.0, "right": 0.0}, "b": {"material": "n", "left": 0.0}}},
-     "nothing could give way"),
+    ({"held": {"b": {"right": 0.0}}}, "nothing holds body 'a'"),
+    ({"held": {"a": {}, "b": {"right": 0.0}}}, "held.a: a rod must be held"),
+    ({"held": {"a": {"left": 0.0, "right": 0.0}, "b": {"left": 0.0}}}, "nothing could give way"),
     ({"materials": {"m": {"alpha": 1e-5}, "n": {"alpha": 0.0}}}, "no T_ref"),
     ({"half": "rod"}, "is not mechanical_rod"),
 ])

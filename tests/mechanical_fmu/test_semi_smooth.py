@@ -16,9 +16,10 @@ from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inpu
 
 from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
+from contact.problem.pairs import Settling
 from contact.rpc.open import open_link
 from mechanical_fmu.enforcement import ENFORCEMENTS
-from mechanical_fmu.problem import AUGMENTED, parse_elastic
+from mechanical_fmu.problem import parse_elastic
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]
 MODULUS, LENGTH, DELTA = STEEL["E"] / (1 - STEEL["nu"] ** 2), 2.0, 5e-7  # two blocks are one bar in plane strain
@@ -31,7 +32,7 @@ def bar(eps_L_over_E, share, stroke=(0.0, -DELTA), gap=0.0, method="semi_smooth"
     driven = hold("upper.top", 1, {"t": list(range(len(stroke))), "value": list(stroke)})
     holds = [hold("lower.bottom", 1), hold("lower.left", 0), hold("upper.left", 0), driven]
     return elastic(blocks(4, 4, gap=gap, eps_N=eps_L_over_E * MODULUS / LENGTH), holds,
-                   pairs={"interface": {"augmented": {"share": share, "method": method}}},
+                   pairs={"interface": {"augmented": {"tolerance": share, "method": method}}},
                    **({"tolerance": 1e-11} | more))
 
 
@@ -44,7 +45,7 @@ def squeezed(how, share, mu=0.0, two_pass=False, geometry="plane", by_node=False
                 hold("upper.top", 0, {"t": [0, 1, 2], "value": [0, 0, 0.01 * (geometry == "plane")]}),
                 hold("upper.top", 1, {"t": [0, 1, 2], "value": [0, -0.1, -0.2]})]
     half = elastic(interface, boundary, material={"alpha": 0.0}, tolerance=1e-10,
-                   pairs={"interface": {"augmented": {"share": share, "method": how}}}, **more)
+                   pairs={"interface": {"augmented": {"tolerance": share, "method": how}}}, **more)
     half.settings = replace(half.settings, adopt=-1.0)
     return half
 
@@ -113,7 +114,7 @@ def under_a_rigid_block(method, *motion):
     boundary = [hold("lower.bottom", 0), hold("lower.bottom", 1), hold("upper", 0), *motion]
     return elastic(blocks(4, 5), boundary, material={"alpha": 0.0}, tolerance=1e-10,
                    bodies={"lower": {"material": "m"}, "upper": {"material": "m", "rigid": True}},
-                   pairs={"interface": {"augmented": {"share": 1e-6, "method": method}}})
+                   pairs={"interface": {"augmented": {"tolerance": 1e-6, "method": method}}})
 
 
 CASES = {"plain": lambda m: squeezed(m, 1e-6), "two passes": lambda m: squeezed(m, 1e-6, two_pass=True),
@@ -122,8 +123,7 @@ CASES = {"plain": lambda m: squeezed(m, 1e-6), "two passes": lambda m: squeezed(
              m, hold("upper", 1, {"t": [0, 1, 2], "value": [0, -0.05, -0.02]}),
              hold("upper", 2, {"t": [0, 1, 2], "value": [0, 0.0, 0.08]})),
          "rigid, pressed by a force": lambda m: under_a_rigid_block(
-             m, hold("upper", 2), {"kind": "force", "on": "upper", "component": 1,
-                                   "value": {"t": [0, 1, 2], "value": [-1e9, -5e9, -1e10]}}),
+             m, hold("upper", 2), {"on": "upper", "f_y": {"t": [0, 1, 2], "value": [-1e9, -5e9, -1e10]}}),
          "axisymmetric": lambda m: squeezed(m, 1e-6, geometry="axisymmetric"),
          "with inertia": lambda m: squeezed(m, 1e-6, dynamics={"rho_inf": 0.8},
                                             materials={"m": {**STEEL, "rho": 7800}})}
@@ -212,18 +212,18 @@ def test_the_state_carries_the_pressures_and_survives_its_bytes():
 
 def test_what_model_json_may_say():
     def parsed(pairs):
-        return parse_elastic(blocks(2, 2), {"half": "elastic", "format": 1, "materials": {"m": STEEL}, "pairs": pairs,
+        return parse_elastic(blocks(2, 2), {"half": "elastic", "format": 2, "materials": {"m": STEEL}, "pairs": pairs,
                                             "bodies": {b: {"material": "m"} for b in ("lower", "upper")}})
 
     assert parsed({}).enforcement == "penalty"
-    assert parsed({"interface": {"augmented": 1e-3}}).enforcement == "uzawa"
-    assert parsed({"interface": {"augmented": {"share": 1e-3}}}).enforcement == "uzawa"
-    both = parsed({"interface": {"augmented": {"share": 1e-3, "method": "semi_smooth"}}})
+    assert parsed({"interface": {}}).enforcement == "penalty"
+    assert parsed({"interface": {"augmented": {"tolerance": 1e-3, "method": "uzawa"}}}).enforcement == "uzawa"
+    both = parsed({"interface": {"augmented": {"tolerance": 1e-3, "method": "semi_smooth"}}})
     assert both.enforcement == "semi_smooth"
-    assert tuple(ENFORCEMENTS) == ("penalty", *AUGMENTED)
+    assert tuple(ENFORCEMENTS) == ("penalty", *(method.value for method in Settling))
     assert both.augmented == {"interface": 1e-3}
-    for wrong, words in (({"method": "semi_smooth"}, "share"), ({"share": 1e-3, "method": "smooth"}, "semi_smooth"),
-                         ({"share": 0.0}, "share"), ({"share": 1e-3, "form": 1}, "form")):
+    for wrong, words in (({"tolerance": 1e-3, "method": "smooth"}, "Did you mean 'semi_smooth'"),
+                         ({"tolerance": 0.0}, "tolerance"), ({"tolerance": 1e-3, "form": 1}, "form")):
         with pytest.raises(ValueError, match=words):
             parsed({"interface": {"augmented": wrong}})
 
@@ -231,6 +231,6 @@ def test_what_model_json_may_say():
 def test_two_pairs_need_one_method():
     interface = blocks(2, 2)
     interface = replace(interface, pairs=tuple(replace(interface.pairs[0], name=name) for name in ("one", "two")))
-    with pytest.raises(ValueError, match=r"one method, not semi_smooth \(one\), uzawa \(two\)"):
-        elastic(interface, pairs={"one": {"augmented": {"share": 1e-3, "method": "semi_smooth"}},
-                                  "two": {"augmented": 1e-3}})
+    with pytest.raises(ValueError, match=r"two\.augmented\.method: uzawa here, semi_smooth in contact\.one"):
+        elastic(interface, pairs={"one": {"augmented": {"tolerance": 1e-3, "method": "semi_smooth"}},
+                                  "two": {"augmented": {"tolerance": 1e-3, "method": "uzawa"}}})

@@ -63,12 +63,12 @@ def scene():
 def model():
     tube = {"E": 200e9, "nu": 0.3, "alpha": 1.2e-5, "T_ref": 0.0}
     materials = {"b1": tube, **{f"b2_{i}": tube | {"nu": nu} for i, nu in enumerate(EXPECTED["B2"]["nu"])},
-                 "b9": tube | {"plastic": {"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}}},
+                 "b9": tube | {"plastic": {"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}}},
                  "b12": {"E": 150e9, "nu": 0.3, "creep": {"A": 1e-40, "n": 4.0}}}
     ends = [hold(f"{name}.{side}", 1, 0.1 * STRAIN if (name, side) == ("b12", "top") else 0.0)
             for name in materials for side in ("bottom", "top")]
     pressed = [press(f"b2_{i}.left", SMALL * EXPECTED["B2"]["p"]) for i in range(3)]
-    return {"half": "elastic", "format": 1, "tolerance": 1e-10, "materials": materials,
+    return {"half": "elastic", "format": 2, "tolerance": 1e-10, "materials": materials,
             "bodies": {name: {"material": name} for name in materials}, "boundary": ends + pressed}
 
 

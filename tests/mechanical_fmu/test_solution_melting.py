@@ -89,7 +89,7 @@ def test_a_plane_stress_sheet_that_flows_shows_how_its_thickness_changed():
     drawn = {"t": [0.0, 1.0, 2.0], "value": [0.0, 0.02, 0.04]}
     half = elastic(block([0.0, 1.0], [0.0, 1.0]),
                    [hold("block.bottom", 1), hold("block.left", 0), hold("block.right", 0, drawn),
-                    hold("block.top", 1, drawn)], {"alpha": 0.0, "plastic": {"yield": 1e8}}, state="plane_stress")
+                    hold("block.top", 1, drawn)], {"alpha": 0.0, "plastic": {"s_y": 1e8}}, state="plane_stress")
     given = inputs_of(half)
     state, _ = half.start(given, 0.0, NoLink())
     state, _ = done(half.step(state, given, 0.0, 1.0, NoLink()))

@@ -18,7 +18,7 @@ from mechanical_scenes import NoLink, block, blocks, done, elastic, hold, inputs
 
 GRID = np.linspace(0.0, 1.0, 7)
 HELD = [hold("block.left", 0), hold("block.left", 1)]
-PLASTIC = {"plastic": {"yield": 250e6, "hardening": {"law": "linear", "H": 2e9}}}
+PLASTIC = {"plastic": {"s_y": 250e6, "hardening": {"law": "linear", "H": 2e9}}}
 
 
 @pytest.fixture
@@ -77,7 +77,7 @@ def test_contact_under_old_tangents(link):
 
 def test_a_step_too_large_is_done_in_pieces_and_counted():
     """A slender beam bent far by a dead load at once: more than one solve can do."""
-    load = {"kind": "traction", "on": "block.right", "component": 1, "value": {"t": [0, 1], "value": [0, 1e8]}}
+    load = {"on": "block.right", "t_y": {"t": [0, 1], "value": [0, 1e8]}}
     pieces, whole = (elastic(block(20.0 * np.linspace(0, 1, 21), [0, 1]), [*HELD, load], element="enhanced", cuts=n)
                      for n in (6, 0))
     state, _ = pieces.start(inputs_of(pieces), 0.0, NoLink())
@@ -91,8 +91,8 @@ def test_a_step_too_large_is_done_in_pieces_and_counted():
 
 def test_heat_of_a_step_in_pieces_is_that_of_all_of_them():
     """The same beam, compressing while it bends: heat goes out once, from the whole step."""
-    load = {"kind": "traction", "on": "block.right", "component": 1, "value": {"t": [0, 1], "value": [0, 1e8]}}
-    soft = {"plastic": {"yield": 2e9, "hardening": {"law": "linear", "H": 5e10}}}
+    load = {"on": "block.right", "t_y": {"t": [0, 1], "value": [0, 1e8]}}
+    soft = {"plastic": {"s_y": 2e9, "hardening": {"law": "linear", "H": 5e10}}}
     halves = [elastic(block(20.0 * np.linspace(0, 1, 21), [0, 1]), [*HELD, load], soft, element="enhanced", cuts=n)
               for n in (6, 0)]
     state, _ = halves[0].start(inputs_of(halves[0]), 0.0, NoLink())
@@ -112,7 +112,7 @@ def test_a_body_that_collapses_is_named_with_the_share_reached():
     pull = {"t": [0, 1], "value": [0, -6e8]}
     half = elastic(block([0, 0.5, 1], [0, 0.5, 1]), [hold("block.left", 0), hold("block.bottom", 1),
                                                      press("block.right", pull)],
-                   {"plastic": {"yield": 250e6}}, cuts=5)
+                   {"plastic": {"s_y": 250e6}}, cuts=5)
     state, _ = half.start(inputs_of(half), 0.0, NoLink())
     answer = half.step(state, inputs_of(half), 0.0, 1.0, NoLink())
     assert isinstance(answer, Discard)
@@ -128,7 +128,7 @@ def test_plastic_heat_is_the_same_in_one_step_and_in_pieces_of_it():
     for n in (1, 4):
         half = elastic(block([0, 1, 2], [0, 1]),
                        [hold("block.left", 0), hold("block.bottom", 1), hold("block.top", 1),
-                        hold("block.right", 0, {"t": [0, 1], "value": [0, 0.02]})], {"plastic": {"yield": 250e6}})
+                        hold("block.right", 0, {"t": [0, 1], "value": [0, 0.02]})], {"plastic": {"s_y": 250e6}})
         state, _ = half.start(inputs_of(half), 0.0, NoLink())
         total = 0.0
         for i in range(n):

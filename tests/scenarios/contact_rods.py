@@ -43,7 +43,7 @@ def rod_scene(rod: Rod, conduction: Tree, coupling: Tree) -> Tree:
     """The scene as a tree: rod from y = 0 (hot) to L, wall above the gap."""
     material = {"rho": rod.rho, "c": rod.c, "k": rod.k, "E": rod.E, "nu": 0.3, "alpha": rod.alpha, "T_ref": rod.start}
     return {
-        "slideline": 1, "title": "Rod and wall", "units": {"temperature": "K"}, "geometry": "plane",
+        "slideline": 2, "title": "Rod and wall", "units": {"temperature": "K"}, "geometry": "plane",
         "materials": {"rod": material, "wall": {**material, "alpha": 0.0}},
         "bodies": {
             "rod": {"mesh": {"rectangle": {"origin": [0, 0], "size": [WIDTH, rod.L], "cells": [1, rod.cells],

@@ -27,7 +27,7 @@ def at(results: Results, probe: str, times: list[float]) -> np.ndarray:
 # E4: C 82500 = 2750 * 1000 * .03, G 5000 as a film on the left end, a wall of 400 K that the shrinking body leaves.
 # The body's temperature falls below 850 K, where its length is just that of the room it has.
 LUMPED_GAP = """
-slideline: 1
+slideline: 2
 units: {{temperature: K}}
 geometry: plane
 materials:
@@ -62,7 +62,7 @@ probes:
 
 # D9: the clearance closes as the rod warms, and with it the heat crosses that cools it.
 CLEARANCE = """
-slideline: 1
+slideline: 2
 units: {units: K}
 geometry: plane
 materials:
@@ -97,7 +97,7 @@ probes:
 
 # D13: a rod grows into contact with a wall and presses against it; the more it presses the better it is cooled.
 CLOSING = """
-slideline: 1
+slideline: 2
 units: {temperature: K}
 geometry: plane
 materials:

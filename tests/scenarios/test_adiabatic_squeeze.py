@@ -13,7 +13,7 @@ M, BETA = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)), E / (1 - 2 * NU) * ALPHA
 DELTA = BETA**2 * T_0 / (RHO * C * M)  # .77
 P, SIDE = 1e6, 0.01
 SCENE = f"""
-slideline: 1
+slideline: 2
 units: {{temperature: K}}
 geometry: plane
 signals:

@@ -160,7 +160,7 @@ def test_one_side_a_million_times_as_stiff(soft: str) -> None:
     eps_N = E * cells
     hard = {**STEEL, "E": 1e6 * E}
     half = load(blocks(4, cells, eps_N=eps_N), {
-        "half": "elastic", "format": 1, "materials": {"soft": {**STEEL, "E": E}, "hard": hard},
+        "half": "elastic", "format": 2, "materials": {"soft": {**STEEL, "E": E}, "hard": hard},
         "bodies": {name: {"material": "soft" if name == soft else "hard"} for name in ("lower", "upper")},
         "boundary": [hold("lower.bottom", 1), hold("lower.left", 0), hold("upper.left", 0),
                      hold("upper.top", 1, {"t": [0, 1], "value": [0, -d]})]})

@@ -35,15 +35,16 @@ def blocks(scheme: str, windows: list[Tree]) -> Tree:
     body = {"material": "m", "T0": COLD}
     box = {"size": [SIZE, SIZE], "cells": [6, 4], "triangles": True}
     return {
-        "slideline": 1, "title": "Two blocks", "units": {"temperature": "K"}, "geometry": "plane",
+        "slideline": 2, "title": "Two blocks", "units": {"temperature": "K"}, "geometry": "plane",
         "materials": {"m": {"rho": 1000, "c": m.rho_c / 1000, "k": m.k, "E": m.E, "nu": m.nu, "alpha": m.alpha,
                             "T_ref": m.T_ref}},
         "bodies": {"hot": {"mesh": {"rectangle": {"origin": [0, 0], **box}}, **body},
                    "cold": {"mesh": {"rectangle": {"origin": [0, SIZE + GAP], **box}}, **body}},
         "contact": {"line": {"slave": "cold.bottom", "master": "hot.top", "gap_max": 0.01, "penalty": PENALTY,
-                             "conduction": {
-                                 "closed": {"law": "power", "h0": H_0, "h1": H_0, "p0": P_0, "exponent": 1.0},
-                                 "open": {"law": "gas", "k_g": H_0 * G_M, "g_m": G_M}}}},
+                             "conduction": {"conduction": {"closed": {"law": "power", "h0": H_0, "h1": H_0, "p0": P_0,
+                                                                      "exponent": 1.0},
+                                                                      "open": {"law": "gas", "k_g": H_0 * G_M,
+                                                                               "g_m": G_M}}}}},
         "thermal": {"half": "thermal", "method": "backward_euler", "boundary": [
             {"on": "hot.bottom", "temperature": {"terms": [{"x": {"at": [0, SIZE], "value": list(HOT)}}]}},
             {"on": "cold.top", "temperature": COLD}]},

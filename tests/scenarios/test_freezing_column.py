@@ -12,7 +12,7 @@ from coupler.record.vtkhdf import FieldReader
 SHRINKAGE = 0.01
 # Soft and slow enough that a cell has the volume it likes: shrinkage alone says it.
 SCENE = f"""
-slideline: 1
+slideline: 2
 units: {{temperature: K}}
 geometry: plane
 materials:

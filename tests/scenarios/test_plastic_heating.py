@@ -15,7 +15,7 @@ EXPECTED = tomllib.loads((Path(__file__).parent.parent / "expected.toml").read_t
 E, NU, S_Y, CHI, RHO, C = 210e9, 0.3, 250e6, 0.85, 7000.0, 450.0
 UPSET = 0.4  # logarithmic
 SCENE = f"""
-slideline: 1
+slideline: 2
 units: {{temperature: K}}
 geometry: GEOMETRY
 signals:

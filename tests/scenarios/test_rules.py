@@ -33,7 +33,7 @@ ENOUGH = "{name: enough, when: {thermal.heat_stored: {of: change, between: [-200
 
 # A bar that is pulled and creeps, s = K rate^.5; the load begins at 1/33 of what it needs.
 CREEPS = """
-slideline: 1
+slideline: 2
 units: {temperature: K}
 geometry: plane
 materials:

@@ -21,7 +21,7 @@ STRAIN = 1e-3  # beta theta_0 over the modulus: small, so that the linear answer
 TIMES = (0.5, 1.5, 2.5, 3.0)
 # rho_inf = 0 damps what is as fast as a step: without it the front rings long after it has passed.
 SCENE = f"""
-slideline: 1
+slideline: 2
 units: {{temperature: K}}
 geometry: plane
 materials: {{m: {{rho: 1, k: 1, c: 1, E: 1, nu: 0, alpha: {STRAIN}, T_ref: 300}}}}

@@ -25,7 +25,7 @@ HEAVY = {"rho": 1300.0, "c": 1000.0, "k": 1.0}
 
 
 def spec(boundary: list[dict[str, Any]], T0: float, material: dict[str, Any] = HEAVY, **more: Any) -> dict[str, Any]:
-    return {"half": "lumped", "format": 1, "materials": {"m": material}, "bodies": {"a": {"material": "m", "T0": T0}},
+    return {"half": "lumped", "format": 2, "materials": {"m": material}, "bodies": {"a": {"material": "m", "T0": T0}},
             "boundary": boundary, **more}
 
 
@@ -56,7 +56,7 @@ def at_times(model: dict[str, Any], times: list[float], n: int) -> np.ndarray:
 def test_radiation(key: str) -> None:
     """A10; 40 steps a part leave 1e-3 K by the midpoint rule."""
     T_inf = {"to_0": 0.0, "to_300": 300.0}[key]
-    boundary = [{"kind": "radiation", "on": "a.left", "emissivity": 0.8, "T": T_inf}]
+    boundary = [{"on": "a.left", "radiation": {"emissivity": 0.8, "T": T_inf}}]
     case = EXPECTED["A10"]
     T = at_times(spec(boundary, 1200.0), case["t"], 40)
     assert pytest.approx(case[key], abs=0.02) == T
@@ -64,7 +64,7 @@ def test_radiation(key: str) -> None:
 
 def test_free_convection() -> None:
     """A11."""
-    boundary = [{"kind": "convection", "on": "a.left", "h": 2.0, "T": 300.0, "exponent": 1.0 / 3.0}]
+    boundary = [{"on": "a.left", "convection": {"h": 2.0, "T": 300.0, "exponent": 1.0 / 3.0}}]
     case = EXPECTED["A11"]
     T = at_times(spec(boundary, 1200.0), case["t"], 40)
     assert pytest.approx(case["dT"], abs=0.01) == T - 300.0
@@ -74,7 +74,7 @@ def test_free_convection() -> None:
                                                 ("theta", 1)])
 def test_order(method: str, wanted: int) -> None:
     """C dT/dt = G (T_s - T) to t = C/G: the error falls with the order, and is small in itself."""
-    boundary = [{"kind": "convection", "on": "a.left", "h": 5000.0, "T": 933.0}]
+    boundary = [{"on": "a.left", "convection": {"h": 5000.0, "T": 933.0}}]
     exact = 933.0 - 500.0 * np.exp(-1.0)
     theta = {"theta": 0.75} if method == "theta" else {}
     errors = [abs(drive(ONE, spec(boundary, 433.0, method=method, **theta), np.full(n, 7.8 / n))[-1]["T"][0] - exact)
@@ -90,8 +90,8 @@ def two() -> Interface:
 
 def test_two_bodies_in_contact_share_their_heat() -> None:
     """C_a C_b/(C_a + C_b) dD/dt = -h A D for the difference D, and nothing is lost."""
-    model = spec([], 500.0, pairs={"p": {"closed": {"law": "power", "h0": 100.0, "h1": 300.0, "p0": 1e6,
-                                                    "exponent": 1.0}, "open": None}})
+    model = spec([], 500.0, pairs={"p": {"conduction": {"closed": {"law": "power", "h0": 100.0, "h1": 300.0, "p0": 1e6,
+                                                    "exponent": 1.0}, "open": None}}})
     model["materials"]["n"] = {"rho": 2600.0, "c": 1000.0, "k": 1.0}
     model["bodies"]["b"] = {"material": "n", "T0": 300.0}
     interface = two()
@@ -105,7 +105,7 @@ def test_two_bodies_in_contact_share_their_heat() -> None:
 
 
 def test_a_prescribed_side_holds_the_whole_body() -> None:
-    out = drive(ONE, spec([{"kind": "temperature", "on": "a.top", "value": {"t": [0, 10], "value": [300, 400]}}],
+    out = drive(ONE, spec([{"on": "a.top", "temperature": {"t": [0, 10], "value": [300, 400]}}],
                           300.0), np.full(4, 2.5))
     assert out[-1]["T"] == pytest.approx(400.0, abs=1e-12)
     assert out[-1]["heat.temperature.in"] == pytest.approx(25.0 * 1300.0 * 1000.0 * AREA * LENGTH)
@@ -117,16 +117,16 @@ def test_latent_heat_whatever_the_step() -> None:
             "latent": {"L": 3.97e5, "T_s": 933.0, "T_l": 933.0}}
     q = 2500.0 * LENGTH * (1180.0 * 7.0 + 3.97e5 + 1100.0 * 33.0) / 100.0
     for n in (1, 3, 50):
-        out = drive(ONE, spec([{"kind": "flux", "on": "a.left", "value": -q}], 940.0, melt), np.full(n, 100.0 / n))
+        out = drive(ONE, spec([{"on": "a.left", "flux": -q}], 940.0, melt), np.full(n, 100.0 / n))
         assert out[-1]["T"] == pytest.approx(900.0, abs=1e-6)
         assert (out[-1]["f_s"] == 1.0).all()
     half_way = 2500.0 * LENGTH * (1180.0 * 7.0 + 0.5 * 3.97e5) / 100.0
-    out = drive(ONE, spec([{"kind": "flux", "on": "a.left", "value": -half_way}], 940.0, melt), np.full(7, 100.0 / 7))
+    out = drive(ONE, spec([{"on": "a.left", "flux": -half_way}], 940.0, melt), np.full(7, 100.0 / 7))
     assert out[-1]["f_s"] == pytest.approx(0.5, abs=1e-9)
 
 
 def test_a_restored_body_gives_the_same_bits() -> None:
-    model = spec([{"kind": "radiation", "on": "a.left", "emissivity": 0.8, "T": 300.0}], 1200.0)
+    model = spec([{"on": "a.left", "radiation": {"emissivity": 0.8, "T": 300.0}}], 1200.0)
     half, link = load_lumped(ONE, model), open_link("direct")
     inputs = inputs_of(ONE, half)
     state = half.step(half.start(inputs, 0.0, link)[0], inputs, 0.0, 9.0, link).state

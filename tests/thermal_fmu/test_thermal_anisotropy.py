@@ -53,8 +53,8 @@ def test_a13_patch_with_skewed_axes(triangles, geometry):
 def cooling(k, move, triangles=False):
     """The outputs after 3 steps of a square with a cold side and a warm one, on x = move(X)."""
     mesh = scene(Box(-0.5, 0.5, -0.5, 0.5, 6, 6, triangles=triangles), move=distorted)
-    cold = [{"kind": "temperature", "on": "a.left", "value": 100.0},
-            {"kind": "convection", "on": "a.top", "h": 30.0, "T": 700.0}]
+    cold = [{"on": "a.left", "temperature": 100.0},
+            {"on": "a.top", "convection": {"h": 30.0, "T": 700.0}}]
     half = load(mesh, spec(cold, k=k, T0=500.0, rho=100.0, c=10.0, method="sdirk2"))
     state, _ = half.start(inputs_of(mesh, half), 0.0, FlatContact())
     for i in range(3):
@@ -115,9 +115,10 @@ def test_the_jacobian_is_the_derivative(latent, chosen):
     k_1 = {"polynomial": [40.0, 0.05]}
     k = {"k_1": {"solid": k_1, "liquid": 20.0} if latent else k_1, "k_2": {"polynomial": [15.0, 0.01]}, "angle": 0.4,
          "turns": True}
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0},
-                  {"kind": "convection", "on": "b.top", "h": 50, "T": 700, "exponent": 0.25}],
-                 k=k, c={"polynomial": [800.0, 0.5, 2e-3]}, rho=2000.0, T0=380.0, pairs={"p": {"closed": table}})
+    model = spec([{"on": "a.bottom", "temperature": 300.0},
+                  {"on": "b.top", "convection": {"h": 50, "T": 700, "exponent": 0.25}}],
+                 k=k, c={"polynomial": [800.0, 0.5, 2e-3]}, rho=2000.0, T0=380.0,
+                 pairs={"p": {"conduction": {"closed": table, "open": None}}})
     model["bodies"]["b"] = {"material": "m", "T0": 420.0}
     if latent:
         model["materials"]["m"]["latent"] = latent
@@ -146,8 +147,8 @@ def test_the_jacobian_is_the_derivative(latent, chosen):
 def test_surfaces_tell_what_they_gave_off():
     """surface.E of both sides of a pair = the heat of the ledger, node by node on the matching mesh; surface.T is T."""
     mesh = scene(Box(0, 1, 0, 1, 4, 3), Box(0, 1, 1, 2, 4, 3), pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0}], k=SKEW, T0=300.0, rho=10.0,
-                 method="sdirk2", pairs={"p": {"closed": {"law": "constant", "h": 50.0}}})
+    model = spec([{"on": "a.bottom", "temperature": 300.0}], k=SKEW, T0=300.0, rho=10.0,
+                 method="sdirk2", pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 50.0}, "open": None}}})
     model["bodies"] |= {"a": {"material": "m", "T0": 300.0, "Q_T": 200.0}, "b": {"material": "m", "T0": 600.0}}
     half, link = load(mesh, model), FlatContact()
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6), E_M=np.full(24, 3.0))

@@ -23,8 +23,8 @@ from thermal_fmu.half import load
 def blocks(**more):
     mesh = scene(Box(0, 1, 0, 1, 5, 5), Box(0, 1, 1, 2, 5, 4, triangles=True),
                  pairs=(Pair("p", "b.bottom", "a.top", 0.5, 0.0),))
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0}], rho=10.0,
-                 pairs={"p": {"open": {"law": "gas", "k_g": 1.0, "g_m": 0.1}}}, **more)
+    model = spec([{"on": "a.bottom", "temperature": 300.0}], rho=10.0,
+                 pairs={"p": {"conduction": {"closed": None, "open": {"law": "gas", "k_g": 1.0, "g_m": 0.1}}}}, **more)
     model["bodies"] = {"a": {"material": "m", "T0": 300.0}, "b": {"material": "m", "T0": 600.0}}
     return mesh, model
 

@@ -44,8 +44,8 @@ def stacked(nx=(3, 4), ny=(10, 5), gap=0.0, lengths=(0.1, 0.05), geometry="plane
 
 
 def ends(T_a, T_b):
-    return [{"kind": "temperature", "on": "a.bottom", "value": T_a},
-            {"kind": "temperature", "on": "b.top", "value": T_b}]
+    return [{"on": "a.bottom", "temperature": T_a},
+            {"on": "b.top", "temperature": T_b}]
 
 
 def pressed(mesh, p=1e6):
@@ -58,7 +58,7 @@ def test_d1_bars_in_series(link, geometry):
     case = EXPECTED["D1"]
     mesh = stacked(geometry=geometry)
     model = two_bodies(ends(500.0, 300.0), method="steady",
-                       pairs={"p": {"closed": {"law": "constant", "h": 2000.0}}})
+                       pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 2000.0}, "open": None}}})
     ran = run(mesh, model, 1.0, 1, link, t_N=pressed(mesh))
     area = 0.1 if geometry == "plane" else np.pi * 0.01
     top = np.unique(mesh.surfaces["a.top"])
@@ -76,7 +76,8 @@ def test_d2_two_half_spaces(link):
     case = EXPECTED["D2"]
     mesh = scene(Box(0, 0.1, 0, 0.6, 1, 60), Box(0, 0.1, 0.6, 1.0, 1, 60),
                  pairs=(Pair("p", "b.bottom", "a.top", 0.1, 1e9),), move=_graded)
-    model = two_bodies([], T0=(500.0, 300.0), pairs={"p": {"closed": {"law": "constant", "h": 2000.0}}})
+    model = two_bodies([], T0=(500.0, 300.0), pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 2000.0},
+                                                                          "open": None}}})
     for t_end, q in zip(case["t"], case["q"], strict=True):
         n = 120
         steps = 1.04 ** np.arange(n)
@@ -98,7 +99,8 @@ def _graded(X):
 def test_d3_what_leaves_one_side_enters_the_other(link):
     """Partly overlapping, 24 against 31 edges, both branches: to 1e-13 of what passes."""
     mesh = stacked(nx=(24, 31), slide=0.0337, gap=1e-4)
-    laws = {"p": {"closed": {"law": "constant", "h": 3000.0}, "open": {"law": "gas", "k_g": 0.05, "g_m": 2e-5}}}
+    laws = {"p": {"conduction": {"closed": {"law": "constant", "h": 3000.0},
+                                 "open": {"law": "gas", "k_g": 0.05, "g_m": 2e-5}}}}
     t_N = np.where(mesh.nodes[mesh.contact_nodes, 0] < 0.08, -1e6, 0.0)
     ran = run(mesh, two_bodies(ends(500.0, 300.0), pairs=laws), 1.0, 5, link, t_N=t_N)
     for out in ran.outputs:
@@ -112,9 +114,10 @@ def test_d3_what_leaves_one_side_enters_the_other(link):
 def test_d4_unit_gap(link):
     """h = k_g/g over 1 m with k_g = 1, faces held at 200 and 100: q = 100."""
     mesh = scene(Box(0, 1, 0, 1, 4, 2), Box(0, 1, 2, 3, 3, 2), pairs=(Pair("p", "b.bottom", "a.top", 2.0, 1e9),))
-    model = two_bodies([{"kind": "temperature", "on": s, "value": T}
+    model = two_bodies([{"on": s, "temperature": T}
                         for s, T in (("a.top", 200.0), ("b.bottom", 100.0))], T0=(200.0, 100.0),
-                       method="steady", pairs={"p": {"open": {"law": "gas", "k_g": 1.0, "g_m": 1e-13}}})
+                       method="steady", pairs={"p": {"conduction": {"closed": None,
+                                                                    "open": {"law": "gas", "k_g": 1.0, "g_m": 1e-13}}}})
     out = run(mesh, model, 1.0, 1, link).outputs[-1]
     assert abs(out["heat.gap.slave"] / EXPECTED["D4"]["q"] - 1.0) < 1e-12
     assert abs(out["heat.gap.master"] / EXPECTED["D4"]["q"] + 1.0) < 1e-12
@@ -124,10 +127,10 @@ def test_d4_unit_gap(link):
 def test_d11_partial_overlap(link, slide):
     """Rigid blocks, uniform T: Q = h w dT at every slide position."""
     mesh = stacked(nx=(5, 7), slide=slide)
-    everywhere = [{"kind": "temperature", "on": f"{b}.{s}", "value": T} for b, T in (("a", 500.0), ("b", 300.0))
+    everywhere = [{"on": f"{b}.{s}", "temperature": T} for b, T in (("a", 500.0), ("b", 300.0))
                   for s in ("top", "bottom")]
     model = two_bodies(everywhere, T0=(500.0, 300.0), method="steady",
-                       pairs={"p": {"closed": {"law": "constant", "h": 2000.0}}})
+                       pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 2000.0}, "open": None}}})
     out = run(mesh, model, 1.0, 1, link, t_N=pressed(mesh)).outputs[-1]
     Q = 2000.0 * (0.1 - abs(slide)) * 200.0
     assert abs(out["heat.contact.slave"] / Q - 1.0) < EXPECTED["D11"]["tolerance"]
@@ -139,10 +142,10 @@ def test_d11_partial_overlap(link, slide):
 def test_films_take_kappa_where_faced_and_all_where_not(link, gap, touching, share, slide):
     """Uniform bodies at 400 and 300, gas at 200: film = h (uncovered + kappa covered), both sides; Eq. (7)."""
     mesh = stacked(nx=(5, 7), gap=gap, slide=slide)
-    films = [{"kind": "convection", "on": s, "h": 40.0, "T": 200.0, "d_cut": 1e-3, "d_full": 6e-3, "name": n}
+    films = [{"on": s, "convection": {"h": 40.0, "T": 200.0, "gap": {"d_cut": 1e-3, "d_full": 6e-3}}, "name": n}
              for s, n in (("a.top", "lower"), ("b.bottom", "upper"))]
-    model = two_bodies([*films, *ends(400.0, 300.0), {"kind": "temperature", "on": "a.top", "value": 400.0},
-                        {"kind": "temperature", "on": "b.bottom", "value": 300.0}], T0=(400.0, 300.0),
+    model = two_bodies([*films, *ends(400.0, 300.0), {"on": "a.top", "temperature": 400.0},
+                        {"on": "b.bottom", "temperature": 300.0}], T0=(400.0, 300.0),
                        method="steady", pairs={})
     t_N = pressed(mesh) if touching else 0.0 * pressed(mesh)
     covered = 0.1 - slide
@@ -155,9 +158,9 @@ def test_films_take_kappa_where_faced_and_all_where_not(link, gap, touching, sha
 
 def test_a_film_without_gaps_and_a_film_in_no_pair_convect_fully(link):
     mesh = stacked()
-    films = [{"kind": "convection", "on": "b.bottom", "h": 40.0, "T": 200.0},
-             {"kind": "convection", "on": "a.left", "h": 40.0, "T": 200.0, "d_cut": 1e-3, "d_full": 6e-3}]
-    held = [{"kind": "temperature", "on": s, "value": 300.0} for s in ("b.bottom", "a.left", "b.top")]
+    films = [{"on": "b.bottom", "convection": {"h": 40.0, "T": 200.0}},
+             {"on": "a.left", "convection": {"h": 40.0, "T": 200.0, "gap": {"d_cut": 1e-3, "d_full": 6e-3}}}]
+    held = [{"on": s, "temperature": 300.0} for s in ("b.bottom", "a.left", "b.top")]
     out = run(mesh, two_bodies([*films, *held], method="steady"), 1.0, 1, link, t_N=pressed(mesh)).outputs[-1]
     assert abs(out["heat.convection"] / (-40.0 * 100.0 * 0.2) - 1.0) < 1e-12
 
@@ -167,11 +170,11 @@ def blocks(n, gap):
     L = 0.0762
     mesh = scene(Box(0, L, 0, L, n, n), Box(0, L, L + gap, 2 * L + gap, n + 7, n),
                  pairs=(Pair("p", "b.bottom", "a.top", 0.1, 1e9),))
-    films = [{"kind": "convection", "on": s, "h": 40.0, "T": 473.15, "d_cut": 1e-3, "d_full": 6e-3}
+    films = [{"on": s, "convection": {"h": 40.0, "T": 473.15, "gap": {"d_cut": 1e-3, "d_full": 6e-3}}}
              for s in ("a.top", "b.bottom")]
-    laws = {"p": {"closed": {"law": "power", "h0": 2000, "h1": 6000, "p0": 1e7, "exponent": 0.95, "p_max": 1e7},
-                  "open": {"law": "gas", "k_g": 0.05, "g_m": 25e-6},
-                  "open_factor": {"t": [0, 2500, 2500], "value": [0, 0, 1]}}}
+    laws = {"p": {"conduction": {"closed": {"law": "power", "h0": 2000, "h1": 6000, "p0": 1e7, "exponent": 0.95,
+                                            "p_max": 1e7}, "open": {"law": "gas", "k_g": 0.05, "g_m": 25e-6},
+                                            "open_factor": {"t": [0, 2500, 2500], "value": [0, 0, 1]}}}}
     model = two_bodies(ends(273.15, 1273.15) + films, k=(30.0, 30.0), rho_c=(4e6, 4e6), T0=(273.15, 1273.15),
                        pairs=laws)
     return mesh, model

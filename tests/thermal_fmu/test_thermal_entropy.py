@@ -50,8 +50,8 @@ def test_a_uniform_jump_is_the_enthalpy_of_the_jump(geometry):
 def test_the_balance_closes_and_prescribed_nodes_hold(method, adaptive):
     """Uneven E_S of both signs beside a wall: what the wall holds back counts as heat.temperature.*."""
     mesh = scene(Box(0, 0.2, 0, 0.1, 5, 3, triangles=True))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 350.0},
-                  {"kind": "convection", "on": "a.right", "h": 100.0, "T": 300.0}], k=20.0, c=CURVED, rho=2000.0,
+    model = spec([{"on": "a.left", "temperature": 350.0},
+                  {"on": "a.right", "convection": {"h": 100.0, "T": 300.0}}], k=20.0, c=CURVED, rho=2000.0,
                  T0=350.0, method=method, adaptive=adaptive)
     E_S = 4e3 * np.sin(np.arange(len(mesh.triangles)))
     first = stepped(mesh, model, E_S, h=5.0)
@@ -67,7 +67,7 @@ def test_the_balance_closes_and_prescribed_nodes_hold(method, adaptive):
 def test_the_jump_comes_first_and_then_conduction():
     """The same end as a half that starts with the jump done; so not spread over the substep as E_M is."""
     mesh = scene(Box(0, 1, 0, 1, 6, 1))
-    walls = [{"kind": "convection", "on": "a.right", "h": 2.0, "T": 300.0}]
+    walls = [{"on": "a.right", "convection": {"h": 2.0, "T": 300.0}}]
     E_S = np.full(6, 50.0 / 6.0)
     jumped = stepped(mesh, spec(walls, T0=300.0), E_S, h=0.3)
     begun = stepped(mesh, spec(walls, T0=350.0), 0.0 * E_S, h=0.3)
@@ -91,7 +91,7 @@ def test_latent_heat_takes_its_share():
 def test_its_factors_are_state_too():
     """Above 400 unknowns old factors serve: hot, cold and restored halves give the same bits."""
     mesh = scene(Box(0, 1, 0, 1, 24, 20))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 300.0}], c=CURVED, T0=300.0)
+    model = spec([{"on": "a.left", "temperature": 300.0}], c=CURVED, T0=300.0)
     E_S = 20.0 * np.sin(0.1 * np.arange(480))
     middle = stepped(mesh, model, E_S, h=0.1).state
     assert middle.anchor_S is not None

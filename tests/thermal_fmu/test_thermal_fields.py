@@ -42,12 +42,12 @@ def test_a14_through_fields(method, T_prescribed, twist):
     T = poly((None, None, [1.0, 0.0, 3.0]), (None, [0.0, 0.0, 1.0], None), (TIME, [1.2], None),
              (twist, [0.0, 1.0], [0.0, 1.0]))
     sides = ["a.left"] if T_prescribed == "a.left" else ["a.left", "a.right", "a.top", "a.bottom"]
-    boundary = [{"kind": "temperature", "on": s, "value": T} for s in sides]
+    boundary = [{"on": s, "temperature": T} for s in sides]
     if T_prescribed == "a.left":
         top = poly((None, [5.0, 1.0], [0.0, 1.0]), (-1.0, [-1.0, 1.0], None), (twist, [0.0, 1.0], None))
         fluxes = {"a.right": poly((None, [0.0, 2.0], None), (twist, None, [0.0, 1.0])), "a.top": top,
                   "a.bottom": poly((-twist, [0.0, 1.0], None))}
-        boundary += [{"kind": "flux", "on": on, "value": value} for on, value in fluxes.items()]
+        boundary += [{"on": on, "flux": value} for on, value in fluxes.items()]
     mesh = scene(Box(0, 1, 0, 1, 6, 6))
     model = spec(boundary, T0=1.0, method=method)
     model["bodies"]["a"]["Q_T"] = poly((None, [-6.8, 1.5], None), (None, [0.0, -1.5], None))
@@ -66,7 +66,7 @@ def test_a14_through_fields(method, T_prescribed, twist):
 def test_a_prescribed_field_holds_at_the_current_coordinates():
     mesh = scene(Box(0, 1, 0, 1, 3, 2))
     value = poly((TIME, [0.0, 10.0], [0.0, 1.0]), (300.0, None, None))
-    model = spec([{"kind": "temperature", "on": "a.top", "value": value, "name": "top"}], T0=300.0)
+    model = spec([{"on": "a.top", "temperature": value, "name": "top"}], T0=300.0)
     x = mesh.nodes * [2.0, 3.0]
     T = run(mesh, model, 4.0, 1, x=x, load_top=0.5).T[-1]
     top = np.unique(mesh.surfaces["a.top"])
@@ -77,10 +77,10 @@ def test_a_prescribed_field_holds_at_the_current_coordinates():
 def test_integrals_of_fields_on_the_current_geometry(geometry):
     """Flux, film and source on a stretched body: the ledger holds the exact integrals."""
     mesh = scene(Box(1.0, 2.0, 0.0, 1.0, 3, 4), geometry=geometry)
-    model = spec([{"kind": "flux", "on": "a.right", "value": poly((None, None, [1.0, 2.0])), "name": "lamp"},
-                  {"kind": "convection", "on": "a.left", "h": poly((2.0, None, [1.0, 1.0])),
-                   "T": poly((None, None, [300.0, -10.0]))},
-                  *({"kind": "temperature", "on": f"a.{s}", "value": 400.0}
+    model = spec([{"on": "a.right", "flux": poly((None, None, [1.0, 2.0])), "name": "lamp"},
+                  {"on": "a.left", "convection": {"h": poly((2.0, None, [1.0, 1.0])),
+                                                  "T": poly((None, None, [300.0, -10.0]))}},
+                  *({"on": f"a.{s}", "temperature": 400.0}
                     for s in ("left", "right", "top", "bottom"))],
                  T0=400.0, method="steady")
     model["bodies"]["a"]["Q_T"] = poly((3.0, [0.0, 1.0], [1.0, 1.0]))
@@ -121,28 +121,30 @@ def test_a_source_with_factor_follows_the_current_volume():
 
 def test_a_film_that_grows_with_temperature():
     """1000 dT/dt = -2 T (T - 0): hyperbola."""
-    film = {"kind": "convection", "on": "a.right", "h": 2.0, "h_factor": {"polynomial": [0.0, 1.0]}, "T": 0.0}
+    film = {"on": "a.right", "convection": {"h": 2.0, "h_factor": {"polynomial": [0.0, 1.0]}, "T": 0.0}}
     assert abs(lumped([film], T0=300.0) - 300.0 / (1.0 + 2e-3 * 300.0)) < 1e-4
 
 
 def test_h_depends_on_place_time_and_temperature():
     """h = y t (1 + (T - 300)/100) over an edge held at 350 K, ambient 250 + 10 t."""
-    film = {"kind": "convection", "on": "a.right", "h": poly((TIME, None, [0.0, 1.0])),
-            "T": TIME | {"value": [250, 1250]}, "h_factor": {"T": [200, 300, 400], "value": [0.0, 1.0, 2.0]}}
-    model = spec([film, {"kind": "temperature", "on": "a.right", "value": 350.0}], T0=350.0, method="backward_euler")
+    film = {"on": "a.right", "convection": {"h": poly((TIME, None, [0.0, 1.0])), "T": TIME | {"value": [250, 1250]},
+                                            "h_factor": {"T": [200, 300, 400], "value": [0.0, 1.0, 2.0],
+                                                         "form": "cubic"}}}
+    model = spec([film, {"on": "a.right", "temperature": 350.0}], T0=350.0, method="backward_euler")
     ran = run(scene(Box(0, 1, 0, 1, 2, 3)), model, 2.0, 2)
     factor = 1.5  # the table is a straight line
     for out, t in zip(ran.outputs, ran.t, strict=True):
         assert abs(-out["heat.convection"] / 2.0 / (0.5 * t * factor * (100.0 - 10.0 * t)) - 1.0) < 1e-12
 
 
-EPS = {"T": [200.0, 500.0, 900.0], "value": [0.3, 0.6, 0.7]}
+EPS = {"T": [200.0, 500.0, 900.0], "value": [0.3, 0.6, 0.7], "form": "cubic"}
 EVERY = {
-    "film": [{"kind": "convection", "on": "b.top", "h": poly((50.0, [1.0, 3.0], None)), "T": 700.0, "exponent": 0.25,
-              "h_factor": {"T": [200, 500, 900], "value": [1.0, 2.0, 2.5]}}],
-    "radiation": [{"kind": "radiation", "on": "a.left", "emissivity": EPS, "T": poly((300.0, None, [1.0, 2.0]))},
-                  {"kind": "radiation", "on": "b.bottom", "emissivity": EPS, "T": 300.0, "d_near": 5e-5,
-                   "d_far": 3e-4}],
+    "film": [{"on": "b.top", "convection": {"h": poly((50.0, [1.0, 3.0], None)), "T": 700.0, "exponent": 0.25,
+                                            "h_factor": {"T": [200, 500, 900], "value": [1.0, 2.0, 2.5],
+                                                         "form": "cubic"}}}],
+    "radiation": [{"on": "a.left", "radiation": {"emissivity": EPS, "T": poly((300.0, None, [1.0, 2.0]))}},
+                  {"on": "b.bottom", "radiation": {"emissivity": EPS, "T": 300.0,
+                                                   "gap": {"d_near": 5e-5, "d_far": 3e-4}}}],
     "near": [], "source": [], "exchange": []}
 
 
@@ -150,12 +152,14 @@ def every_term(which):
     """A model with the terms of one kind, all their factors on."""
     model = spec(EVERY[which], T0=400.0)
     pair = {"near": {"radiation": {"emissivity_slave": EPS, "emissivity_master": {"polynomial": [0.9, -1e-3]},
-                                   "d_near": 5e-5, "d_far": 3e-4}},
-            "exchange": {"closed": {"law": "table", "variable": "T", "x": [200, 450, 900], "h": [1e3, 4e3, 5e3]},
-                         "open": {"law": "sum", "of": [
+                                   "gap": {"d_near": 5e-5, "d_far": 3e-4}}},
+            "exchange": {"conduction": {"closed": {"law": "table", "variable": "T", "x": [200, 450, 900],
+                                                   "h": [1e3, 4e3, 5e3], "form": "cubic"},
+                                                   "open": {"law": "sum", "of": [
                              {"law": "gas", "k_g": 0.05, "g_m": 2e-5},
-                             {"law": "table", "variable": "T", "x": [200, 900], "h": [10, 90]}]}}}
-    source = {"Q_T": poly((2e5, [1.0, 3.0], None)), "Q_T_factor": {"T": [200, 500, 900], "value": [1, 2, 1]}}
+                             {"law": "table", "variable": "T", "x": [200, 900], "h": [10, 90]}]}}}}
+    source = {"Q_T": poly((2e5, [1.0, 3.0], None)),
+              "Q_T_factor": {"T": [200, 500, 900], "value": [1, 2, 1], "form": "cubic"}}
     model["bodies"] = {b: {"material": "m", "T0": 400.0} | (source if which == "source" else {}) for b in "ab"}
     return model | {"pairs": {"p": pair.get(which, {})}}
 
@@ -192,24 +196,26 @@ def test_derivatives_are_exact(which):
 def test_kinks_of_fields_are_the_halfs_own():
     """A term of a field that jumps restarts the half damped, as a signal does."""
     jump = {"t": [0.0, 1.0, 1.0], "value": [0.0, 0.0, 1e5]}
-    lamp = {"kind": "flux", "on": "a.left", "value": poly((jump, None, [1.0, 1.0]), (2.0, None, None))}
+    lamp = {"on": "a.left", "flux": poly((jump, None, [1.0, 1.0]), (2.0, None, None))}
     model = spec([lamp], T0=300.0)
     assert load(scene(Box(0, 1, 0, 1, 2)), model)._calendar.jumps.tolist() == [1.0]
     ran = run(scene(Box(0, 1, 0, 1, 2)), model, 0.5, 4)
     assert [round(o["iterations"]) for o in ran.outputs] == [4, 1, 4, 1]
 
 
-FILM = {"kind": "convection", "on": "a.top", "h": 1.0, "T": 0.0}
+def film(**change):
+    """A film on a surface, changed."""
+    return {"on": "a.top", "convection": {"h": 1.0, "T": 0.0} | change}
 
 
 @pytest.mark.parametrize(("boundary", "message"), [
-    ({"kind": "flux", "on": "corner", "value": 1.0}, "'corner' is a set of nodes, and a flux needs an area"),
-    (FILM | {"exponent": -0.5}, "exponent must be at least 0, not -0.5"),
-    (FILM | {"h": poly((-1.0, None, None))}, "h must not be negative, not -1"),
-    (FILM | {"h_factor": -2.0}, "h_factor: a factor of h must be positive"),
-    (FILM | {"h_factor": {"T": [1, 2], "value": [0, 0]}}, "not 0"),
-    ({"kind": "flux", "on": "a.top", "value": {"terms": [{"x": {"at": [1, 0], "value": [0, 1]}}]}},
-     r"boundary\[0\].value: terms\[0\]: the places `at` of a profile must increase")])
+    ({"on": "corner", "flux": 1.0}, "there is no surface 'corner'"),
+    (film(exponent=-0.5), "exponent: must not be negative, not -0.5"),
+    (film(h=poly((-1.0, None, None))), "h: must not be less than 0, but reaches -1"),
+    (film(h_factor=-2.0), "h_factor: must be greater than zero, not -2.0"),
+    (film(h_factor={"T": [1, 2], "value": [0, 0]}), "not 0"),
+    ({"on": "a.top", "flux": {"terms": [{"x": {"at": [1, 0], "value": [0, 1]}}]}},
+     r"boundary\.0\.flux\.terms\.0\.x\.at\.1: the places of a profile must increase")])
 def test_what_the_boundary_refuses(boundary, message):
     mesh = scene(Box(0, 1, 0, 1, 2))
     mesh.node_sets["corner"] = np.array([0], dtype=np.int32)
@@ -223,7 +229,7 @@ def test_what_the_boundary_refuses(boundary, message):
     ({"h_factor": {"polynomial": [-1.0]}}, "h_factor of surface a.right is -1")])
 def test_a_film_that_turns_negative_is_told(change, message):
     mesh = scene(Box(0, 1, 0, 1, 2, 2))
-    film = {"kind": "convection", "on": "a.right", "h": 1.0, "T": 200.0} | change
+    film = {"on": "a.right", "convection": {"h": 1.0, "T": 200.0} | change}
     half = load(mesh, spec([film], T0=300.0))
     given = inputs_of(mesh, half)
     done = half.step(half.start(given, 0.0, None)[0], given, 0.0, 1.0, None)

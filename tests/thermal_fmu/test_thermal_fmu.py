@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 from thermal_scenes import EXPECTED  # noqa: E402
 
-HEAD = "slideline: 1\nunits: {temperature: %s}\ngeometry: plane\n"
+HEAD = "slideline: 2\nunits: {temperature: %s}\ngeometry: plane\n"
 TAIL = "mechanical: {half: rigid}\ncoupling: {end: 1, windows: [{until: 1, size: 1}]}\n"
 
 # NAFEMS T2: a rod, hot at one end, radiates from the other.

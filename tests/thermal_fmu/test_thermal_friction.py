@@ -73,7 +73,7 @@ def test_d10_two_half_spaces_that_slide():
 def test_a_given_share(share):
     mesh = scene(Box(0, 0.1, 0, 0.1, 3, 3), Box(0, 0.1, 0.1, 0.2, 4, 3), pairs=PAIRS)
     given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.contact_nodes), -1e6)}
-    out = run(mesh, two_metals({"friction_share": share}), 2.0, 1, service(), **given).outputs[-1]
+    out = run(mesh, two_metals({"friction": {"share": share}}), 2.0, 1, service(), **given).outputs[-1]
     assert abs(out["heat.friction.slave"] - share * 5.0) < 1e-13 * 5.0
     assert abs(out["heat.friction.master"] - (1.0 - share) * 5.0) < 1e-13 * 5.0
 
@@ -93,7 +93,7 @@ def test_effusivities_at_the_temperature_of_the_start():
 def test_even_rubbing_heats_both_faces_evenly():
     """3 against 4 edges: an even heat per area of the slave is one of the master too, by its shape functions."""
     mesh = scene(Box(0, 0.1, 0, 0.1, 3, 1), Box(0, 0.1, 0.1, 0.2, 4, 1), pairs=PAIRS)
-    half, link = load(mesh, two_metals({"friction_share": 0.25})), service()
+    half, link = load(mesh, two_metals({"friction": {"share": 0.25}})), service()
     given = inputs_of(mesh, half)
     half.start(given, 0.0, link)
     sc, points = half._scene, half._contact_points(mesh.nodes, given, link)
@@ -115,9 +115,9 @@ def curved(geometry, lift=0.0):
                  pairs=PAIRS, move=bend)
 
 
-LAWS = {"closed": {"law": "constant", "h": 3000.0}, "open": {"law": "gas", "k_g": 0.05, "g_m": 2e-5},
+LAWS = {"conduction": {"closed": {"law": "constant", "h": 3000.0}, "open": {"law": "gas", "k_g": 0.05, "g_m": 2e-5}},
         "radiation": {"emissivity_slave": 0.5, "emissivity_master": {"polynomial": [0.2, 5e-4]},
-                      "d_near": 1e-4, "d_far": 1e-3}}
+                      "gap": {"d_near": 1e-4, "d_far": 1e-3}}}
 
 
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
@@ -128,7 +128,7 @@ def test_d3_no_joule_is_lost_between_curved_surfaces(geometry):
     nodes = mesh.contact_nodes
     E = rng.uniform(0.5, 1.5, nodes.size)  # on nodes of both sides, also where nothing is faced
     t_N = np.where(mesh.nodes[nodes, 0] < 0.11, -1e6, 0.0)
-    far = [{"kind": "radiation", "on": s, "emissivity": 0.7, "T": 300.0, "d_near": 1e-4, "d_far": 1e-3}
+    far = [{"on": s, "radiation": {"emissivity": 0.7, "T": 300.0, "gap": {"d_near": 1e-4, "d_far": 1e-3}}}
            for s in ("a.top", "b.bottom")]
     model = two_metals(LAWS, boundary=far)
     model["bodies"]["b"]["T0"] = 700.0
@@ -149,10 +149,10 @@ def test_a16_with_every_term_of_the_surface(method):
     """Curved faces that slide and open, radiating near and far, rubbing, heated inside by place and temperature."""
     mesh = curved("axisymmetric", lift=2e-4)
     hot = {"terms": [{"t": {"t": [0, 3], "value": [1e6, 3e6]}, "x": {"polynomial": [1.0, 5.0]}}]}
-    film = {"kind": "convection", "on": "b.right", "h": {"terms": [{"y": {"at": [0.1, 0.2], "value": [50, 90]}}]},
-            "T": 350.0, "exponent": 0.25, "h_factor": {"T": [300, 900], "value": [1.0, 2.0]}}
-    far = [{"kind": "radiation", "on": s, "emissivity": {"T": [300, 900], "value": [0.3, 0.8]}, "T": 300.0,
-            "d_near": 1e-4, "d_far": 1e-3} for s in ("a.top", "b.bottom")]
+    film = {"on": "b.right", "convection": {"h": {"terms": [{"y": {"at": [0.1, 0.2], "value": [50, 90]}}]}, "T": 350.0,
+                                            "exponent": 0.25, "h_factor": {"T": [300, 900], "value": [1.0, 2.0]}}}
+    far = [{"on": s, "radiation": {"emissivity": {"T": [300, 900], "value": [0.3, 0.8]}, "T": 300.0,
+                                   "gap": {"d_near": 1e-4, "d_far": 1e-3}}} for s in ("a.top", "b.bottom")]
     model = two_metals(LAWS, boundary=[film, *far], method=method) | ({"theta": 0.7} if method == "theta" else {})
     model["bodies"]["b"] |= {"T0": 700.0, "Q_T": hot, "Q_T_factor": {"T": [300, 900], "value": [1.0, 0.2]}}
     half, link = load(mesh, model), service()
@@ -190,9 +190,10 @@ def test_two_passes_keep_the_sides_of_their_pair(share):
     once, twice = (
         scene(Box(0, 0.1, 0, 0.1, 3, 2), Box(0, 0.1, 0.1, 0.2, 4, 2), pairs=(replace(PAIRS[0], two_pass=two),))
         for two in (False, True))
-    pair = LAWS | {"friction_share": share, "radiation": {
-        "emissivity_slave": {"polynomial": [0.1, 5e-4]}, "emissivity_master": {"polynomial": [0.9, -5e-4]}}}
-    film = [{"kind": "convection", "on": s, "h": 40.0, "T": 300.0, "d_cut": 0.0, "d_full": 1e-3}
+    pair = LAWS | {"radiation": {
+        "emissivity_slave": {"polynomial": [0.1, 5e-4]}, "emissivity_master": {"polynomial": [0.9, -5e-4]}},
+        "friction": {"share": share}}
+    film = [{"on": s, "convection": {"h": 40.0, "T": 300.0, "gap": {"d_cut": 0.0, "d_full": 1e-3}}}
             for s in ("a.top", "b.bottom")]
     model = two_metals(pair, boundary=film)
     model["bodies"]["b"]["T0"] = 700.0
@@ -215,7 +216,7 @@ def test_two_passes_keep_the_sides_of_their_pair(share):
 def test_a_body_warms_where_it_is_rubbed():
     """All to the slave, nothing conducts: the joules are in the cells along its face."""
     mesh = scene(Box(0, 0.1, 0, 0.1, 2, 2), Box(0, 0.1, 0.1, 0.2, 2, 2), pairs=PAIRS)
-    model = two_metals({"friction_share": 1.0})
+    model = two_metals({"friction": {"share": 1.0}})
     ran = run(mesh, model, 1e-6, 1, service(), t_N=np.full(len(mesh.contact_nodes), -1e6),
               **{"contact.E_friction": on_slave(mesh, 1000.0)})
     T = ran.T[-1]
@@ -225,8 +226,8 @@ def test_a_body_warms_where_it_is_rubbed():
 
 @pytest.mark.parametrize("share", [-0.1, 1.5, float("nan"), "half"])
 def test_a_share_outside_0_to_1_is_refused(share):
-    with pytest.raises(ValueError, match=r"pairs\.p\.friction_share must"):
-        load(curved("plane"), two_metals({"friction_share": share}))
+    with pytest.raises(ValueError, match=r"pairs\.p\.friction\.share: "):
+        load(curved("plane"), two_metals({"friction": {"share": share}}))
 
 
 @pytest.mark.parametrize("p", [0.0, 1e6])
@@ -237,10 +238,11 @@ def test_a_surface_that_folds_is_as_two(p):
     folded = replace(apart, surfaces=dict(apart.surfaces) | {"a.all": both},
                      pairs=(replace(PAIRS[0], slave="a.all", master="a.all"),))
     eps = {"polynomial": [0.1, 5e-4]}
-    pair = LAWS | {"radiation": {"emissivity_slave": eps, "emissivity_master": eps}, "friction_share": 0.5}
+    pair = LAWS | {"radiation": {"emissivity_slave": eps, "emissivity_master": eps}, "friction": {"share": 0.5}}
     found = []
     for mesh, surfaces in ((apart, ("a.top", "b.bottom")), (folded, ("a.all",))):
-        film = [{"kind": "convection", "on": s, "h": 40.0, "T": 300.0, "d_cut": 0.0, "d_full": 1e-3} for s in surfaces]
+        film = [{"on": s, "convection": {"h": 40.0, "T": 300.0,
+                                         "gap": {"d_cut": 0.0, "d_full": 1e-3}}} for s in surfaces]
         model = two_metals(pair, boundary=film)
         model["bodies"]["b"]["T0"] = 700.0
         # Only the faces of b carry heat; where they face nothing they keep it.

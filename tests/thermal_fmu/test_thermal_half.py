@@ -25,10 +25,10 @@ from thermal_fmu.half import load
 def blocks():
     mesh = scene(Box(0, 1, 0, 1, 4, 4, triangles=True), Box(0.3, 1.3, 1, 2, 5, 3),
                  pairs=(Pair("p", "b.bottom", "a.top", 0.5, 1e9),))
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0, "name": "floor"},
-                  {"kind": "convection", "on": "b.top", "h": 3.0, "T": 500.0, "exponent": 0.3}],
+    model = spec([{"on": "a.bottom", "temperature": 300.0, "name": "floor"},
+                  {"on": "b.top", "convection": {"h": 3.0, "T": 500.0, "exponent": 0.3}}],
                  k={"polynomial": [1.0, 1e-3]}, c={"polynomial": [1.0, 0.0, 1e-6]}, T0=300.0,
-                 pairs={"p": {"closed": {"law": "constant", "h": 20.0}}})
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 20.0}, "open": None}}})
     model["bodies"]["b"] = {"material": "m", "T0": 600.0}
     return mesh, model
 
@@ -97,7 +97,7 @@ def test_the_second_triangle_is_named_after_the_quads():
 def test_what_does_not_converge_is_a_discard_with_a_smaller_step():
     """A conductivity that falls below zero on the way (a polynomial cannot be checked at load)."""
     bar = scene(Box(0, 1, 0, 1, 4))
-    half = load(bar, spec([{"kind": "flux", "on": "a.left", "value": 500.0}], k={"polynomial": [1.0, -0.01]}))
+    half = load(bar, spec([{"on": "a.left", "flux": 500.0}], k={"polynomial": [1.0, -0.01]}))
     state, _ = half.start(inputs_of(bar, half), 0.0, FlatContact())
     answer = half.step(state, inputs_of(bar, half), 0.0, 2.0, FlatContact())
     assert isinstance(answer, Discard)
@@ -107,7 +107,7 @@ def test_what_does_not_converge_is_a_discard_with_a_smaller_step():
 
 def test_a_steady_body_without_any_hold_is_a_discard():
     bar = scene(Box(0, 1, 0, 1, 4))
-    half = load(bar, spec([{"kind": "flux", "on": "a.left", "value": 5.0}], method="steady", T0=300.0))
+    half = load(bar, spec([{"on": "a.left", "flux": 5.0}], method="steady", T0=300.0))
     state, _ = half.start(inputs_of(bar, half), 0.0, FlatContact())
     assert isinstance(half.step(state, inputs_of(bar, half), 0.0, 2.0, FlatContact()), Discard)
 
@@ -166,14 +166,14 @@ def _with(model, value, *path):
 
 
 @pytest.mark.parametrize(("path", "value", "words"), [
-    (("boundary", 0, "kind"), "radiator", ("boundary[0].kind", "radiator", "temperature")),
-    (("boundary", 0, "on"), "a.botom", ("boundary[0].on", "a.botom", "a.bottom")),
-    (("boundary", 1, "on"), "nowhere", ("boundary[1].on", "nowhere")),
-    (("boundary", 1, "h"), -3.0, ("boundary[1].h", "negative")),
-    (("boundary", 1, "d_cut"), 1e-3, ("boundary[1].d_full",)),
-    (("boundary", 1, "exponant"), 1.0, ("exponant", "exponent")),
+    (("boundary", 0, "radiator"), {}, ("boundary.0.radiator", "radiation", "temperature")),
+    (("boundary", 0, "on"), "a.botom", ("boundary.0.on", "a.botom", "a.bottom")),
+    (("boundary", 1, "on"), "nowhere", ("boundary.1.on", "nowhere")),
+    (("boundary", 1, "convection", "h"), -3.0, ("boundary.1.convection.h", "negative", "-3.0")),
+    (("boundary", 1, "convection", "gap"), {"d_cut": 1e-3}, ("boundary.1.convection.gap.d_full",)),
+    (("boundary", 1, "convection", "exponant"), 1.0, ("exponant", "exponent")),
     (("materials", "m", "rho"), -1.0, ("materials.m.rho", "-1.0")),
-    (("materials", "m", "k"), 0.0, ("materials.m.k", "positive")),
+    (("materials", "m", "k"), 0.0, ("materials.m.k", "greater than zero")),
     (("materials", "m", "c"), {"T": [1, 2], "value": [3, -4]}, ("materials.m.c", "-4")),
     (("materials", "m", "c"), {"T": [2, 1], "value": [3, 4]}, ("materials.m.c", "increase")),
     (("bodies", "a", "T0"), "hot", ("bodies.a.T0", "hot")),
@@ -181,7 +181,7 @@ def _with(model, value, *path):
     (("bodies", "a", "material"), "brass", ("bodies.a.material", "brass", "m")),
     (("bodies", "c"), {"material": "m", "T0": 1.0}, ("bodies", "c", "a, b")),
     (("pairs", "q"), {}, ("pairs", "q", "p")),
-    (("pairs", "p", "closed"), {"law": "magic"}, ("pairs.p.closed", "magic")),
+    (("pairs", "p", "conduction", "closed"), {"law": "magic"}, ("pairs.p.conduction.closed.law", "magic")),
     (("method",), "euler", ("method", "euler", "midpoint")),
     (("half",), "elastic", ("elastic",)),
     (("tolerance",), 0, ("tolerance",)),
@@ -193,7 +193,7 @@ def test_a_wrong_model_is_refused_by_key_and_value(path, value, words):
     assert all(word in str(caught.value) for word in words), str(caught.value)
 
 
-@pytest.mark.parametrize("path", [("materials",), ("bodies", "b"), ("materials", "m", "c"), ("boundary", 0, "value")])
+@pytest.mark.parametrize("path", [("materials",), ("bodies", "b"), ("materials", "m", "c"), ("half",)])
 def test_a_missing_key_is_named(path):
     mesh, model = blocks()
     with pytest.raises(ValueError, match=str(path[-1])):

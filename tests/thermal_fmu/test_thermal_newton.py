@@ -38,7 +38,7 @@ def residuals_of(monkeypatch, mesh, model, dt):
 def test_newton_is_quadratic_on_smooth_problems(monkeypatch, k):
     """k(T), c(T), free convection: the exponent of the last three residuals above round-off is at least 1.8."""
     mesh = scene(Box(0, 0.1, 0, 0.1, 8, 8))
-    model = spec([{"kind": "convection", "on": "a.right", "h": 20.0, "T": 1500.0, "exponent": 0.33},
+    model = spec([{"on": "a.right", "convection": {"h": 20.0, "T": 1500.0, "exponent": 0.33}},
                   held_at("left", 300.0)], k=k, c={"polynomial": [400.0, 0.3, 3e-4]}, rho=3000.0, T0=400.0,
                  method="backward_euler", tolerance=1e-14)
     norms = np.array(residuals_of(monkeypatch, mesh, model, 400.0))
@@ -53,7 +53,8 @@ def test_newton_is_quadratic_on_smooth_problems(monkeypatch, k):
 @pytest.mark.parametrize("dt", [1.0, 30.0])
 def test_a_sharply_peaked_heat_capacity(dt, method):
     """All the latent heat of a metal in a peak of c(T) 4 K wide, no phase change said: steps converge, heat is kept."""
-    peak = {"T": [300, 928, 930, 931, 932, 934, 1200], "value": [1100, 1100, 1.1e5, 2e5, 1.1e5, 1180, 1180]}
+    peak = {"T": [300, 928, 930, 931, 932, 934, 1200], "value": [1100, 1100, 1.1e5, 2e5, 1.1e5, 1180, 1180],
+            "form": "cubic"}
     mesh = scene(Box(0, 0.05, 0, 0.01, 12))
     ran = run(mesh, spec([held_at("right", 600.0)], k=100.0, c=peak, rho=2500.0, T0=940.0, method=method), dt, 4)
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
@@ -88,7 +89,7 @@ def test_a_trial_that_leaves_a_propertys_range_is_shortened():
     """k turns negative above 520 K: Newton's first step goes there, its solution does not."""
     mesh = scene(Box(0, 0.1, 0, 0.01, 10))
     law = {"polynomial": [10.0, -0.0476], "T_ref": 310.0}
-    model = spec([{"kind": "flux", "on": "a.right", "value": 8000.0}, held_at("left", 300.0)], k=law, T0=300.0,
+    model = spec([{"on": "a.right", "flux": 8000.0}, held_at("left", 300.0)], k=law, T0=300.0,
                  method="steady")
     half = load(mesh, model)
     state, _ = half.start(inputs_of(mesh, half), 0.0, FlatContact())

@@ -18,15 +18,15 @@ from thermal_fmu.scene import freeze
 from thermal_fmu.sources import loads_at
 from thermal_fmu.stage import StageProblem, balance
 
-PEAK = {"T": [0, 395, 398, 400, 402, 405, 1000], "value": [900, 900, 950, 60000, 950, 900, 900]}
+PEAK = {"T": [0, 395, 398, 400, 402, 405, 1000], "value": [900, 900, 950, 60000, 950, 900, 900], "form": "cubic"}
 QUADRATIC = {"polynomial": [800.0, 0.5, 2e-3]}
 
 
 def test_a7_conductivity_linear_in_temperature():
     case = EXPECTED["A7"]
     bar = scene(Box(0, 1, 0, 1, 20))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 100.0},
-                  {"kind": "temperature", "on": "a.right", "value": 500.0}], k={"polynomial": [10.0, 0.02]}, T0=100.0,
+    model = spec([{"on": "a.left", "temperature": 100.0},
+                  {"on": "a.right", "temperature": 500.0}], k={"polynomial": [10.0, 0.02]}, T0=100.0,
                  method="steady")
     ran = run(bar, model, 1.0, 1)
     out = ran.outputs[-1]
@@ -53,7 +53,7 @@ def test_a17_flux_into_a_medium_that_stiffens():
     case = EXPECTED["A17"]
     bar = scene(Box(0, 2, 0, 1, 40))
     law = {"polynomial": [1.0, 0.5]}
-    ran = run(bar, spec([{"kind": "flux", "on": "a.left", "value": 1.0}], k=law, c=law), 0.01, 100)
+    ran = run(bar, spec([{"on": "a.left", "flux": 1.0}], k=law, c=law), 0.01, 100)
     for t, expected in zip(case["t"], case["T"], strict=True):
         T = ran.T[round(t / 0.01) - 1]
         # 40 elements, dt .01: 2e-4 is the size of h^2/12 of the curvature.
@@ -69,12 +69,12 @@ def test_a16_heat_balance_on_a_moving_mesh(c, method, geometry):
     mesh = scene(Box(0.1, 0.2, 0, 0.1, 6, 5, triangles=True), Box(0.1, 0.2, 0.1, 0.2, 5, 4), geometry=geometry,
                  pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
     gas = {"law": "gas", "k_g": 0.05, "g_m": 1e-4}
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": {"t": [0, 10], "value": [300, 420]}},
-                  {"kind": "flux", "on": "b.right", "value": 3e4},
-                  {"kind": "convection", "on": "b.top", "h": 50, "T": 700, "exponent": 0.25},
-                  {"kind": "convection", "on": "a.top", "h": 40, "T": 350, "d_cut": 1e-3, "d_full": 6e-3}],
+    model = spec([{"on": "a.bottom", "temperature": {"t": [0, 10], "value": [300, 420]}},
+                  {"on": "b.right", "flux": 3e4},
+                  {"on": "b.top", "convection": {"h": 50, "T": 700, "exponent": 0.25}},
+                  {"on": "a.top", "convection": {"h": 40, "T": 350, "gap": {"d_cut": 1e-3, "d_full": 6e-3}}}],
                  k={"polynomial": [20.0, 0.01]}, c=c, rho=2000.0, T0=380.0, method=method,
-                 pairs={"p": {"closed": {"law": "constant", "h": 3000.0}, "open": gas}})
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 3000.0}, "open": gas}}})
     model["bodies"] = {"a": {"material": "m", "T0": 390.0, "Q_T": 2e5}, "b": {"material": "m", "T0": 420.0}}
     half, link = load(mesh, model), FlatContact()
     given = inputs_of(mesh, half, E_M=np.linspace(0, 5, len(mesh.quads) + len(mesh.triangles)))
@@ -116,9 +116,10 @@ def test_the_jacobian_is_the_derivative(stage):
     mesh = scene(Box(0, 0.1, 0, 0.1, 3, 2, triangles=True), Box(0, 0.1, 0.1, 0.2, 4, 2),
                  pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
     table = {"law": "table", "variable": "T", "x": [300, 500], "h": [1000.0, 5000.0]}
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0},
-                  {"kind": "convection", "on": "b.top", "h": 50, "T": 700, "exponent": 0.25}],
-                 k={"polynomial": [20.0, 0.01]}, c=QUADRATIC, rho=2000.0, T0=380.0, pairs={"p": {"closed": table}})
+    model = spec([{"on": "a.bottom", "temperature": 300.0},
+                  {"on": "b.top", "convection": {"h": 50, "T": 700, "exponent": 0.25}}],
+                 k={"polynomial": [20.0, 0.01]}, c=QUADRATIC, rho=2000.0, T0=380.0,
+                 pairs={"p": {"conduction": {"closed": table, "open": None}}})
     model["bodies"]["b"] = {"material": "m", "T0": 420.0}
     half, link = load(mesh, model), FlatContact()
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
@@ -139,7 +140,7 @@ def test_the_jacobian_is_the_derivative(stage):
 
 def test_newton_converges_quadratically_and_a_linear_scene_takes_one_solve():
     bar = scene(Box(0, 1, 0, 1, 10))
-    film = [{"kind": "convection", "on": "a.right", "h": 2.0, "T": 300.0}]
+    film = [{"on": "a.right", "convection": {"h": 2.0, "T": 300.0}}]
     linear = run(bar, spec(film, T0=400.0), 0.05, 4)
     # The damped start is four quarter steps, one solve each.
     assert [o["iterations"] for o in linear.outputs] == [4, 1, 1, 1]

@@ -38,7 +38,7 @@ def test_a12_decay_of_a_mode(name, expected):
     """sin(pi x) at t = .1, against its exact decay on the mesh: its eigenvalue there is 12 s/(h^2 (3 - 2 s))."""
     n = 8
     bar = scene(Box(0, 1, 0, 1, n))
-    context = the_context(bar, spec([{"kind": "temperature", "on": f"a.{s}", "value": 0.0} for s in ("left", "right")]))
+    context = the_context(bar, spec([{"on": f"a.{s}", "temperature": 0.0} for s in ("left", "right")]))
     mode, s = np.sin(np.pi * bar.nodes[:, 0]), np.sin(0.5 * np.pi / n) ** 2
     exact = np.exp(-0.1 * 12.0 * n**2 * s / (3.0 - 2.0 * s)) * mode
     errors = [np.abs(taken(context, method_of(name), mode, 0.1, k) - exact).max() for k in (16, 32, 64)]
@@ -51,8 +51,8 @@ def test_a12_decay_of_a_mode(name, expected):
 def test_a12_nonlinear_decay_of_a_lump(name, expected):
     """dT/dt = -(1 + T) T from T = 1: 1/(2e - 1) at t = 1."""
     cell = scene(Box(0, 1, 0, 1, 1))
-    context = the_context(cell, spec([{"kind": "convection", "on": "a.right", "h": 1.0, "T": 0.0, "exponent": 1.0},
-                                      {"kind": "convection", "on": "a.left", "h": 1.0, "T": 0.0}], k=1e7))
+    context = the_context(cell, spec([{"on": "a.right", "convection": {"h": 1.0, "T": 0.0, "exponent": 1.0}},
+                                      {"on": "a.left", "convection": {"h": 1.0, "T": 0.0}}], k=1e7))
     errors = [np.abs(taken(context, method_of(name), np.ones(4), 1.0, n) - 1.0 / (2.0 * np.e - 1.0)).max()
               for n in (32, 64, 128)]
     assert abs(order(errors) - expected) < TOLERANCE
@@ -68,12 +68,12 @@ def two_bodies():
     mesh = scene(Box(0, 1, 0, 1, 5, 2), Box(0.1, 1.1, 1, 2, 6, 2), pairs=(Pair("p", "b.bottom", "a.top", 0.05, 1e9),))
     law = {"law": "table", "variable": "T", "x": [100.0, 900.0], "h": [1.0, 9.0]}
     eps = {"polynomial": [0.3, 5e-4]}
-    model = spec([{"kind": "convection", "on": "b.top", "h": 0.4, "T": {"t": [0, 1], "value": [1500, 2500]},
-                   "exponent": 0.3},
-                  {"kind": "radiation", "on": "a.right", "emissivity": eps, "T": 300.0},
-                  {"kind": "temperature", "on": "a.left", "value": {"t": [0, 1], "value": [300, 500]}}],
+    model = spec([{"on": "b.top", "convection": {"h": 0.4, "T": {"t": [0, 1], "value": [1500, 2500]}, "exponent": 0.3}},
+                  {"on": "a.right", "radiation": {"emissivity": eps, "T": 300.0}},
+                  {"on": "a.left", "temperature": {"t": [0, 1], "value": [300, 500]}}],
                  k={"polynomial": [0.5, 2e-3]}, c={"polynomial": [1.0, 1e-3, 1e-6]}, T0=300.0, sigma_SB=5e-9,
-                 pairs={"p": {"closed": law, "radiation": {"emissivity_slave": eps, "emissivity_master": 0.9}}})
+                 pairs={"p": {"conduction": {"closed": law, "open": None},
+                              "radiation": {"emissivity_slave": eps, "emissivity_master": 0.9}}})
     model["bodies"]["b"] = {"material": "m", "T0": 700.0}
     context = the_context(mesh, model, t_N=np.full(len(mesh.contact_nodes), -1e6))
     s = np.where(mesh.node_body == 0, 300.0, 700.0)
@@ -102,8 +102,8 @@ def test_order_with_every_coefficient_a_function_of_temperature(name, expected):
 def test_theta_of_one_half_is_the_midpoint_rule_and_one_is_backward_euler():
     """To the bit, through the half, restarts included."""
     bar = scene(Box(0, 1, 0, 1, 10))
-    model = spec([{"kind": "convection", "on": "a.right", "h": 2.0, "T": {"t": [0, 1], "value": [500, 900]},
-                   "exponent": 0.25}], k={"polynomial": [1.0, 1e-2]}, T0=300.0)
+    model = spec([{"on": "a.right", "convection": {"h": 2.0, "T": {"t": [0, 1], "value": [500, 900]},
+                                                   "exponent": 0.25}}], k={"polynomial": [1.0, 1e-2]}, T0=300.0)
     for theta, method in ((0.5, "midpoint"), (1.0, "backward_euler")):
         a = run(bar, model | {"method": "theta", "theta": theta}, 0.02, 4)
         b = run(bar, model | {"method": method}, 0.02, 4)
@@ -116,7 +116,7 @@ def test_theta_of_one_half_is_the_midpoint_rule_and_one_is_backward_euler():
 @pytest.mark.parametrize("dt", [0.1, 0.005])
 def test_a_theta_below_one_does_not_ring_after_a_shock(theta, dt):
     bar = scene(Box(0, 1, 0, 1, 20))
-    ran = run(bar, spec([{"kind": "temperature", "on": "a.right", "value": 300.0}], T0=400.0, method="theta",
+    ran = run(bar, spec([{"on": "a.right", "temperature": 300.0}], T0=400.0, method="theta",
                         theta=theta), dt, 10)
     assert (np.diff(ran.T[:, 19]) < 0).all()
 
@@ -143,7 +143,7 @@ def test_order_in_space(triangles, name):
     errors = []
     for n in (5, 10, 20):
         mesh = scene(Box(0, 1, 0, 1, n, n, triangles=triangles), move=crooked)
-        model = spec([{"kind": "temperature", "on": f"a.{s}", "value": {"terms": exact}}
+        model = spec([{"on": f"a.{s}", "temperature": {"terms": exact}}
                       for s in ("left", "right", "bottom", "top")], k={"polynomial": [1.0, 1.0]})
         model["bodies"]["a"]["Q_T"] = {"terms": source}
         T0 = mesh.nodes**2 @ [1.0, 2.0]

@@ -20,15 +20,15 @@ from thermal_fmu.half import load
 SIGMA = 5.670374419e-8
 
 
-def radiation(on, T, emissivity=0.8, **more):
-    return {"kind": "radiation", "on": on, "emissivity": emissivity, "T": T, **more}
+def radiation(on, T, emissivity=0.8, name=None, **more):
+    return {"on": on, "radiation": {"emissivity": emissivity, "T": T, **more}} | ({"name": name} if name else {})
 
 
 @pytest.mark.parametrize("T0", [1000.0, 10.0])
 def test_a4_nafems_t2(T0):
     """A rod held at 1000 K that radiates from its end, also from a far start."""
     case = EXPECTED["A4"]
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 1000.0}, radiation("a.right", 300.0, 0.98)],
+    model = spec([{"on": "a.left", "temperature": 1000.0}, radiation("a.right", 300.0, 0.98)],
                  k=55.6, T0=T0, method="steady", sigma_SB=5.67e-8)
     ran = run(scene(Box(0, 0.1, 0, 0.01, 10)), model, 1.0, 1)
     assert abs(ran.T[-1, 10] - case["T_B"]) < case["tolerance"]
@@ -48,7 +48,7 @@ def lumped(boundary, T0, refine):
 def test_a10_a_body_cools_by_radiation(T_inf, key):
     """Second order in dt, 2e-2 K with steps of 4 to 20 s, and 4e-4 K where both step sizes are combined."""
     expected = EXPECTED["A10"][key]
-    coarse, fine = (lumped({"kind": "radiation", "emissivity": 0.8, "T": T_inf}, 1200.0, n) for n in (1, 2))
+    coarse, fine = (lumped({"radiation": {"emissivity": 0.8, "T": T_inf}}, 1200.0, n) for n in (1, 2))
     assert np.abs(coarse - expected).max() < 2e-2
     assert abs(order([abs(coarse - expected)[0], abs(fine - expected)[0]]) - 2.0) < 0.1
     assert np.abs((4.0 * fine - coarse) / 3.0 - expected).max() < 4e-4
@@ -57,7 +57,7 @@ def test_a10_a_body_cools_by_radiation(T_inf, key):
 def test_a11_free_convection():
     """q = 2 dT^(4/3): the exponent 1/3 of a film."""
     expected = np.array(EXPECTED["A11"]["dT"]) + 300.0
-    film = {"kind": "convection", "h": 2.0, "T": 300.0, "exponent": 1.0 / 3.0}
+    film = {"convection": {"h": 2.0, "T": 300.0, "exponent": 1.0 / 3.0}}
     coarse, fine = (lumped(film, 1200.0, n) for n in (1, 2))
     assert np.abs(coarse - expected).max() < 5e-3
     assert np.abs((4.0 * fine - coarse) / 3.0 - expected).max() < 4e-4
@@ -71,7 +71,7 @@ def plates(gap=1e-3, slide=0.0, geometry="plane"):
 
 def held_plates(T_a, T_b, boundary=(), **near):
     """model.json of plates held at two temperatures, of emissivities .8 (a) and .1 (b)."""
-    everywhere = [{"kind": "temperature", "on": f"{b}.{s}", "value": T} for b, T in (("a", T_a), ("b", T_b))
+    everywhere = [{"on": f"{b}.{s}", "temperature": T} for b, T in (("a", T_a), ("b", T_b))
                   for s in ("top", "bottom")]
     model = spec([*everywhere, *boundary], method="steady",
                  pairs={"p": {"radiation": {"emissivity_slave": 0.1, "emissivity_master": 0.8, **near}}})
@@ -88,7 +88,7 @@ def test_d8_parallel_plates(p):
     assert abs(out["heat.near_radiation.master"] / (0.1 * EXPECTED["D8"]["q"]) - 1.0) < 2e-7
 
 
-LIMITS = {"d_near": 1e-3, "d_far": 5e-3}
+LIMITS = {"gap": {"d_near": 1e-3, "d_far": 5e-3}}
 Q_NEAR = SIGMA * (900.0**4 - 600.0**4) / (1 / 0.1 + 1 / 0.8 - 1)
 Q_FAR = SIGMA * (0.1 * (900.0**4 - 300.0**4) + 0.8 * (600.0**4 - 300.0**4))
 
@@ -149,7 +149,7 @@ def discarded(model, mesh=None):
 
 
 def test_temperatures_below_0_kelvin_are_told():
-    cooled = spec([radiation("a.right", 300.0), {"kind": "flux", "on": "a.right", "value": -1e6}], T0=300.0)
+    cooled = spec([radiation("a.right", 300.0), {"on": "a.right", "flux": -1e6}], T0=300.0)
     assert "radiation needs temperatures in kelvin" in discarded(cooled)
     falling = {"t": [0, 1], "value": [20.0, -500.0]}
     outside = spec([radiation("a.right", {"terms": [{"t": falling, "x": {"polynomial": [1.0, 1.0]}}]})], T0=300.0)
@@ -173,28 +173,33 @@ def test_an_emissivity_that_leaves_its_range_is_told():
 
 
 WRONG = [
-    ({"emissivity": 0.0}, "emissivity must be greater than 0 and at most 1, not 0"),
+    ({"emissivity": 0.0}, "emissivity: must be greater than zero and at most 1, not 0"),
     ({"emissivity": 1.2}, "at most 1, not 1.2"),
     ({"emissivity": {"T": [300, 400], "value": [0.5, -0.1]}}, "not -0.1"),
-    ({"d_near": 2e-3, "d_far": 2e-3}, "0 <= d_near < d_far"),
-    ({"d_near": 2e-3}, "d_far must be a finite number, not None"),
+    ({"gap": {"d_near": 2e-3, "d_far": 2e-3}}, "d_far must be greater than d_near, not 0.002"),
+    ({"gap": {"d_near": 2e-3}}, "radiation.gap.d_far: a required key is missing"),
     ({"T": -5.0}, "T of a radiation is -5: radiation needs temperatures in kelvin"),
-    ({"on": "a.nowhere"}, "'a.nowhere' is none of"),
-    ({"emissivty": 0.5}, "unknown key 'emissivty'"),
+    ({"on": "a.nowhere"}, "there is no surface 'a.nowhere'"),
+    ({"emissivty": 0.5}, "radiation.emissivty: unknown key.* Did you mean 'emissivity'"),
 ]
+
+
+def _changed(boundary, change):
+    """Its place changed, or its radiation."""
+    return boundary | change if "on" in change else boundary | {"radiation": boundary["radiation"] | change}
 
 
 @pytest.mark.parametrize(("change", "message"), WRONG)
 def test_what_radiation_refuses(change, message):
     with pytest.raises(ValueError, match=message) as refused:
-        load(plates(), held_plates(600.0, 900.0, [radiation("a.top", 300.0) | change]))
+        load(plates(), held_plates(600.0, 900.0, [_changed(radiation("a.top", 300.0), change)]))
     assert str(refused.value).startswith("model.json: ")
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    ({"emissivity_slave": -0.1}, "emissivity_slave: an emissivity must be greater than 0"),
-    ({"d_near": 3e-3, "d_far": 2e-3}, "0 <= d_near < d_far is needed, not 0.003, 0.002"),
-    ({"eps": 1.0}, "unknown key 'eps'")])
+    ({"emissivity_slave": -0.1}, "emissivity_slave: must be greater than zero and at most 1, not -0.1"),
+    ({"gap": {"d_near": 3e-3, "d_far": 2e-3}}, "d_far must be greater than d_near, not 0.002"),
+    ({"eps": 1.0}, "radiation.eps: unknown key")])
 def test_what_radiation_of_a_pair_refuses(change, message):
     with pytest.raises(ValueError, match=message):
         load(plates(), held_plates(600.0, 900.0, **change))
@@ -205,7 +210,7 @@ def test_a_start_below_0_kelvin_is_refused_where_something_radiates():
     model["bodies"]["b"]["T0"] = -10.0
     with pytest.raises(ValueError, match=r"bodies\.b\.T0 is -10: radiation needs temperatures in kelvin"):
         load(plates(), model)
-    with pytest.raises(ValueError, match="sigma_SB must be greater than 0"):
+    with pytest.raises(ValueError, match="sigma_SB: must be greater than zero"):
         load(plates(), held_plates(600.0, 900.0) | {"sigma_SB": 0.0})
     del model["pairs"]["p"]["radiation"]
     load(plates(), model)

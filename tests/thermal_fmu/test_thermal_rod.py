@@ -21,18 +21,18 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import Box, imbalance, inputs_of, scene
 
 METAL = {"rho": 7800.0, "k": 45.0, "c": 480.0}
-CURVED = {"rho": 7800.0, "k": {"T": [300, 600, 900], "value": [60, 40, 30]}, "c": {"T": [300, 600, 900],
-                                                                                   "value": [450, 600, 800]}}
+CURVED = {"rho": 7800.0, "k": {"T": [300, 600, 900], "value": [60, 40, 30], "form": "cubic"},
+          "c": {"T": [300, 600, 900], "value": [450, 600, 800], "form": "cubic"}}
 MELT = {"rho": 2500.0, "k": {"solid": 210.0, "liquid": 95.0}, "c": {"solid": 1100.0, "liquid": 1180.0},
         "latent": {"L": 3.97e5, "T_s": 931.0, "T_l": 933.0}}
-PAIR = {"p": {"closed": {"law": "power", "h0": 500.0, "h1": 900.0, "p0": 1e6, "exponent": 0.95},
-              "open": {"law": "gas", "k_g": 0.06, "g_m": 3e-5},
-              "radiation": {"emissivity_slave": 0.4, "emissivity_master": 0.8, "d_near": None, "d_far": None}}}
-ROUND = [{"kind": "flux", "on": "a.left", "value": {"t": [0, 10, 10], "value": [1e5, 2e5, 0]}, "name": "q"},
-         {"kind": "convection", "on": "a.left", "h": 30.0, "T": 350.0, "exponent": 0.25, "d_cut": None, "d_full": None},
-         {"kind": "radiation", "on": "a.left", "emissivity": 0.7, "T": 300.0},
-         {"kind": "convection", "on": "b.left", "h": 40.0, "T": 300.0, "d_cut": 1e-3, "d_full": 6e-3},
-         {"kind": "temperature", "on": "b.right", "value": {"t": [0, 20], "value": [400, 500]}}]
+PAIR = {"p": {"conduction": {"closed": {"law": "power", "h0": 500.0, "h1": 900.0, "p0": 1e6, "exponent": 0.95},
+                             "open": {"law": "gas", "k_g": 0.06, "g_m": 3e-5}},
+                             "radiation": {"emissivity_slave": 0.4, "emissivity_master": 0.8, "gap": None}}}
+ROUND = [{"on": "a.left", "flux": {"t": [0, 10, 10], "value": [1e5, 2e5, 0]}, "name": "q"},
+         {"on": "a.left", "convection": {"h": 30.0, "T": 350.0, "exponent": 0.25, "gap": None}},
+         {"on": "a.left", "radiation": {"emissivity": 0.7, "T": 300.0}},
+         {"on": "b.left", "convection": {"h": 40.0, "T": 300.0, "gap": {"d_cut": 1e-3, "d_full": 6e-3}}},
+         {"on": "b.right", "temperature": {"t": [0, 20], "value": [400, 500]}}]
 
 
 def two(rows: int = 1, gap: float = 2e-3, geometry: str = "plane") -> Interface:
@@ -43,7 +43,7 @@ def two(rows: int = 1, gap: float = 2e-3, geometry: str = "plane") -> Interface:
 
 
 def model(material: dict[str, Any], T0: float = 700.0, **more: Any) -> dict[str, Any]:
-    return {"half": "thermal", "format": 1, "materials": {"m": material, "w": METAL},
+    return {"half": "thermal", "format": 2, "materials": {"m": material, "w": METAL},
             "bodies": {"a": {"material": "m", "T0": T0, "Q_T": 1e5}, "b": {"material": "w", "T0": 400.0}},
             "boundary": ROUND, "pairs": PAIR, **more}
 
@@ -112,10 +112,10 @@ def test_heat_of_the_other_half_and_a_mesh_that_moved() -> None:
 def test_a_fin() -> None:
     """Film on the long sides: T - T_e = (T_b - T_e) cosh(m (L - x))/cosh(m L), m2 = 2 h/(k H)."""
     interface = scene(Box(0, 0.1, 0, 0.002, 100))
-    sides = [{"kind": "convection", "on": f"a.{side}", "h": 50.0, "T": 300.0} for side in ("top", "bottom")]
-    spec = {"half": "thermal_rod", "format": 1, "materials": {"m": METAL}, "method": "backward_euler",
+    sides = [{"on": f"a.{side}", "convection": {"h": 50.0, "T": 300.0}} for side in ("top", "bottom")]
+    spec = {"half": "thermal_rod", "format": 2, "materials": {"m": METAL}, "method": "backward_euler",
             "bodies": {"a": {"material": "m", "T0": 300.0}},
-            "boundary": [*sides, {"kind": "temperature", "on": "a.left", "value": 400.0}]}
+            "boundary": [*sides, {"on": "a.left", "temperature": 400.0}]}
     half, link = load_rod(interface, spec), open_link("direct")
     inputs = inputs_of(interface, half)
     state, _ = half.start(inputs, 0.0, link)
@@ -129,8 +129,8 @@ def test_a_fin() -> None:
 def test_a_freezing_rod_in_one_step() -> None:
     """All of it, 80 times the latent heat a fine step would take: by the detour."""
     interface = scene(Box(0, 0.02, 0, 0.01, 40))
-    boundary = [{"kind": "temperature", "on": "a.right", "value": 600.0}]
-    spec = {"half": "thermal_rod", "format": 1, "materials": {"m": MELT}, "boundary": boundary,
+    boundary = [{"on": "a.right", "temperature": 600.0}]
+    spec = {"half": "thermal_rod", "format": 2, "materials": {"m": MELT}, "boundary": boundary,
             "method": "backward_euler", "bodies": {"a": {"material": "m", "T0": 940.0}}}
     half, link = load_rod(interface, spec), open_link("direct")
     inputs = inputs_of(interface, half)
@@ -163,7 +163,7 @@ def test_a_rod_in_a_row_is_tridiagonal() -> None:
 @pytest.mark.parametrize(("change", "words"), [
     ({"adaptive": {"max_dT": 1.0}}, "adaptive"),
     ({"method": "steady"}, "no method 'steady'"),
-    ({"boundary": [{"kind": "temperature", "on": "b.right", "value": {"terms": [{"x": {"polynomial": [1, 2]}}]}}]},
+    ({"boundary": [{"on": "b.right", "temperature": {"terms": [{"x": {"polynomial": [1, 2]}}]}}]},
      "depend on time alone"),
     ({"half": "thermal"}, "is not thermal_rod"),
 ])
@@ -174,7 +174,7 @@ def test_refusals(change: dict[str, Any], words: str) -> None:
 
 def test_what_is_no_rod_is_refused() -> None:
     slanted = scene(Box(0, 1, 0, 1, 2, 2), move=lambda X: X @ np.array([[1.0, 0.0], [0.3, 1.0]]))
-    spec = {"half": "thermal_rod", "format": 1, "materials": {"m": METAL}, "bodies": {"a": {"material": "m", "T0": 1}}}
+    spec = {"half": "thermal_rod", "format": 2, "materials": {"m": METAL}, "bodies": {"a": {"material": "m", "T0": 1}}}
     with pytest.raises(ValueError, match="no rod along x"):
         load_rod(slanted, spec)
     flat = scene(Box(0, 1, 0, 1, 2, 1))

@@ -21,9 +21,9 @@ def blocks(k=30.0):
     """Two blocks of 480 unknowns together, pressed."""
     mesh = scene(Box(0, 0.1, 0, 0.1, 15, 14), Box(0, 0.1, 0.1, 0.2, 17, 13),
                  pairs=(Pair("p", "b.bottom", "a.top", 0.05, 1e9),))
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 300.0},
-                  {"kind": "convection", "on": "b.top", "h": 200.0, "T": 800.0}], k=k, c=500.0, rho=8000.0, T0=300.0,
-                 pairs={"p": {"closed": {"law": "constant", "h": 3000.0}}})
+    model = spec([{"on": "a.bottom", "temperature": 300.0},
+                  {"on": "b.top", "convection": {"h": 200.0, "T": 800.0}}], k=k, c=500.0, rho=8000.0, T0=300.0,
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 3000.0}, "open": None}}})
     model["bodies"]["b"] = {"material": "m", "T0": 900.0}
     return mesh, model
 

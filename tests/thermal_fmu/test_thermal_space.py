@@ -40,7 +40,7 @@ def fixed_to(interface, values):
     nodes = np.unique(np.concatenate([interface.surfaces[f"a.{s}"].ravel() for s in SIDES]))
     for node in nodes:
         interface.node_sets[f"n{node}"] = np.array([node], dtype=np.int32)
-    return [{"kind": "temperature", "on": f"n{node}", "value": float(values[node])} for node in nodes]
+    return [{"at": f"n{node}", "temperature": float(values[node])} for node in nodes]
 
 
 @pytest.mark.parametrize("triangles", [False, True])
@@ -73,8 +73,8 @@ def test_a13_patch_on_the_mesh_that_came_in(triangles):
 def test_cylinder_wall_is_logarithmic():
     """T(r) between 300 at r = .5 and 400 at r = 1.5: within 2e-3 with 40 cells, the heat within 1e-3 of 2 pi k/ln 3."""
     mesh = scene(Box(0.5, 1.5, 0, 1, 40, 1), geometry="axisymmetric")
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 300.0},
-                  {"kind": "flux", "on": "a.right", "value": 200.0 / (3.0 * np.log(3.0))}], k=1.0, method="steady",
+    model = spec([{"on": "a.left", "temperature": 300.0},
+                  {"on": "a.right", "flux": 200.0 / (3.0 * np.log(3.0))}], k=1.0, method="steady",
                  T0=300.0)
     ran = run(mesh, model, 1.0, 1)
     exact = 300.0 + 100.0 * np.log(mesh.nodes[:, 0] / 0.5) / np.log(3.0)
@@ -95,8 +95,8 @@ def test_a6_nafems_t4():
         return out
 
     mesh = scene(Box(0, 0.6, 0, 1.0, 12, 20), move=graded)
-    model = spec([{"kind": "temperature", "on": "a.bottom", "value": 100.0},
-                  *[{"kind": "convection", "on": f"a.{s}", "h": 750.0, "T": 0.0} for s in ("right", "top")]], k=52.0,
+    model = spec([{"on": "a.bottom", "temperature": 100.0},
+                  *[{"on": f"a.{s}", "convection": {"h": 750.0, "T": 0.0}} for s in ("right", "top")]], k=52.0,
                  method="steady")
     ran = run(mesh, model, 1.0, 1)
     node = int(np.argmin(np.hypot(mesh.nodes[:, 0] - 0.6, mesh.nodes[:, 1] - 0.2)))
@@ -112,7 +112,7 @@ def test_a14_manufactured(method, triangles):
     t_end = 0.5
     boundary = fixed_to(mesh, u0)
     for b, node in zip(boundary, sorted(int(k[1:]) for k in mesh.node_sets), strict=True):
-        b["value"] = {"t": [0.0, t_end], "value": [u0[node], u0[node] + 1.2 * t_end]}
+        b["temperature"] = {"t": [0.0, t_end], "value": [u0[node], u0[node] + 1.2 * t_end]}
     from thermal_scenes import FlatContact, inputs_of
 
     from thermal_fmu.half import ThermalState, load

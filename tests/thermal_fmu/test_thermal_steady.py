@@ -22,15 +22,15 @@ from thermal_fmu.substeps import steady_by_increments
 
 SIGMA = 5.670374419e-8
 # Loses a hundredfold of its conductivity between 500 and 600 K: Newton's method from 300 K meets a wall.
-BREAKS = {"T": [300, 500, 600, 2000], "value": [50, 50, 0.5, 0.5]}
+BREAKS = {"T": [300, 500, 600, 2000], "value": [50, 50, 0.5, 0.5], "form": "cubic"}
 STEADY = METHODS["steady"]
 
 
 def furnace(k, T_inf, n=40, **more):
     """A wall held at 300 K, facing a furnace of T_inf."""
     bar = scene(Box(0, 1, 0, 1, n))
-    return bar, spec([{"kind": "temperature", "on": "a.left", "value": 300.0},
-                      {"kind": "radiation", "on": "a.right", "emissivity": 1.0, "T": T_inf}], k=k, T0=300.0,
+    return bar, spec([{"on": "a.left", "temperature": 300.0},
+                      {"on": "a.right", "radiation": {"emissivity": 1.0, "T": T_inf}}], k=k, T0=300.0,
                      method="steady", **more)
 
 
@@ -56,8 +56,8 @@ def test_increments_lead_to_the_same_state_and_prescribed_values_move_along(monk
     from thermal_fmu import substeps
 
     bar = scene(Box(0, 1, 0, 1, 20))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 100.0},
-                  {"kind": "temperature", "on": "a.right", "value": 500.0}], k={"polynomial": [10.0, 0.02]}, T0=100.0,
+    model = spec([{"on": "a.left", "temperature": 100.0},
+                  {"on": "a.right", "temperature": 500.0}], k={"polynomial": [10.0, 0.02]}, T0=100.0,
                  method="steady")
     walls = []
     right = substeps.solve_stage
@@ -86,7 +86,7 @@ def test_one_increment_that_converges_changes_no_bit():
 
 def test_where_the_path_turns_back_the_end_is_tried_from_the_start():
     """k dips a thousandfold between 500 and 540 K: by increments the path folds, at full load it is well behaved."""
-    dip = {"T": [300, 500, 520, 540, 2000], "value": [50, 50, 0.01, 50, 50]}
+    dip = {"T": [300, 500, 520, 540, 2000], "value": [50, 50, 0.01, 50, 50], "form": "cubic"}
     bar, model = furnace(dip, 2000.0, n=20)
     assert abs(run(bar, model | {"increments": 10}, 1.0, 1).T[-1, 20] - run(bar, model, 1.0, 1).T[-1, 20]) < 1e-6
 
@@ -94,7 +94,7 @@ def test_where_the_path_turns_back_the_end_is_tried_from_the_start():
 def test_what_no_increment_solves_is_discarded_with_a_reason():
     """A conductivity that turns negative at 500 K on the way to 2000 K; and a body nothing holds."""
     bar, model = furnace({"polynomial": [50.0, -0.1]}, 2000.0)
-    loose = spec([{"kind": "flux", "on": "a.right", "value": 1.0}], method="steady")
+    loose = spec([{"on": "a.right", "flux": 1.0}], method="steady")
     for given in (model, loose):
         half, link = load(bar, given), FlatContact()
         state, _ = half.start(inputs_of(bar, half), 0.0, link)
@@ -106,19 +106,20 @@ def test_what_no_increment_solves_is_discarded_with_a_reason():
 def test_the_method_is_a_rule_too():
     """control.method 5 in a transient model: the steady state at once."""
     bar = scene(Box(0, 1, 0, 1, 10))
-    half, link = load(bar, spec([{"kind": "temperature", "on": "a.left", "value": 1.0}], T0=0.0)), FlatContact()
+    half, link = load(bar, spec([{"on": "a.left", "temperature": 1.0}], T0=0.0)), FlatContact()
     state, _ = half.start(inputs_of(bar, half), 0.0, link)
     done = half.step(state, inputs_of(bar, half) | {"control.method": 5}, 0.0, 1e-3, link)
     assert np.abs(done.state.s - 1.0).max() < 1e-12
 
 
 @pytest.mark.parametrize(("key", "value", "text"), [
-    ("increments", 0, "increments must be a whole number"), ("increments", 2.5, "increments must be a whole number"),
-    ("theta", 0.4, "theta must be 0.5 to 1"), ("theta", "half", "theta must be a finite number"),
-    ("adaptive", {}, "needs tolerance or max_dT"),
-    ("adaptive", {"tolerance": 0.0}, "adaptive.tolerance must be greater"),
-    ("adaptive", {"tolerance": 1.0, "last": 1.0}, "unknown key 'last'"),
-    ("adaptive", {"max_dT": 1.0}, "'steady' has no steps in time"), ("method", "euler", "'euler' is none of"),
+    ("increments", 0, "increments: must be a whole number"), ("increments", 2.5, "increments: must be a whole number"),
+    ("theta", 0.4, "theta: must lie between 0.5 and 1, not 0.4"), ("theta", "half", "theta: a number is needed"),
+    ("adaptive", {}, "at least one of tolerance, max_dT"),
+    ("adaptive", {"tolerance": 0.0}, "adaptive.tolerance: must be greater"),
+    ("adaptive", {"tolerance": 1.0, "last": 1.0}, "adaptive.last: unknown key.* Did you mean 'least'"),
+    ("adaptive", {"max_dT": 1.0}, "a steady solution has no steps in time"),
+    ("method", "euler", "method: not known here, not 'euler'"),
 ])
 def test_bad_stepping_is_named(key, value, text):
     bar, model = furnace(1.0, 400.0)
@@ -129,8 +130,8 @@ def test_bad_stepping_is_named(key, value, text):
 def test_heat_that_goes_in_and_out_at_rest_is_balanced():
     """A slab between two walls: a net sum of 0 would be compared with itself; each way is its own term."""
     bar = scene(Box(0, 1, 0, 1, 4))
-    ran = run(bar, spec([{"kind": "temperature", "on": "a.left", "value": 400.0},
-                         {"kind": "temperature", "on": "a.right", "value": 300.0}], T0=300.0, method="steady"), 1.0, 1)
+    ran = run(bar, spec([{"on": "a.left", "temperature": 400.0},
+                         {"on": "a.right", "temperature": 300.0}], T0=300.0, method="steady"), 1.0, 1)
     assert ran.outputs[-1]["heat.temperature.in"] == pytest.approx(100.0, rel=1e-12)
     assert ran.outputs[-1]["heat.temperature.out"] == pytest.approx(-100.0, rel=1e-12)
     assert ran.imbalance() <= EXPECTED["A16"]["tolerance"]

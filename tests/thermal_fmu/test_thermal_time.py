@@ -23,7 +23,7 @@ def at(ran, t, x, interface):
 def heisler(Bi, n, dt, Fo):
     """theta at (centre, surface) at the times Fo: k = rho c = L = 1, centre at x = 0."""
     bar = scene(Box(0, 1, 0, 1, n))
-    model = spec([{"kind": "convection", "on": "a.right", "h": Bi, "T": 300.0}], T0=400.0)
+    model = spec([{"on": "a.right", "convection": {"h": Bi, "T": 300.0}}], T0=400.0)
     ran = run(bar, model, dt, round(max(Fo) / dt))
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
     return [[(at(ran, t, x, bar) - 300.0) / 100.0 for x in (0.0, 1.0)] for t in Fo]
@@ -44,7 +44,7 @@ def test_a2_step_of_the_face_does_not_ring(method):
     """Centre within 2e-3 (20 elements, dt .0025); beside the face T falls without a rise once damped."""
     n, dt = 20, 0.0025
     bar = scene(Box(0, 1, 0, 1, n))
-    ran = run(bar, spec([{"kind": "temperature", "on": "a.right", "value": 300.0}], T0=400.0, method=method), dt, 200)
+    ran = run(bar, spec([{"on": "a.right", "temperature": 300.0}], T0=400.0, method=method), dt, 200)
     case = EXPECTED["A2"]
     theta = [(at(ran, t, 0.0, bar) - 300.0) / 100.0 for t in case["Fo"]]
     assert np.abs(np.subtract(theta, case["centre"])).max() < 2e-3
@@ -58,7 +58,7 @@ def test_a2_step_of_the_face_does_not_ring(method):
 def test_a2_large_steps_do_not_ring_either(method, dt):
     """dt a/h^2 = 40, 8, 2: an L-stable method alone is not enough, sdirk2 undamped rises by 10 K after the jump."""
     bar = scene(Box(0, 1, 0, 1, 20))
-    ran = run(bar, spec([{"kind": "temperature", "on": "a.right", "value": 300.0}], T0=400.0, method=method), dt,
+    ran = run(bar, spec([{"on": "a.right", "temperature": 300.0}], T0=400.0, method=method), dt,
               round(0.5 / dt))
     assert (np.diff(ran.T[:, 19]) < 0).all()
     assert ran.T[:, 19].min() > 300.0
@@ -68,7 +68,7 @@ def test_a2_rings_where_the_damped_start_is_missing(monkeypatch):
     """The same bar without damping rings for tens of steps: the test above can fail."""
     monkeypatch.setattr("thermal_fmu.half.DAMPED_SUBSTEPS", 0)
     bar = scene(Box(0, 1, 0, 1, 20))
-    ran = run(bar, spec([{"kind": "temperature", "on": "a.right", "value": 300.0}], T0=400.0), 0.02, 25)
+    ran = run(bar, spec([{"on": "a.right", "temperature": 300.0}], T0=400.0), 0.02, 25)
     assert (np.diff(ran.T[:, 19]) > 0).sum() > 5
 
 
@@ -80,8 +80,8 @@ def test_a5_nafems_t3():
 
     def T(n, dt):
         bar = scene(Box(0, 0.1, 0, 0.1, n))
-        model = spec([{"kind": "temperature", "on": "a.left", "value": 0.0},
-                      {"kind": "temperature", "on": "a.right", "value": face}], k=35.0, c=440.5, rho=7200.0)
+        model = spec([{"on": "a.left", "temperature": 0.0},
+                      {"on": "a.right", "temperature": face}], k=35.0, c=440.5, rho=7200.0)
         return at(run(bar, model, dt, round(32 / dt)), 32.0, 0.08, bar)
 
     assert abs(T(40, 1.0) - case["expected"]) < case["tolerance_dt_1"]
@@ -92,7 +92,7 @@ def decay_errors(method, steps):
     """Error at t = .1 of the mode sin(pi x) against the exact decay of the same mesh (time error only)."""
     n = 8
     bar = scene(Box(0, 1, 0, 1, n))
-    model = spec([{"kind": "temperature", "on": f"a.{s}", "value": 0.0} for s in ("left", "right")], method=method)
+    model = spec([{"on": f"a.{s}", "temperature": 0.0} for s in ("left", "right")], method=method)
     h, s = 1.0 / n, np.sin(0.5 * np.pi / n) ** 2
     rate = 12.0 / h**2 * s / (3.0 - 2.0 * s)  # eigenvalue of the linear element with consistent mass
     return [_mode_error(bar, model, rate, 0.1 / k, k) for k in steps]
@@ -123,7 +123,7 @@ def test_a12_order_in_time(method, cap):
 def cooled(method, n):
     """Temperatures at t = .4 after n steps, with k(T), c(T) and a film of exponent 1/3."""
     bar = scene(Box(0, 1, 0, 1, 6))
-    model = spec([{"kind": "convection", "on": "a.right", "h": 0.5, "T": 1.0, "exponent": 1 / 3}], T0=3.0,
+    model = spec([{"on": "a.right", "convection": {"h": 0.5, "T": 1.0, "exponent": 1 / 3}}], T0=3.0,
                  k={"polynomial": [1.0, 0.8]}, c={"polynomial": [1.0, 0.3, 0.1]}, method=method)
     return run(bar, model, 0.4 / n, n).T[-1]
 
@@ -139,8 +139,8 @@ def test_a12_order_with_temperature_dependent_conduction_and_film(method, expect
 def lumped(method, steps):
     """Error at t = 1 of dT/dt = -(1 + T) T, T(0) = 1: a film of exponent 1 and a steady one on one cell."""
     cell = scene(Box(0, 1, 0, 1, 1))
-    model = spec([{"kind": "convection", "on": "a.right", "h": 1.0, "T": 0.0, "exponent": 1.0},
-                  {"kind": "convection", "on": "a.left", "h": 1.0, "T": 0.0}], T0=1.0, k=1e7, method=method)
+    model = spec([{"on": "a.right", "convection": {"h": 1.0, "T": 0.0, "exponent": 1.0}},
+                  {"on": "a.left", "convection": {"h": 1.0, "T": 0.0}}], T0=1.0, k=1e7, method=method)
     exact = 1.0 / (2.0 * np.e - 1.0)
     return [abs(float(run(cell, model, 1.0 / n, n).T[-1].mean()) - exact) for n in steps]
 
@@ -159,7 +159,7 @@ def test_a18_thermal_shock(method):
     """Half wall, 40 elements, dt .0025: within .05 of 100; insulated at x = 1."""
     case = EXPECTED["A18"]
     bar = scene(Box(0, 1, 0, 1, 40))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 100.0}], method=method)
+    model = spec([{"on": "a.left", "temperature": 100.0}], method=method)
     ran = run(bar, model, 0.0025, 280)
     for x, expected in ((0.2, case["T_02"]), (0.8, case["T_08"])):
         assert np.abs(np.subtract([at(ran, t, x, bar) for t in case["t"]], expected)).max() < 0.05
@@ -168,7 +168,7 @@ def test_a18_thermal_shock(method):
 def test_a18_damped_restart_keeps_second_order():
     """A shock at t = 0, errors against the same mesh solved finely: order 2 though the start is damped."""
     bar = scene(Box(0, 1, 0, 1, 20))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 100.0}])
+    model = spec([{"on": "a.left", "temperature": 100.0}])
     finest = run(bar, model | {"method": "sdirk2"}, 0.2 / 2048, 2048).T[-1]
     errors = [float(np.abs(run(bar, model, 0.2 / n, n).T[-1] - finest).max()) for n in (20, 40, 80, 160)]
     assert order(errors) > 1.9
@@ -179,7 +179,7 @@ def test_a20_constant_flux_into_a_half_space():
     """150 mm stand for infinity (3.7 lengths of diffusion); 1.25 mm elements, dt .25 s: within .05 K."""
     k, a = 45.0, 1.4e-5
     bar = scene(Box(0, 0.15, 0, 0.01, 120))
-    model = spec([{"kind": "flux", "on": "a.left", "value": 3.2e5}], k=k, rho=1000.0, c=k / a / 1000.0, T0=35.0)
+    model = spec([{"on": "a.left", "flux": 3.2e5}], k=k, rho=1000.0, c=k / a / 1000.0, T0=35.0)
     assert abs(at(run(bar, model, 0.25, 120), 30.0, 0.025, bar) - EXPECTED["A20"]["expected"]) < 0.05
 
 
@@ -192,7 +192,7 @@ def test_a_jump_inside_the_half_is_damped_without_being_told(method, off):
     """
     bar = scene(Box(0, 1, 0, 1, 20))
     jump = {"t": [0.0, 0.1 + off, 0.1 + off, 1.0], "value": [400.0, 400.0, 300.0, 300.0]}
-    model = spec([{"kind": "temperature", "on": "a.right", "value": jump}], T0=400.0, method=method)
+    model = spec([{"on": "a.right", "temperature": jump}], T0=400.0, method=method)
     ran = run(bar, model, 0.02, 25)
     assert (np.diff(ran.T[4:, 19]) < 0).all()
     assert np.abs(ran.T[4] - 400.0).max() < 1e-9  # before the jump nothing happens, at its own time too
@@ -206,7 +206,7 @@ def test_an_event_from_outside_restarts_damped():
     from thermal_fmu.half import load
 
     bar = scene(Box(0, 1, 0, 1, 20))
-    half = load(bar, spec([{"kind": "temperature", "on": "a.right", "value": 400.0, "name": "wall"}], T0=400.0))
+    half = load(bar, spec([{"on": "a.right", "temperature": 400.0, "name": "wall"}], T0=400.0))
     rises = {}
     for event in (0, 1):
         inputs = inputs_of(bar, half)

@@ -24,12 +24,12 @@ CASE = EXPECTED["A21"]
 TIMES = np.linspace(0.0, 1.0, 101)
 GROWTH = {"t": TIMES.tolist(), "value": np.exp(0.1 * TIMES).tolist()}
 ACTS = {
-    "3.1": {"kind": "temperature", "on": "a.right", "value": 1.0},
-    "3.2": {"kind": "flux", "on": "a.right", "value": 1.0},
-    "3.3": {"kind": "convection", "on": "a.right", "h": 1.0, "T": 1.0},
-    "3.4a": {"kind": "temperature", "on": "a.right", "value": 0.0},
-    "3.5": {"kind": "temperature", "on": "a.right", "value": GROWTH},
-    "3.7": {"kind": "convection", "on": "a.right", "h": 1.0, "T": {"t": [0, 10], "value": [0, 10]}},
+    "3.1": {"on": "a.right", "temperature": 1.0},
+    "3.2": {"on": "a.right", "flux": 1.0},
+    "3.3": {"on": "a.right", "convection": {"h": 1.0, "T": 1.0}},
+    "3.4a": {"on": "a.right", "temperature": 0.0},
+    "3.5": {"on": "a.right", "temperature": GROWTH},
+    "3.7": {"on": "a.right", "convection": {"h": 1.0, "T": {"t": [0, 10], "value": [0, 10]}}},
 }
 
 
@@ -56,8 +56,8 @@ def test_1_4_steady_generation():
 def test_2_3_radiation_to_a_plate():
     """Kelvin inside: 0 and 100 degC.  Linear in x, so 10 elements are exact."""
     bar = scene(Box(0, 1, 0, 1, 10))
-    model = spec([{"kind": "temperature", "on": "a.left", "value": 273.15},
-                  {"kind": "radiation", "on": "a.right", "emissivity": 0.5, "T": 373.15}], T0=300.0, method="steady",
+    model = spec([{"on": "a.left", "temperature": 273.15},
+                  {"on": "a.right", "radiation": {"emissivity": 0.5, "T": 373.15}}], T0=300.0, method="steady",
                  sigma_SB=5.6697e-8)
     T = run(bar, model, 1.0, 1).T[-1]
     assert abs(T[10] - T[0] - CASE["slope"]) < 1e-6

@@ -66,7 +66,7 @@ def scene(*boxes: Box, geometry: str = "plane", pairs: tuple[Pair, ...] = (), na
 def spec(boundary: list[dict[str, Any]], k: Any = 1.0, c: Any = 1.0, rho: float = 1.0, T0: float = 0.0,
          **more: Any) -> dict[str, Any]:
     """A model.json with one material and one body "a"; more: its other keys."""
-    return {"half": "thermal", "format": 1, "materials": {"m": {"rho": rho, "k": k, "c": c}},
+    return {"half": "thermal", "format": 2, "materials": {"m": {"rho": rho, "k": k, "c": c}},
             "bodies": {"a": {"material": "m", "T0": T0}}, "boundary": boundary, **more}
 
 

@@ -20,7 +20,7 @@ from thermal_fmu.half import face_variables, whole
 from thermal_fmu.heat import Heat, no_heat
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
-from thermal_fmu.problem import parse_station_model
+from thermal_fmu.problem import parse_model
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.stations.balance import (
     StationContext,
@@ -62,7 +62,7 @@ class StationHalf:
     def __init__(self, interface: Interface, spec: Mapping[str, Any], half: str,
                  stations: Callable[[Interface], Stations]) -> None:
         """Raises ValueError for a model.json or a mesh that is not right."""
-        self._scene = StationScene(interface, parse_station_model(interface, spec, half), stations(interface))
+        self._scene = StationScene(interface, parse_model(interface, spec, half), stations(interface))
         self._calendar = calendar_of(self._scene.model)
         self._first: tuple[Floats, StationGeometry] | None = None
         self.variables = _variables(self._scene)

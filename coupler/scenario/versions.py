@@ -1,0 +1,151 @@
+"""Versions of the scenario form: what an older one means by a key it leaves out, and how a file becomes the newest.
+
+A file of version 1 reads with the defaults of version 1; `migrate` writes them out where they differ from today's, so a
+migrated file gives the same numbers.  A later change of a default is a row in DEFAULTS, and the next version.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from ruamel.yaml import YAML
+from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
+
+from contact.problem.laws import Table
+from contact.problem.values import Form, Part, PropertyTable
+from coupler.errors import ScenarioError
+from coupler.scenario.document import Key, dotted
+from coupler.scenario.schema import VERSION, ScenarioFile
+
+P = TypeVar("P", bound=Part)
+
+
+@dataclass(frozen=True)
+class Default:
+    """What an older version means where a key is left out.  matters : for which parts it changes a number."""
+
+    key: str
+    value: Any
+    matters: Callable[[Any], bool]
+
+
+def _bends(table: Any) -> bool:
+    """Through two points a cubic is a straight line too."""
+    return len(table.T if isinstance(table, PropertyTable) else table.x) > 2
+
+
+# version -> class of a mapping -> what it means there.
+DEFAULTS: Mapping[int, Mapping[type[Part], Default]] = {
+    # fault: tables of version 1 read as linear -> 1: {}, | coupler/test_scenario_versions
+    1: {PropertyTable: Default("form", Form.CUBIC, _bends), Table: Default("form", Form.CUBIC, _bends)},
+}
+
+
+def with_old_defaults(file: ScenarioFile) -> ScenarioFile:
+    """Return the file with the defaults of its own version where it leaves keys out."""
+    defaults = DEFAULTS.get(file.slideline, {})
+    return _rebuilt(file, defaults) if defaults else file
+
+
+def _rebuilt(value: Any, defaults: Mapping[type[Part], Default]) -> Any:
+    if isinstance(value, Part):
+        changed = {name: new for name in type(value).model_fields
+                   if (new := _rebuilt(old := getattr(value, name), defaults)) is not old}
+        if _unsaid(value, defaults):
+            default = defaults[type(value)]
+            changed[default.key] = default.value
+        return value.model_copy(update=changed) if changed else value
+    if isinstance(value, tuple):
+        made = tuple(_rebuilt(one, defaults) for one in value)
+        return made if any(a is not b for a, b in zip(made, value, strict=True)) else value
+    if isinstance(value, dict):
+        return {key: _rebuilt(one, defaults) for key, one in value.items()}
+    return value
+
+
+def _unsaid(part: Part, defaults: Mapping[type[Part], Default]) -> bool:
+    default = defaults.get(type(part))
+    return default is not None and default.key not in part.model_fields_set and default.matters(part)
+
+
+def unsaid(file: ScenarioFile) -> list[tuple[Key, str, str]]:
+    """List what the file leaves to its version and would read otherwise today: place, key, value."""
+    defaults = DEFAULTS.get(file.slideline, {})
+    return [(at, defaults[type(part)].key, str(defaults[type(part)].value)) for at, part in _parts(file, ())
+            if _unsaid(part, defaults)]
+
+
+def _parts(value: Any, at: Key) -> Iterator[tuple[Key, Part]]:
+    if isinstance(value, Part):
+        yield at, value
+        for name, field in type(value).model_fields.items():
+            yield from _parts(getattr(value, name), (*at, field.alias or name))
+    elif isinstance(value, tuple):
+        for i, one in enumerate(value):
+            yield from _parts(one, (*at, i))
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            yield from _parts(one, (*at, key))
+
+
+def notice(file: ScenarioFile, name: str) -> list[str]:
+    """Say in a sentence that a file is of an older version, and what that means for it."""
+    if file.slideline == VERSION:
+        return []
+    n = len(unsaid(file))
+    means = f", so {n} table{'s' * (n > 1)} without `form` {'are' if n > 1 else 'is'} read as cubic" if n else ""
+    return [f"{name} is of version {file.slideline} of the scenario form{means}; `slideline migrate {name}` writes "
+            f"version {VERSION} with the same numbers"]
+
+
+def migrated(text: str, file: ScenarioFile) -> str:
+    """Return the text of a file in the newest version: what it left to its own is written out, nothing else moves.
+
+    Raises ScenarioError where a place cannot be found in the text.
+    """
+    root = YAML().compose(io.StringIO(text))
+    edits: dict[int, tuple[int, str]] = {}
+    for at, key, value in unsaid(file):
+        node = _node(root, at)
+        if not isinstance(node, MappingNode):
+            raise ScenarioError("this table cannot be found in the text", key=dotted(at), remedy=f"Add {key}: {value}.")
+        if node.flow_style:
+            end = node.end_mark.index - 1
+            edits[end] = (end, f", {key}: {value}")
+        else:
+            start = node.value[0][0].start_mark
+            edits[start.index] = (start.index, f"{key}: {value}\n{' ' * start.column}")
+    version = _node(root, ("slideline",))
+    assert version is not None, "the file was checked"
+    edits[version.start_mark.index] = (version.end_mark.index, str(VERSION))
+    for start in sorted(edits, reverse=True):
+        end, new = edits[start]
+        text = text[:start] + new + text[end:]
+    return text
+
+
+def _node(node: Node | None, at: Sequence[str | int]) -> Node | None:
+    """The node at a place; through merged mappings (<<) too."""
+    for part in at:
+        if isinstance(node, SequenceNode) and isinstance(part, int):
+            node = node.value[part]
+        elif isinstance(node, MappingNode):
+            node = _child(node, str(part))
+        else:
+            return None
+    return node
+
+
+def _child(node: MappingNode, name: str) -> Node | None:
+    for key, value in node.value:
+        if key.value == name:
+            return value
+    for key, value in node.value:
+        if key.value == "<<":
+            for merged in value.value if isinstance(value, SequenceNode) else [value]:
+                if isinstance(merged, MappingNode) and (found := _child(merged, name)) is not None:
+                    return found
+    return None
