@@ -1,4 +1,4 @@
-"""Every error the coupler raises on purpose.
+"""The errors that the coupler raises.
 
     SlidelineError
     |-- ScenarioError    the input is wrong; raised before any solver starts
@@ -22,7 +22,7 @@ class SlidelineError(Exception):
 class ScenarioError(SlidelineError):
     """The input is wrong.
 
-    file, line : where (line 0: unknown).  key : dotted path of the offending key.  value : what stood there.
+    file, line : of the error (line 0: unknown).  key : dotted path of the wrong key.  value : of that key.
     remedy : what to write instead, a sentence.
     """
 
@@ -37,7 +37,7 @@ class ScenarioError(SlidelineError):
         self.remedy = remedy
 
     def __str__(self) -> str:
-        """`file:line: key: message (got value). remedy`, without the parts that are not known."""
+        """Return `file:line: key: message (got value). remedy`, without the parts that are not known."""
         where = f"{self.file}:{self.line}" if self.file and self.line else self.file
         if not self.file and self.line:
             where = f"line {self.line}"
@@ -61,10 +61,10 @@ class HalfError(SlidelineError):
 
 
 class CouplingError(SlidelineError):
-    """A window could not be solved and the run gives up.
+    """A window could not be solved, and the run stops.
 
     t : time at the start of the window [s].  window : its number, from 1.  iteration : the last one tried.
-    residuals : the last residuals, scaled by their tolerances.  remedy : what resumes or mends the run.
+    residuals : the last residuals, scaled by their tolerances.  remedy : how to resume or correct the run.
     """
 
     def __init__(self, message: str, *, t: float = 0.0, window: int = 0, iteration: int = 0,
@@ -92,5 +92,5 @@ class ResultsError(SlidelineError):
 
 
 def indented(text: str) -> str:
-    """Every line of a quoted log set in by four blanks."""
+    """Indent every line of a quoted log by four blanks."""
     return "\n".join(f"    {line}" for line in text.rstrip().splitlines())

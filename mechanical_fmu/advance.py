@@ -21,7 +21,7 @@ from mechanical_fmu.volume import CellError, PointStep
 Floats = NDArray[np.float64]
 
 # Prescribed components this close to their target (share of the largest body) are set, not solved for: round-off.
-SNAP = 1e-12
+TARGET_ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> For
     moved = system.constraints.moved(u, loading.target)
     fixed = system.constraints.fixed
     off = np.abs(moved.ravel()[fixed] - loading.target)
-    if off.size and off.max() <= SNAP * float(system.size.max()):
+    if off.size and off.max() <= TARGET_ROUND_OFF * float(system.size.max()):
         moved.ravel()[fixed] = loading.target
     return system.balance(moved, loading, tangent)
 

@@ -20,11 +20,11 @@ from contact.half.interface import Interface
 from contact.half.quadrature import CellQuadrature, table_of
 from mechanical_fmu.laws.kinds import history_size
 from mechanical_fmu.strain import (
-    LONGEST_MODE,
+    MAX_MODE_ITERATIONS,
+    MAX_MODE_STRAIN,
+    MIN_MODE_DAMPING,
     MODE_ROUND_OFF,
     MODE_TOLERANCE,
-    MOST_LOCAL,
-    SHORTEST,
     CellMaterials,
     Modes,
     PointScratch,
@@ -292,7 +292,7 @@ def settle(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, wor
     """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
     nn, nm = shape.nodes.shape[1], shape.n_modes
     before, share = np.inf, 1.0
-    for _ in range(MOST_LOCAL):
+    for _ in range(MAX_MODE_ITERATIONS):
         code, heat = at_points(shape, law, e, cell, work, h_n, h)
         if code != 0 or nm == 0:
             return code, heat
@@ -314,10 +314,10 @@ def settle(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, wor
         if strain <= MODE_TOLERANCE or (before <= MODE_ROUND_OFF and strain >= 0.5 * before):
             return 0, heat
         # Yielding that changes hands can make whole steps go round in a circle.
-        share = max(0.5 * share, SHORTEST) if strain >= before else min(2.0 * share, 1.0)
+        share = max(0.5 * share, MIN_MODE_DAMPING) if strain >= before else min(2.0 * share, 1.0)
         before = strain
         for m in range(nm):
-            cell.u[nn + m // 2, m % 2] -= min(share, LONGEST_MODE / strain) * cell.a[m]
+            cell.u[nn + m // 2, m % 2] -= min(share, MAX_MODE_STRAIN / strain) * cell.a[m]
     return NO_MODES, 0.0
 
 

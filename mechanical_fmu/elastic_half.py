@@ -25,7 +25,7 @@ from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
-from mechanical_fmu.tangent import MOST_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
+from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep, von_mises
 
 # The state of the elastic half: all that evolves.
@@ -213,7 +213,7 @@ def _unit(system: System, name: str) -> str:
 # The first guess of a scene in which a body rests on another, their gap 0: nothing presses yet, so nothing holds.
 
 # Surfaces nearer than this share of a body's size touch as drawn: the round-off of coordinates in a file.
-AS_DRAWN = 1e-9
+TOUCHING_AS_DRAWN = 1e-9
 
 
 def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
@@ -228,7 +228,7 @@ def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
     try:
         refuse_loose(system, first)
     except SingularMatrixError:
-        pressure = AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
+        pressure = TOUCHING_AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
         slaves = system.contact.on_slaves([pair.name for pair in system.interface.pairs])
         # fault: bodies that touch as drawn fall -> query = loading.query.with_multipliers(np.where(slaves, 0.0, 0.0)) |
         #   mechanical_fmu/test_solution_loads
@@ -238,9 +238,9 @@ def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
 
 
 # An old factor that needs more iterations than this in a step has had its time.
-MOST_ANCHORED = 8
+MAX_ANCHORED_ITERATIONS = 8
 # Anchors kept: one in use, one that a rollback may return to.
-KEPT_ANCHORS = 2
+MAX_ANCHORS = 2
 ISOTHERMAL, ADIABATIC = 0, 1
 
 
@@ -355,7 +355,7 @@ class ElasticHalf:
                 raise
             found = self._in_pieces(state, task, "newton", exc)
             return found, replace(state, anchor_u=found.balance.u, anchor_T=task.end.T, anchored=False)
-        fits = anchored and not solved.fresh and solved.iterations <= MOST_ANCHORED
+        fits = anchored and not solved.fresh and solved.iterations <= MAX_ANCHORED_ITERATIONS
         after = replace(state, anchored=fits)
         if not fits:
             after = replace(after, anchor_u=solved.balance.u, anchor_T=task.end.T)
@@ -372,7 +372,7 @@ class ElasticHalf:
 
     def _adopts(self, anchor: StiffnessAnchor, first: ForceBalance) -> bool:
         """Whether the anchor's factor is worth keeping: the stiffness has hardly changed over a whole step."""
-        if self.settings.adopt < 0.0 or self.system.contact.dofs.size > MOST_SURFACE_DOFS:
+        if self.settings.adopt < 0.0 or self.system.contact.dofs.size > MAX_SURFACE_DOFS:
             return False
         assert first.entries is not None
         return anchor.drift(first.entries) <= self.settings.adopt
@@ -423,7 +423,7 @@ class ElasticHalf:
             u, T = _array(state.anchor_u), _array(state.anchor_T)
             anchor = StiffnessAnchor(self.system, u, self.system.moduli(T))
         self._anchors[key] = anchor
-        while len(self._anchors) > KEPT_ANCHORS:
+        while len(self._anchors) > MAX_ANCHORS:
             del self._anchors[next(iter(self._anchors))]
         return anchor
 

@@ -24,12 +24,12 @@ from mechanical_fmu.volume import PointStep
 Floats = NDArray[np.float64]
 
 # Share of the stable step taken: frequencies rise where cells are squeezed.
-SAFETY = 0.9
+STABLE_STEP_FRACTION = 0.9
 # Lumped at its corners a rigid cell has three times its moment of inertia; finer ones less.
-TURNING = 3.0
+TURNING_FACTOR = 3.0
 # Pieces after which the stable step is worked out anew.
-RECHECK = 50
-MOST_PIECES = 1_000_000
+RECHECK_EVERY = 50
+MAX_PIECES = 1_000_000
 # Difference of work and kinetic energy, over the largest energy met, beyond which the motion is not believed.
 ENERGY_ERROR = 0.1
 
@@ -59,19 +59,19 @@ def fly(system: System, start: BodyMotion, history: Floats, dt: float,
     m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
     limit, balance, drift, largest, last = 0.0, None, 0.0, float(np.finfo(float).tiny), PointStep()
     while share < 1.0:
-        if pieces % RECHECK == 0:
+        if pieces % RECHECK_EVERY == 0:
             limit = stable_step(system, now.u, loading_at(share, 0.0, history))
-            if pieces + (1.0 - share) * dt / (SAFETY * limit) > MOST_PIECES:
-                raise NoEquilibriumError(f"a stable step is {limit:.3g} s: more than {MOST_PIECES} pieces of this one")
+            if pieces + (1.0 - share) * dt / (STABLE_STEP_FRACTION * limit) > MAX_PIECES:
+                raise NoEquilibriumError(f"a stable step is {limit:.3g} s: more than {MAX_PIECES} pieces of this one")
         left = (1.0 - share) * dt
-        n = math.ceil(left / (SAFETY * limit))
+        n = math.ceil(left / (STABLE_STEP_FRACTION * limit))
         h, share = left / n, 1.0 if n == 1 else share + (1.0 - share) / n
         loading = loading_at(share, h, history)
         last = loading.step
         after, balance = _piece(system, now, loading, h)
         drift += float((m * (after.a**2 - now.a**2)).sum()) * h * h / 8.0
         largest = max(largest, 0.5 * float((m * after.v**2).sum()))
-        if abs(drift) > ENERGY_ERROR * largest and pieces > RECHECK:
+        if abs(drift) > ENERGY_ERROR * largest and pieces > RECHECK_EVERY:
             raise NoEquilibriumError(f"work and kinetic energy part by {abs(drift) / largest:.0%}: the motion is not "
                                      "resolved")
         now, history, pieces = after, balance.history, pieces + 1
@@ -127,7 +127,7 @@ def contact_rate(system: System) -> float:
             stiff = max(pair.eps_N, pair.eps_T) * edge_shares(masses.interface, edges)
             np.add.at(rate, edges, stiff / np.maximum(nodal[edges], np.finfo(float).tiny))
     if system.rigid is not None:
-        rate[system.rigid.nodes] *= TURNING
+        rate[system.rigid.nodes] *= TURNING_FACTOR
     sides = ([rate[masses.interface.surfaces[side]].max() for side in (pair.slave, pair.master)]
              for pair in masses.interface.pairs)
     return max((float(slave + master) for slave, master in sides), default=0.0)

@@ -57,9 +57,9 @@ CODES = {1: "the return to the yield surface did not converge", 2: "it softens f
          3: "its strain or a material value is not finite"}
 
 # Iterations for dp, and after how many of them the bracket is halved for once.
-MOST, PATIENCE = 60, 6
+MAX_RETURN_ITERATIONS, BISECT_EVERY = 60, 6
 # The yield condition is met to this fraction of the trial stress: some units of its round-off.
-CLOSE = 4e-15
+YIELD_ROUND_OFF = 4e-15
 
 
 class Increment(NamedTuple):
@@ -226,14 +226,14 @@ def plastic_strain(kind: int, p: Point, tables: Floats, dt: float, e_p: float,
     powers = kind & (CREEP | OVERSTRESS)
     Q0 = np.sqrt(max(aa - 2.0 * ab + bb, 0.0))
     # A power by n multiplies the round-off of its base by n.
-    close = CLOSE * Q0 * (1.0 + (creep_exponent(p, R_n) if creeps else 0.0))
+    close = YIELD_ROUND_OFF * Q0 * (1.0 + (creep_exponent(p, R_n) if creeps else 0.0))
     c_n = creep_strain(p, R_n, dt) if creeps else 0.0
     excess = Q0 - R_n - 3.0 * G * c_n
     low, high = 0.0, (np.sqrt(aa) + np.sqrt(bb)) / (3.0 * G)
     dp = excess / (3.0 * G + C + max(R_slope, 0.0))
     if kind & OVERSTRESS:
         dp = min(dp, overstress_strain(p, excess, dt))
-    for i in range(MOST):
+    for i in range(MAX_RETURN_ITERATIONS):
         if dp <= 0.0:
             # Flow too slow to be a number: none.
             return 0.0
@@ -262,7 +262,7 @@ def plastic_strain(kind: int, p: Point, tables: Floats, dt: float, e_p: float,
             new = dp + (excess - rise) / grow
         # Newton's method may hop between two sides of a bend: from time to time the bracket is halved.
         # fault: Newton's method that hops -> if not low < new < high or i < 0: | mechanical_fmu/test_points_flow
-        if not low < new < high or i % PATIENCE == PATIENCE - 1:
+        if not low < new < high or i % BISECT_EVERY == BISECT_EVERY - 1:
             new = np.sqrt(max(low, 1e-6 * high)) * np.sqrt(high) if low < 1e-3 * high else 0.5 * (low + high)
         if abs(new - dp) <= 1e-15 * dp or high - low <= 1e-15 * high:
             return new

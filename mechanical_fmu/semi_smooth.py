@@ -22,8 +22,8 @@ from contact.half.linalg import SingularMatrixError, factorise
 from contact.multipliers import ENDS
 from mechanical_fmu.contact_query import ContactQuery, unsettled
 from mechanical_fmu.newton import (
-    MOST_POOR,
-    POOR,
+    MAX_POOR_ITERATIONS,
+    POOR_REDUCTION,
     Equilibrium,
     Iterate,
     NoEquilibriumError,
@@ -34,7 +34,7 @@ from mechanical_fmu.newton import (
 )
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import (
-    CHUNK,
+    RIGHT_SIDES,
     StiffnessAnchor,
     constrained,
     finish,
@@ -105,7 +105,7 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
                 return Equilibrium(again, float(system.error(again, floor).max()), tuple(history), fresh)
         if len(history) > settings.most:
             break
-        old = anchor if poor < MOST_POOR else None
+        old = anchor if poor < MAX_POOR_ITERATIONS else None
         fresh = fresh or old is None
         step = direction(system, loading, balance, gap, old, augmented)
         loading = replace(loading, query=query.with_multipliers(step.multipliers))
@@ -114,7 +114,7 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         found = line_search(system, loading, Iterate(from_here, error), step.d, floor, settings.tolerance)
         balance, error = found.balance, found.error
         # While points open and close, that is what spoils an iteration, not the age of the factor.
-        poor += float(error.max()) > POOR * before and _touched(balance) == touched
+        poor += float(error.max()) > POOR_REDUCTION * before and _touched(balance) == touched
     raise NoEquilibriumError(_text(system, settings, error, change, largest))
 
 
@@ -175,8 +175,8 @@ def _fresh(system: System, loading: Loading, balance: ForceBalance, gap: Floats,
     d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
     X = np.zeros((d.size, a.at.size))
     felt = np.unique(a.B.indices)
-    for first in range(0, felt.size, CHUNK):
-        some = felt[first : first + CHUNK]
+    for first in range(0, felt.size, RIGHT_SIDES):
+        some = felt[first : first + RIGHT_SIDES]
         columns = solve(a.B[:, some].toarray())
         X[:, some] = columns if system.rigid is None else system.rigid.spread(columns, balance.u)
     dl = _solved(a.D + a.C @ X, -a.R - a.C @ d)

@@ -176,9 +176,9 @@ def piola_tangent(F: Floats, L: Floats, S: Floats, D: Floats, A: Floats) -> None
 
 # The thickness is found when ln F33 moves by less than this; its iteration is quadratic, so few steps do.
 THICKNESS_TOLERANCE = 1e-14
-MOST_THICKNESS = 40
+MAX_THICKNESS_ITERATIONS = 40
 # ln F33 moves by no more than this at a time: a stretch by 2.7 is far from any Newton's model.
-LONGEST_THICKNESS = 1.0
+MAX_THICKNESS_STEP = 1.0
 NO_THICKNESS = 100
 
 
@@ -274,7 +274,7 @@ def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Fl
         F[4] = np.exp(thickness)
     log_strain_gradient(F, E, L)
     found, heat = False, 0.0
-    for _ in range(MOST_THICKNESS):
+    for _ in range(MAX_THICKNESS_ITERATIONS):
         code, heat = update(law.kind, law.p[e], law.tables, E, law.dt, h_n[:last], h[:last], S, D)
         if code != 0:
             return code, heat
@@ -292,7 +292,7 @@ def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Fl
         if abs(step) <= THICKNESS_TOLERANCE:
             h[last], L[3, 4], found = thickness, 1.0 / F[4], True
             break
-        thickness -= min(max(step, -LONGEST_THICKNESS), LONGEST_THICKNESS)
+        thickness -= min(max(step, -MAX_THICKNESS_STEP), MAX_THICKNESS_STEP)
         F[4] = np.exp(thickness)
         E[3] = np.log(F[4])
     if not found:
@@ -313,7 +313,7 @@ def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, 
         neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
         return 0
     thickness = h_n[0]
-    for _ in range(MOST_THICKNESS):
+    for _ in range(MAX_THICKNESS_ITERATIONS):
         F[4] = np.exp(thickness)
         neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
         slope = F[4] * (P[4] + F[4] * A[4, 4])
@@ -324,7 +324,7 @@ def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, 
             h[0] = thickness
             condense(A)
             return 0
-        thickness -= min(max(step, -LONGEST_THICKNESS), LONGEST_THICKNESS)
+        thickness -= min(max(step, -MAX_THICKNESS_STEP), MAX_THICKNESS_STEP)
     return NO_THICKNESS
 
 
@@ -353,9 +353,10 @@ def condense(A: Floats) -> None:
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # Newton's method inside a cell: found when the modes strain it by less than this, or by no less than before.
 MODE_TOLERANCE, MODE_ROUND_OFF = 1e-14, 1e-7
-MOST_LOCAL = 60
-# Its steps strain the cell by no more than LONGEST_MODE, and are shortened to no less than SHORTEST of themselves.
-LONGEST_MODE, SHORTEST = 0.3, 0.1
+MAX_MODE_ITERATIONS = 60
+# Its steps strain the cell by no more than MAX_MODE_STRAIN, and are shortened to no less than MIN_MODE_DAMPING of
+# themselves.
+MAX_MODE_STRAIN, MIN_MODE_DAMPING = 0.3, 0.1
 
 
 def mode_count(axisymmetric: bool) -> int:

@@ -24,11 +24,11 @@ from mechanical_fmu.system import ForceBalance, Loading, System, free_entries
 Floats = NDArray[np.float64]
 
 # More surface unknowns than this and their dense inverse costs more than factoring anew.
-MOST_SURFACE_DOFS = 2000
+MAX_SURFACE_DOFS = 2000
 # Right-hand sides solved at a time: keeps the memory of the surface compliance small.
-CHUNK = 64
+RIGHT_SIDES = 64
 # A rigid motion whose contact stiffness is less than this share of the stiffest one is not held by contact.
-LOOSE = 1e-7
+LOOSE_RATIO = 1e-7
 
 MOTIONS = ("moving along x", "moving along y", "turning")
 
@@ -105,10 +105,10 @@ class StiffnessAnchor:
         """S : (2 n_s, 2 n_s) [m/N]."""
         dofs = self.system.contact.dofs
         S = np.empty((dofs.size, dofs.size))
-        for start in range(0, dofs.size, CHUNK):
-            unit = np.zeros((self.matrix.shape[0], min(CHUNK, dofs.size - start)))
-            unit[dofs[start : start + CHUNK], np.arange(unit.shape[1])] = 1.0
-            S[:, start : start + CHUNK] = self.solve(unit)[dofs]
+        for start in range(0, dofs.size, RIGHT_SIDES):
+            unit = np.zeros((self.matrix.shape[0], min(RIGHT_SIDES, dofs.size - start)))
+            unit[dofs[start : start + RIGHT_SIDES], np.arange(unit.shape[1])] = 1.0
+            S[:, start : start + RIGHT_SIDES] = self.solve(unit)[dofs]
         return S
 
     def drift(self, entries: Floats) -> float:
@@ -162,7 +162,7 @@ def refuse_loose(system: System, balance: ForceBalance) -> None:
             held = motions.T @ (system.contact.matrix(balance.tractions) @ motions)
         values, vectors = np.linalg.eigh(0.5 * (held + held.T))
         # fault: loose bodies not looked for -> if values[0] > 1e300: | mechanical_fmu/test_elastic_patch
-        if values[0] <= LOOSE * values[-1] or values[-1] <= 0.0:
+        if values[0] <= LOOSE_RATIO * values[-1] or values[-1] <= 0.0:
             raise SingularMatrixError(_loose_text(system, body, Z @ vectors[:, 0]))
 
 

@@ -17,8 +17,8 @@ from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSetting
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import StiffnessAnchor
 
-# fault: one round of augmentation, whatever is left -> MOST_ROUNDS = 1 | mechanical_fmu/test_augment
-MOST_ROUNDS = 40
+# fault: one round of augmentation, whatever is left -> MAX_ROUNDS = 1 | mechanical_fmu/test_augment
+MAX_ROUNDS = 40
 
 
 def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
@@ -31,7 +31,7 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
     assert isinstance(query, ContactQuery)
     share = min(system.spec.augmented.values())
     found, changes = solve(system, loading, start, anchor, settings), np.zeros(augmented.size)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         assert found.balance.tractions is not None
         pressed = np.where(augmented, found.balance.tractions.multipliers, 0.0)
         changes = pressed - query.history.multipliers
@@ -48,5 +48,5 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
             # The forces do not feel the change: where bodies just touch, pressures are round-off and never settle.
             return found
     how_much, where = unsettled(system, changes, float(np.abs(pressed).max()))
-    raise NoEquilibriumError(f"the contact pressures do not settle: after {MOST_ROUNDS} rounds they {how_much}; a "
+    raise NoEquilibriumError(f"the contact pressures do not settle: after {MAX_ROUNDS} rounds they {how_much}; a "
                              f"larger penalty settles sooner, or method: semi_smooth (most on {where})")

@@ -19,8 +19,8 @@ from contact.rpc.link import LinkError
 from coupler.cli.console import ProgressLine, summary
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
-from coupler.experiments.advice_text import TrialLine
-from coupler.experiments.advise import Options, advise
+from coupler.experiments.advise import AdviceOptions, advise
+from coupler.experiments.trial_lines import TrialLine
 from coupler.experiments.variants import CELLS
 from coupler.fmu.launch import build_halves
 from coupler.init.init import init_command
@@ -61,7 +61,7 @@ def _overrides(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[
     for text in swaps or ():
         half, sep, kind = text.partition("=")
         if not sep or half not in ("thermal", "mechanical") or not kind:
-            raise ScenarioError("an exchange of halves reads thermal=KIND or mechanical=KIND", key="--swap", value=text,
+            raise ScenarioError("--swap expects thermal=KIND or mechanical=KIND", key="--swap", value=text,
                                 remedy="For example --swap mechanical=rigid")
         overrides[f"{half}.half"] = kind
     return overrides
@@ -90,11 +90,11 @@ app.command("verify-half")(verify_half_command)
 @app.command("check")
 def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOption = None,
                   rules: Annotated[Path | None, typer.Option(
-                      "--rules", metavar="RUN", help="A results file: say which rules would have fired in it.")] = None,
+                      "--rules", metavar="RUN", help="Print which rules would have fired in this run.")] = None,
                   pilot: Annotated[bool, typer.Option(
-                      "--pilot", help="Run some long windows first, and say how long windows may be.")] = False
+                      "--pilot", help="Run a few long windows first, to predict the longest stable ones.")] = False
                   ) -> None:
-    """Read a scenario and say what it would run, without running it."""
+    """Check a scenario and print what it would run, without running it."""
     s = _scenario(scenario, sets, swaps)
     if rules is not None:
         for line in rules_report(s, Results(rules)):
@@ -104,26 +104,27 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     i, clock = s.interface, plan.schedule.clock
     sizes = [clock.seconds(b) - clock.seconds(a)
              for a, b in pairwise(plan.schedule.bounds)]
-    kinks = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
+    breakpoints = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
-    typer.echo(f"{s.title}: good.\n"
+    typer.echo(f"{scenario}: valid\n"
+               f"  {s.title}\n"
                f"  {s.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
                f"{len(i.quads)} quads, {len(i.triangles)} triangles\n"
                f"  contact pairs: {pairs}\n"
                f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
                f"  {_sizes(sizes, plan)} to t = {s.coupling.end:g} s; "
-               f"{f'kinks at {kinks} s' if kinks else 'no kinks'}\n"
+               f"{f'breakpoints at {breakpoints} s' if breakpoints else 'no breakpoints'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}")
     for note in s.notes:
         typer.echo(f"  note: {note}")
     if pilot or is_quick(s):
-        typer.echo(f"  stable windows, from a pilot run: {pilot_run(s).words}")
+        typer.echo(f"  stable windows, from a pilot run: {pilot_run(s).summary}")
 
 
 def _sizes(sizes: Sequence[float], plan: Plan) -> str:
     if plan.adaptive is not None:
         a = plan.adaptive
-        return f"windows that find their own size, {a.first:.3g} s at first, {a.least:.3g} to {a.most:.3g} s,"
+        return f"adaptive windows, {a.first:.3g} s at first, {a.least:.3g} to {a.most:.3g} s,"
     least, most = f"{min(sizes):.3g}", f"{max(sizes):.3g}"
     return f"{len(sizes)} window{'s' if len(sizes) > 1 else ''} of {least if least == most else f'{least} to {most}'} s"
 
@@ -137,17 +138,17 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     s = _scenario(scenario, sets, swaps)
     check_target(out, report=report)
     plan = plan_of(s)
-    count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "windows that find their own size"
+    count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "adaptive windows"
     typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
     for note in s.notes:
         typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:
         results = run(s, out, processes=processes, until=until, on_window=line)
-    typer.echo(summary(results, told={*s.notes, *line.told}))
+    typer.echo(summary(results, printed={*s.notes, *line.printed}))
     if report:
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:
-        typer.echo(f"  see it: slideline report {out}")
+        typer.echo(f"  report: slideline report {out}")
     if results.outcome == "interrupted":
         raise typer.Exit(INTERRUPTED)
 
@@ -156,12 +157,12 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
 def resume_command(results: Annotated[Path, typer.Argument(help="The results file of a run that ended early.",
                                                            show_default=False)],
                    processes: ProcessesOption = False, until: UntilOption = None) -> None:
-    """Go on with a run that was interrupted, stopped or killed, or that failed, into the same results file."""
-    going = resumed(results, processes=processes)
-    scenario = going.scenario
-    typer.echo(f"{scenario.title}: on from t = {going.start:.9g} s of {scenario.coupling.end:g} s", err=True)
+    """Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."""
+    continued = resumed(results, processes=processes)
+    scenario = continued.scenario
+    typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s", err=True)
     with ProgressLine(scenario.temperature_unit) as line:
-        done = resume(going, until=until, on_window=line)
+        done = resume(continued, until=until, on_window=line)
     typer.echo(summary(done))
     if done.outcome == "interrupted":
         raise typer.Exit(INTERRUPTED)
@@ -187,56 +188,57 @@ def study_command(scenario: ScenarioFile,
                   limit: Annotated[float | None, typer.Option("--limit", help="Seconds a run may take.")] = None,
                   pilot: Annotated[bool, typer.Option("--pilot", help="Predict limits of windows first.")] = False,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
-    """Run a grid of settings, and draw error against cost.  Ctrl-C leaves what is done; the same command goes on."""
+    """Run a grid of settings, and draw error against cost.  After Ctrl-C the same command continues."""
     # Here and not above: a command that makes no study starts a second sooner without matplotlib.
     from coupler.experiments.grid import grid_of, parse_axis
-    from coupler.experiments.study import How, StudyLine, conduct
-    from coupler.experiments.study_page import write_study
+    from coupler.experiments.study import StudyOptions, conduct
+    from coupler.experiments.study_files import write_study
+    from coupler.experiments.trial_lines import StudyLine
 
-    options: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     if grid:
-        options["grid"] = grid_of([parse_axis(text) for text in grid])
+        keys["grid"] = grid_of([parse_axis(text) for text in grid])
     if measure:
-        options["measure"] = [name.strip() for name in measure.split(",")]
+        keys["measure"] = [name.strip() for name in measure.split(",")]
     try:
         with StudyLine() as line:
-            how = How(processes, cluster, limit, pilot)
-            found = conduct(scenario, out, _overrides(sets, swaps), options, how, line)
+            options = StudyOptions(processes, cluster, limit, pilot)
+            study = conduct(scenario, out, _overrides(sets, swaps), keys, options, line)
     except KeyboardInterrupt as exc:
         typer.echo("\n".join(getattr(exc, "__notes__", ())), err=True)
         raise typer.Exit(INTERRUPTED) from None
-    typer.echo(f"  {write_study(found, out)}")
+    typer.echo(f"  {write_study(study, out)}")
 
 
 @app.command("compare")
-def compare_command(first: Annotated[Path, typer.Argument(help="A results file to hold against.", show_default=False)],
-                    second: Annotated[Path, typer.Argument(help="The one that is held.", show_default=False)],
+def compare_command(first: Annotated[Path, typer.Argument(help="The results file to refer to.", show_default=False)],
+                    second: Annotated[Path, typer.Argument(help="The results file to compare.", show_default=False)],
                     out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
-    """Two runs side by side: the largest difference of each probe, when and where, in a sentence and on a page."""
+    """Compare two runs: the largest difference of each probe and when, in a sentence and on a page."""
     # Here and not above, as the report itself: other commands start without matplotlib.
     from coupler.report.comparison import write_comparison
 
     a, b = Results(first), Results(second)
-    page, told = write_comparison(a, b, out or second.with_name(f"{second.stem}-against-{first.stem}.html"))
-    typer.echo(f"{told}\n  {page}")
+    page, text = write_comparison(a, b, out or second.with_name(f"{second.stem}-against-{first.stem}.html"))
+    typer.echo(f"{text}\n  {page}")
 
 
 @app.command("advise")
 def advise_command(scenario: ScenarioFile,
-                   asked: Annotated[list[str] | None, typer.Option(
-                       "--for", metavar="PROBE=TOLERANCE", help="What matters, and how nearly: lower.top.centre=1K, "
+                   goals: Annotated[list[str] | None, typer.Option(
+                       "--for", metavar="PROBE=TOLERANCE", help="A probe and its tolerance: lower.top.centre=1K, "
                        "'upper.*=0.5%' (of its range).  May be repeated; default: every probe, 1 %.")] = None,
                    out: Annotated[Path, typer.Option(
                        "--out", "-o", help="Folder for trials, advice.txt and advised.yaml.")] = Path("advise"),
-                   limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", help="Time for it.")] = 600.0,
+                   limit: Annotated[float, typer.Option("--limit", metavar="SECONDS", help="Wall time.")] = 600.0,
                    cells: Annotated[int, typer.Option("--cells", help="Most cells of a body in a trial.")] = CELLS,
                    sets: SetOption = None, swaps: SwapOption = None) -> None:
-    """Find out how little of a scene's model is needed, and write the cheapest scenario that will do."""
+    """Find the cheapest model within your tolerance, and write it as a scenario."""
     with TrialLine() as line:
-        found = advise(scenario, out, Options(asked or (), _overrides(sets, swaps), limit, cells), line)
-    for text in found.lines:
+        advice = advise(scenario, out, AdviceOptions(goals or (), _overrides(sets, swaps), limit, cells), line)
+    for text in advice.lines:
         typer.echo(text)
-    if found.interrupted:
+    if advice.interrupted:
         raise typer.Exit(INTERRUPTED)
 
 
@@ -252,13 +254,13 @@ def build_command(scenario: ScenarioFile,
 @app.command("demo")
 def demo_command(folder: Annotated[Path, typer.Argument(help="Where the demo goes.")] = Path("slideline-demo")) -> None:
     """A first look in seconds: the sliding blocks with the rigid half, and their report."""
-    scenario, results, page = run_demo(folder, on_start=lambda s: ProgressLine(s.temperature_unit))
-    typer.echo(summary(results))
-    typer.echo(f"  the scenario: {scenario}\n  the report:   {page}")
+    demo = run_demo(folder, on_start=lambda s: ProgressLine(s.temperature_unit))
+    typer.echo(summary(demo.results))
+    typer.echo(f"  the scenario: {demo.scenario}\n  the report:   {demo.page}")
 
 
 def main() -> None:
-    """Entry point: every expected error is one clear text and an exit code."""
+    """Run the command line: every expected error becomes one clear text and an exit code."""
     try:
         app()
     except (SlidelineError, LinkError) as exc:

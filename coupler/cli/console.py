@@ -1,4 +1,4 @@
-"""What a run shows while it runs: one live line on a terminal, a line every tenth of the way elsewhere."""
+"""Shows a run: one live line on a terminal, a line every tenth of the run elsewhere, and a summary at its end."""
 
 from __future__ import annotations
 
@@ -20,23 +20,25 @@ from coupler.schemes.state import Verdict
 ZERO_CELSIUS = 273.15
 # The first windows load compiled code and solve from cold: an estimate from them is ten times too long.
 GUESS_AFTER = 0.05
-# Windows put back for their error are everyday where windows find their own size: so many are told one by one.
+FAILURES = {Verdict.THERMAL_DISCARD.value: "the thermal solver failed",
+            Verdict.MECHANICAL_DISCARD.value: "the mechanical solver failed"}
+# Adaptive windows are often rejected for their error: so many are printed one by one.
 LISTED = 10
 SETTING_UP = "building and loading the halves; the first run on a machine compiles them too, a minute or more"
 
 
 class ProgressLine:
-    """Shows Progress values; temperatures in the scenario's unit."""
+    """Shows Progress values; temperatures in the scenario's unit.  printed : the notes so far."""
 
     def __init__(self, temperature_unit: str, console: Console | None = None) -> None:
         self._unit = temperature_unit
         self._console = console or Console(file=sys.stderr, highlight=False)
         self._live = Live(console=self._console, refresh_per_second=8, transient=True)
-        self._next_share = 0.0
+        self._next_line = 0.0
         self._rejected = 0
-        self._tries: list[Progress] = []  # of the window in hand that were put back
+        self._tries: list[Progress] = []  # rejected ones of the current window
         self._too_large = 0
-        self.told: set[str] = set()
+        self.printed: set[str] = set()
 
     def __enter__(self) -> ProgressLine:
         if self._console.is_terminal:
@@ -47,41 +49,42 @@ class ProgressLine:
         return self
 
     def __call__(self, p: Progress) -> None:
-        self.told.update(p.notes)
+        self.printed.update(p.notes)
         for text in (*(f"note: {note}" for note in p.notes), *p.fired):
             self._print(text)
         if not p.taken:
             self._rejected += 1
             self._tries.append(p)
             if self._console.is_terminal:
-                self._live.update(Text(f"window {p.number}, {p.H:.3g} s: {p.verdict}; trying again"))
+                self._live.update(Text(f"window {p.number}, {p.H:.3g} s: {FAILURES.get(p.verdict, p.verdict)}; again"))
             return
-        self._tell_tries(f"taken with {p.H:.3g} s {p.scheme}".rstrip())
+        self._print_tries(f"accepted with {p.H:.3g} s {p.scheme}".rstrip())
         if p.verdict != Verdict.ACCEPTED.value:
-            self._print(f"window {p.number} to t = {p.t:.6g} s: {p.verdict} ({p.message}); taken all the same")
+            self._print(f"window {p.number} to t = {p.t:.6g} s: {p.verdict} ({p.message}); accepted all the same")
         elif p.event:
             self._print(f"t = {p.t:.9g} s: {p.event}")
         if self._console.is_terminal:
             self._live.update(Text(self.line(p)))
-        elif p.share >= self._next_share:
-            self._next_share = p.share + 0.1
+        elif p.fraction >= self._next_line:
+            self._next_line = p.fraction + 0.1
             print(self.line(p), file=self._console.file, flush=True)
 
-    def _tell_tries(self, outcome: str) -> None:
-        """One line on all tries of a window that were put back: halving it ten times is no ten lines."""
+    def _print_tries(self, outcome: str) -> None:
+        """Print one line on all rejected steps of a window: halving it ten times is no ten lines."""
         tries, self._tries = self._tries, []
-        # A search for an event is told by the event.
-        told = [p for p in tries if p.verdict != Verdict.EVENT.value]
-        if not told:
+        # A search for an event ends with a line on the event.
+        rejected = [p for p in tries if p.verdict != Verdict.EVENT.value]
+        if not rejected:
             return
-        if all(p.verdict == Verdict.ERROR.value for p in told):
+        if all(p.verdict == Verdict.ERROR.value for p in rejected):
             self._too_large += 1
             if self._too_large > LISTED:
                 return
-        first = told[0]
-        kinds = {p.verdict if p.verdict == Verdict.ERROR.value else (p.verdict, p.message): p for p in reversed(told)}
-        reasons = "; ".join(f"{p.verdict} ({p.message})" for p in reversed(kinds.values()))
-        times = f", {len(told)} times" if len(told) > 1 else ""
+        first = rejected[0]
+        kinds = {p.verdict if p.verdict == Verdict.ERROR.value else (p.verdict, p.message): p
+                 for p in reversed(rejected)}
+        reasons = "; ".join(f"{FAILURES.get(p.verdict, p.verdict)} ({p.message})" for p in reversed(kinds.values()))
+        times = f"; the step was rejected {len(rejected)} times" if len(rejected) > 1 else "; the step was rejected"
         more = "; further ones are only counted" if self._too_large == LISTED else ""
         self._print(f"window {first.number} at t = {first.t:.6g} s, {first.H:.3g} s {first.scheme}".rstrip()
                     + f": {reasons}{times}; {outcome}{more}")
@@ -90,25 +93,26 @@ class ProgressLine:
         self._console.print(text, soft_wrap=True, markup=False)
 
     def line(self, p: Progress) -> str:
-        """t, windows, contact count, max T, max p, heat imbalance, time left once it can be told."""
+        """Return t, windows, contact count, max T, max p, energy-balance error, and time to go once it is estimated."""
         T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
-        left = f" | {clock_text(p.left)} left" if p.share >= GUESS_AFTER and math.isfinite(p.left) else ""
+        estimated = p.fraction >= GUESS_AFTER and math.isfinite(p.remaining)
+        to_go = f" | {clock_text(p.remaining)} to go" if estimated else ""
         number = f"{p.number}/{p.total}" if p.total else f"{p.number} of {p.H:.3g} s"
         rejected = f" ({self._rejected} rejected)" if self._rejected else ""
         iterations = f"{p.iterations} iterations | " if p.iterations else ""
         return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {number}{rejected} | {iterations}"
                 f"{p.touching} points touch | max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
-                f"heat imbalance {p.imbalance:.0e}{left}")
+                f"energy-balance error {p.imbalance:.0e}{to_go}")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        self._tell_tries("given up")
+        self._print_tries("stopped")
         if self._console.is_terminal:
             self._live.stop()
 
 
 def clock_text(seconds: float) -> str:
-    """5 s, 2:05 min, 1:02:05 h."""
+    """Format a duration: 5 s, 2:05 min, 1:02:05 h."""
     s = round(seconds)
     if s < 60:
         return f"{s} s"
@@ -117,8 +121,8 @@ def clock_text(seconds: float) -> str:
     return f"{s // 3600}:{s % 3600 // 60:02d}:{s % 60:02d} h"
 
 
-def summary(results: Results, told: Collection[str] = ()) -> str:
-    """A few lines on what a run did and where it left its files, and its notes but those told already."""
+def summary(results: Results, printed: Collection[str] = ()) -> str:
+    """Return a few lines on a run and its files, and its notes but those that were printed already."""
     w = results.windows
     accepted = int(w.taken.sum())
     parts = results.seconds_by_part
@@ -126,18 +130,18 @@ def summary(results: Results, told: Collection[str] = ()) -> str:
     lines = [
         f"{results.outcome}: {results.t[-1]:.6g} s in {accepted} windows"
         + (f" ({len(w) - accepted} rejected)" if len(w) > accepted else "")
-        + f", {int(w.solves.sum() + results.rewound.get('solves', 0))} half-solves, "
+        + f", {int(w.solves.sum() + results.rewound.get('solves', 0))} solver calls, "
         + f"{sum(parts.values()):.1f} s after {set_up:.1f} s of set-up",
         "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in parts.items()),
-        f"  heat imbalance {results.heat_imbalance:.1e}",
+        f"  relative energy-balance error {results.heat_imbalance:.1e}",
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]
-    if words := iteration_words(results):
-        lines.insert(1, f"  {words}")
+    if iterations := iteration_words(results):
+        lines.insert(1, f"  {iterations}")
     if results.message:
         lines.insert(1, f"  {results.message}")
     if can_resume(results.path):
-        lines.append(f"  to go on: slideline resume {results.path}")
-    # fault: notes told at the start are told at the end again -> return "\n".join(lines + [f"  note: {n}" for n in
-    #   results.notes]) | coupler/test_console
-    return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in told])
+        lines.append(f"  to resume: slideline resume {results.path}")
+    # fault: notes printed at the start are printed at the end again -> return "\n".join(lines + [f"  note: {n}" for n
+    #   in results.notes]) | coupler/test_console
+    return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in printed])

@@ -1,4 +1,4 @@
-"""Contact pairs: what a *SURFACE INTERACTION says, as conduction, radiation, friction and stiffness."""
+"""Reads contact pairs: *SURFACE INTERACTION as conduction, radiation, friction and stiffness."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from coupler.deck.lexer import Block, Log, number, numbers, wrong
+from coupler.deck.bodies import DeckBody, Names
+from coupler.deck.keywords import Log
+from coupler.deck.lexer import KeywordBlock, number, numbers, wrong
 from coupler.deck.materials import JOINED
-from coupler.deck.model import Body, Names, Outline, Owner, Surfaces, named
+from coupler.deck.outline import Outline, Owner, named
+from coupler.deck.surfaces import DeckSurfaces
 from coupler.scenario.document import did_you_mean
 
 ENDS = 1.001  # a table that ends before it is zero drops to zero within a thousandth of its last gap
@@ -21,15 +24,16 @@ Law = Tree | None
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What the solution has: moves : bodies deform.  heats : heat flows."""
+class Analysis:
+    """What the deck solves for.  moves : displacements.  heats : temperatures."""
 
     moves: bool
     heats: bool
 
 
-def pairs_of(outline: Outline, bodies: Sequence[Body], surfaces: Surfaces, asked: Asked, log: Log) -> dict[str, Tree]:
-    """`contact` of the scenario.  Raises ScenarioError."""
+def pairs_of(outline: Outline, bodies: Sequence[DeckBody], surfaces: DeckSurfaces, analysis: Analysis,
+             log: Log) -> dict[str, Tree]:
+    """Build the part `contact` of the scenario.  Raises ScenarioError for a pair of unknown surfaces or interaction."""
     pairs: dict[str, Tree] = {}
     names = Names()
     for block in [*outline.model, *(b for o in outline.steps for b in o.own)]:
@@ -39,7 +43,7 @@ def pairs_of(outline: Outline, bodies: Sequence[Body], surfaces: Surfaces, asked
         if word not in outline.interactions:
             raise wrong(block.row, f"there is no *SURFACE INTERACTION {word[:60]}",
                         did_you_mean(word[:60], outline.interactions))
-        said = _interaction(outline.interactions[word], asked, log)
+        interaction = _interaction(outline.interactions[word], analysis, log)
         for row in block.data:
             if not row.field(0) or not row.field(1):
                 raise wrong(row, "a pair has a slave and a master surface", "Write both names in one line.")
@@ -47,10 +51,10 @@ def pairs_of(outline: Outline, bodies: Sequence[Body], surfaces: Surfaces, asked
                 log.miss(row, "a pair is two surfaces; what follows is not understood")
             slave, master = (surfaces.named(row.field(i), row) for i in (0, 1))
             edges = _reach(surfaces, slave)
-            reach = max(edges, said["reach"])
-            keys = {key: value for key, value in said.items() if key != "reach"}
-            if not asked.moves and "conduction" in keys:
-                keys["conduction"] = _standing(keys["conduction"], edges, log)
+            reach = max(edges, interaction["reach"])
+            keys = {key: value for key, value in interaction.items() if key != "reach"}
+            if not analysis.moves and "conduction" in keys:
+                keys["conduction"] = _at_no_pressure(keys["conduction"], edges, log)
             for a in surfaces.on(slave, bodies):
                 for b in surfaces.on(master, bodies):
                     if a.split(".")[0] != b.split(".")[0] or slave == master:
@@ -62,8 +66,8 @@ def pairs_of(outline: Outline, bodies: Sequence[Body], surfaces: Surfaces, asked
     return pairs
 
 
-def _standing(conduction: Tree, edges: float, log: Log) -> Tree:
-    """Where bodies do not move nothing presses, and surfaces that meet count as open: they need a law for that.
+def _at_no_pressure(conduction: Tree, edges: float, log: Log) -> Tree:
+    """Give a closed gap a conductance where bodies do not move: without pressure it counts as open.
 
     The conductance at no pressure holds where surfaces meet as well as meshes can.
     """
@@ -79,21 +83,21 @@ def _standing(conduction: Tree, edges: float, log: Log) -> Tree:
     return {"closed": closed, "open": {"law": "table", "x": gaps, "h": [h, h, 0.0]}}
 
 
-def _reach(surfaces: Surfaces, slave: str) -> float:
-    """So many mean edges of the slave; 1 where it has none, which no pair survives."""
+def _reach(surfaces: DeckSurfaces, slave: str) -> float:
+    """Return EDGES mean slave edges in the deck's length unit; 1 for a slave without edges, which fails later."""
     if not (edges := surfaces.edges[slave]):
         return 1.0
     ends = surfaces.mesh.points[np.array(edges)]
     return float(f"{EDGES * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean():.4g}")
 
 
-def _interaction(owner: Owner, asked: Asked, log: Log) -> Tree:
-    """Keys of a pair, and `reach`, the largest gap its tables speak of."""
+def _interaction(owner: Owner, analysis: Analysis, log: Log) -> Tree:
+    """Return the keys of a pair, and `reach`, the largest gap in its tables."""
     own = {block.word: block for block in owner.own}
     tree: Tree = {"reach": 0.0}
-    if asked.moves:
+    if analysis.moves:
         tree |= _stiffness(own.get("SURFACE BEHAVIOR"), log)
-    if asked.heats:
+    if analysis.heats:
         gaps = [block for block in owner.own if block.word == "GAP CONDUCTANCE"]
         closed, opened = _conductance(gaps, log)
         if gaps:
@@ -105,14 +109,14 @@ def _interaction(owner: Owner, asked: Asked, log: Log) -> Tree:
     elif any(b.word.startswith("GAP") for b in owner.own):
         log.miss(owner.block, "a deck of *STATIC alone has no heat")
     if "FRICTION" in own:
-        if asked.moves:
-            tree |= _friction(own["FRICTION"], own.get("GAP HEAT GENERATION"), asked, log)
+        if analysis.moves:
+            tree |= _friction(own["FRICTION"], own.get("GAP HEAT GENERATION"), analysis, log)
         else:
             log.miss(own["FRICTION"], "where bodies do not move nothing rubs")
     return tree
 
 
-def _stiffness(block: Block | None, log: Log) -> Tree:
+def _stiffness(block: KeywordBlock | None, log: Log) -> Tree:
     kind = block.option("PRESSURE-OVERCLOSURE") or "HARD" if block else "HARD"
     if block is not None and kind == "LINEAR" and block.data:
         if any(block.data[0].fields[1:]):
@@ -123,8 +127,8 @@ def _stiffness(block: Block | None, log: Log) -> Tree:
     return {"augmented": {}}
 
 
-def _conductance(blocks: Sequence[Block], log: Log) -> tuple[Law, Law]:
-    """The laws of closed and of open surfaces."""
+def _conductance(blocks: Sequence[KeywordBlock], log: Log) -> tuple[Law, Law]:
+    """Return the conductance laws of closed and of open surfaces."""
     closed: Law = None
     opened: Law = None
     for block in blocks:
@@ -156,8 +160,8 @@ def _conductance(blocks: Sequence[Block], log: Log) -> tuple[Law, Law]:
     return closed, opened
 
 
-def _rows(block: Block, log: Log) -> list[tuple[float, float, float]]:
-    """Conductance, pressure or gap, and temperature; of several temperatures the first.  Raises ScenarioError."""
+def _rows(block: KeywordBlock, log: Log) -> list[tuple[float, float, float]]:
+    """Read (conductance, pressure or gap, temperature); of several temperatures the first.  Raises ScenarioError."""
     rows = []
     for row in block.data:
         h, x, T = (number(row, i, what, 0.0 if i else None)
@@ -168,18 +172,18 @@ def _rows(block: Block, log: Log) -> list[tuple[float, float, float]]:
     if not rows:
         raise wrong(block.row, "*GAP CONDUCTANCE has no data", "Write the conductance, and perhaps pressure or gap.")
     one_place = len({values[1] for _, values in rows}) == 1
-    kept: list[tuple[float, float, float]] = []
+    accepted: list[tuple[float, float, float]] = []
     for row, values in rows:
         if not one_place and values[2] != rows[0][1][2]:
             log.miss(row, "a table over the gap or pressure is that of one temperature; the first is taken")
             continue
-        if kept and values[2 if one_place else 1] <= kept[-1][2 if one_place else 1]:
+        if accepted and values[2 if one_place else 1] <= accepted[-1][2 if one_place else 1]:
             raise wrong(row, "the places of a table must increase", "Sort it.")
-        kept.append(values)
-    return kept
+        accepted.append(values)
+    return accepted
 
 
-def _radiation(block: Block, log: Log) -> Tree:
+def _radiation(block: KeywordBlock, log: Log) -> Tree:
     if not block.data:
         raise wrong(block.row, "*GAP RADIATION has no data", "Write the emissivities of slave and master.")
     tree: Tree = {"emissivity_slave": number(block.data[0], 0, "an emissivity"),
@@ -192,7 +196,7 @@ def _radiation(block: Block, log: Log) -> Tree:
     return tree
 
 
-def _friction(block: Block, heat: Block | None, asked: Asked, log: Log) -> Tree:
+def _friction(block: KeywordBlock, heat: KeywordBlock | None, analysis: Analysis, log: Log) -> Tree:
     if not block.data:
         log.miss(block, "no coefficient is given")
         return {}
@@ -205,13 +209,13 @@ def _friction(block: Block, heat: Block | None, asked: Asked, log: Log) -> Tree:
         log.miss(row, "one coefficient is understood, and a stiffness of sticking")
     for other in block.data[1:]:
         log.miss(other, "one coefficient is understood; that of the first line is taken")
-    if asked.heats:
-        friction["share"] = _share(heat, log)
+    if analysis.heats:
+        friction["share"] = _slave_fraction(heat, log)
     return {"friction": friction}
 
 
-def _share(heat: Block | None, log: Log) -> float:
-    """The part of the friction heat that enters the slave."""
+def _slave_fraction(heat: KeywordBlock | None, log: Log) -> float:
+    """Return the fraction of the friction heat that enters the slave."""
     if heat is None:
         log.note("friction heat: all of the work, half to either side")
         return 0.5

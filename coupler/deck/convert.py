@@ -1,4 +1,4 @@
-"""From a deck to a scenario file with its mesh beside it."""
+"""Converts a deck of another program into a scenario file with its mesh beside it."""
 
 from __future__ import annotations
 
@@ -10,26 +10,28 @@ from typing import Any
 
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from coupler.deck.bodies import DeckBody, Names, bodies_of
 from coupler.deck.conditions import (
-    HELD,
-    PUSHED,
-    Load,
+    FORCES,
+    PRESCRIBED,
     NodeSets,
     conditions_at,
-    conditions_of,
     first_temperature,
-    held_of,
-    loads_of,
-    pushed_of,
+    forces_of,
+    prescribed_of,
     temperatures_of,
 )
-from coupler.deck.contact import Asked, pairs_of
-from coupler.deck.lexer import Converted, Log, Row, blocks_of, printable, understood, wrong
+from coupler.deck.contact import Analysis, pairs_of
+from coupler.deck.keywords import Converted, Log, understood
+from coupler.deck.lexer import DeckLine, blocks_of, printable, wrong
+from coupler.deck.loads import Load, conditions_of, loads_of
 from coupler.deck.materials import expansion_from, material_of, merged, physics_of
-from coupler.deck.model import Body, Edge, Mesh, Names, Outline, Surfaces, bodies_of, mesh_of, outline_of, surfaces_of
-from coupler.deck.steps import Step, amplitudes_of, steps_of
+from coupler.deck.mesh import DeckMesh, mesh_of
+from coupler.deck.outline import Outline, outline_of
+from coupler.deck.steps import DeckStep, Signal, amplitudes_of, steps_of
+from coupler.deck.surfaces import DeckSurfaces, Edge, surfaces_of
 from coupler.errors import ScenarioError
-from coupler.running.newfile import check_free, new_files
+from coupler.running.safe_write import check_free, new_files
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
 from coupler.scenario.document import dumped, layout
@@ -44,64 +46,69 @@ Tree = dict[str, Any]
 
 @dataclass(frozen=True)
 class Deck:
-    """What was read before the conditions."""
+    """The mesh of a deck with its names: all that is read before the conditions."""
 
     outline: Outline
-    mesh: Mesh
-    bodies: Sequence[Body]
-    surfaces: Surfaces
+    mesh: DeckMesh
+    bodies: Sequence[DeckBody]
+    surfaces: DeckSurfaces
     sets: NodeSets
 
 
 def tree_of(deck: Deck, mesh_file: str, title: str, log: Log) -> Tree:
-    """The whole scenario.  Raises ScenarioError, naming the deck's line."""
+    """Build the whole scenario.  Raises ScenarioError, naming the deck's line."""
     outline, bodies = deck.outline, deck.bodies
     steps = steps_of(outline, log)
-    asked = Asked(moves=any(s.procedure != "HEAT TRANSFER" for s in steps),
+    analysis = Analysis(moves=any(s.procedure != "HEAT TRANSFER" for s in steps),
                   heats=any(s.procedure != "STATIC" for s in steps))
-    known = amplitudes_of(outline, log)
+    amplitudes = amplitudes_of(outline, log)
     T = temperatures_of(outline, deck.mesh, log)
     T0 = {body.name: first_temperature(body, T, body.row, log) for body in bodies}
-    held = held_of(outline, steps, deck.mesh, known, T, log)
-    pushed = pushed_of(outline, steps, deck.mesh, known, log)
-    loads = loads_of(steps, outline.model, deck.surfaces, known, log)
-    seen = [*T0.values(), *(v for (_, dof), c in held.items() if dof == 11 for _, v in c.points),
+    prescribed = prescribed_of(outline, steps, deck.mesh, amplitudes, T, log)
+    forces = forces_of(outline, steps, deck.mesh, amplitudes, log)
+    loads = loads_of(steps, outline.model, deck.surfaces, amplitudes, log)
+    temperatures = [*T0.values(), *(v for (_, dof), c in prescribed.items() if dof == 11 for _, v in c.points),
             *(v for load in loads if load.T for _, v in load.T.points)]
-    unit, sigma = physics_of(outline, seen, _radiates(outline, loads), log)
-    materials, of_body = _materials(deck, T0, steps, asked, log)
+    physics = physics_of(outline, temperatures, _radiates(outline, loads), log)
+    assigned = _materials(deck, T0, steps, analysis, log)
+    materials, of_body = assigned.trees, assigned.of_body
     rho = {name: materials[material]["rho"] for name, material in of_body.items() if "rho" in materials[material]}
-    found = conditions_of(loads, bodies, deck.surfaces, rho, log)
-    thermal = [*conditions_at(held, {11: HELD[11]}, bodies, deck.sets, log), *found.thermal]
-    mechanical = [*conditions_at(held, {1: HELD[1], 2: HELD[2]}, bodies, deck.sets, log),
-                  *conditions_at(pushed, PUSHED, bodies, deck.sets, log), *found.mechanical]
-    _left_out(asked, thermal or found.Q_T, mechanical or found.gravity, log)
-    pairs = pairs_of(outline, bodies, deck.surfaces, asked, log)
+    entries = conditions_of(loads, bodies, deck.surfaces, rho, log)
+    thermal = [*conditions_at(prescribed, {11: PRESCRIBED[11]}, bodies, deck.sets, log), *entries.thermal]
+    mechanical = [*conditions_at(prescribed, {1: PRESCRIBED[1], 2: PRESCRIBED[2]}, bodies, deck.sets, log),
+                  *conditions_at(forces, FORCES, bodies, deck.sets, log), *entries.mechanical]
+    _note_dropped(analysis, thermal or entries.Q_T, mechanical or entries.gravity, log)
+    pairs = pairs_of(outline, bodies, deck.surfaces, analysis, log)
     return {
-        "slideline": 1, "title": title, "units": {"temperature": unit},
+        "slideline": 1, "title": title, "units": {"temperature": physics.temperature_unit},
         "geometry": "axisymmetric" if _families(deck) & {"CAX", "DCAX"} else "plane",
         "materials": materials,
         "bodies": {name: {"mesh": {"file": {"path": mesh_file, "region": name}}, "material": of_body[name],
-                          "T0": T0[name], **({"Q_T": found.Q_T[name]} if asked.heats and name in found.Q_T else {})}
+                          "T0": T0[name], **_source(name, entries.Q_T, analysis)}
                    for name in of_body},
         **({"contact": pairs} if pairs else {}),
         "thermal": {"method": "steady" if any(s.steady for s in steps) else "backward_euler",
-                    **({"sigma_SB": sigma} if sigma else {}),
-                    **({"boundary": thermal} if thermal and asked.heats else {})},
-        "mechanical": _mechanical(deck, asked, mechanical, found.gravity, log),
+                    **({"sigma_SB": physics.sigma_SB} if physics.sigma_SB else {}),
+                    **({"boundary": thermal} if thermal and analysis.heats else {})},
+        "mechanical": _mechanical(deck, analysis, mechanical, entries.gravity, log),
         "coupling": _coupling(steps),
-        "probes": _probes(bodies, pairs, asked),
+        "probes": _probes(bodies, pairs, analysis),
         "output": {"fields": {"every": max(1, ceil(sum(step.count for step in steps) / FRAMES))}},
     }
 
 
+def _source(body: str, Q_T: Mapping[str, Signal], analysis: Analysis) -> Tree:
+    return {"Q_T": Q_T[body]} if analysis.heats and body in Q_T else {}
+
+
 def _families(deck: Deck) -> set[str]:
-    """Families of the cells.  Raises ScenarioError where they do not go together."""
-    found: dict[str, Row] = {cell.kind.family: cell.row for cell in deck.mesh.cells}
-    for family, row in found.items():
-        if not any({family, *found} <= together for together in TOGETHER):
-            raise wrong(row, f"elements of {' and '.join(found)} in one deck",
+    """Return the families of the elements.  Raises ScenarioError where they are not of one geometry."""
+    row_of: dict[str, DeckLine] = {cell.kind.family: cell.row for cell in deck.mesh.cells}
+    for family, row in row_of.items():
+        if not any({family, *row_of} <= together for together in TOGETHER):
+            raise wrong(row, f"elements of {' and '.join(row_of)} in one deck",
                         "A scenario is plane strain, plane stress or axisymmetric, all of it.")
-    return set(found)
+    return set(row_of)
 
 
 def _radiates(outline: Outline, loads: Sequence[Load]) -> bool:
@@ -109,22 +116,30 @@ def _radiates(outline: Outline, loads: Sequence[Load]) -> bool:
         block.word == "GAP RADIATION" for owner in outline.interactions.values() for block in owner.own)
 
 
-def _materials(deck: Deck, T0: dict[str, float], steps: Sequence[Step], asked: Asked,
-               log: Log) -> tuple[Tree, dict[str, str]]:
-    """`materials`, and body -> its material: one for each first temperature where a material expands."""
+@dataclass(frozen=True)
+class _Materials:
+    """trees : `materials` of the scenario.  of_body : body -> name of its material."""
+
+    trees: Tree
+    of_body: dict[str, str]
+
+
+def _materials(deck: Deck, T0: dict[str, float], steps: Sequence[DeckStep], analysis: Analysis,
+               log: Log) -> _Materials:
+    """Build the materials, one for each first temperature where a material expands."""
     names, made, trees, of_body = Names(), dict[tuple[str, float], str](), Tree(), dict[str, str]()
     read = {}
     for body in deck.bodies:
         owner = deck.outline.materials[body.material]
         if body.material not in read:
-            read[body.material] = _filled(material_of(owner, log), owner.block.row, steps, asked, log)
+            read[body.material] = _filled(material_of(owner, log), owner.block.row, steps, analysis, log)
         base = read[body.material]
         alpha = base.get("alpha", 0.0)
         key = (body.material, T0[body.name] if alpha != 0.0 else 0.0)
         if key not in made:
             made[key] = names.free(owner.block.options["NAME"])
             if alpha == 0.0:
-                trees[made[key]] = merged(base, **({"alpha": 0.0} if asked.moves else {}))
+                trees[made[key]] = merged(base, **({"alpha": 0.0} if analysis.moves else {}))
             else:
                 log.note("a body is free of stress at its first temperature, as in a deck; so a material that expands "
                          "is there once for each")
@@ -133,12 +148,12 @@ def _materials(deck: Deck, T0: dict[str, float], steps: Sequence[Step], asked: A
     for name, owner in deck.outline.materials.items():
         if name not in read:
             log.miss(owner.block, "no section is of this material")
-    return trees, of_body
+    return _Materials(trees, of_body)
 
 
-def _filled(tree: Tree, row: Row, steps: Sequence[Step], asked: Asked, log: Log) -> Tree:
-    """A material with stand-ins where what is missing has no effect.  Raises ScenarioError where it has one."""
-    if not asked.heats:
+def _filled(tree: Tree, row: DeckLine, steps: Sequence[DeckStep], analysis: Analysis, log: Log) -> Tree:
+    """Fill in what a material lacks where it has no effect.  Raises ScenarioError where it has one."""
+    if not analysis.heats:
         rho = tree.get("rho", 1.0)
         log.note("a deck of *STATIC alone has no heat: c is so large that nothing warms, k stands in")
         return {"k": 1.0, **tree, "rho": rho, "c": IDLE / rho}
@@ -146,21 +161,21 @@ def _filled(tree: Tree, row: Row, steps: Sequence[Step], asked: Asked, log: Log)
         log.note("a steady solution stores no heat: missing rho and c are 1")
         tree = {"rho": 1.0, "c": 1.0, **tree}
     needed = {"k": "*CONDUCTIVITY", "rho": "*DENSITY", "c": "*SPECIFIC HEAT", "E": "*ELASTIC"}
-    missing = [word for key, word in needed.items() if key not in tree and (key != "E" or asked.moves)]
+    missing = [word for key, word in needed.items() if key not in tree and (key != "E" or analysis.moves)]
     if missing:
         raise wrong(row, f"the material lacks {', '.join(missing)}", "Add what the steps of this deck need.")
     return tree
 
 
-def _left_out(asked: Asked, thermal: object, mechanical: object, log: Log) -> None:
-    if thermal and not asked.heats:
+def _note_dropped(analysis: Analysis, thermal: object, mechanical: object, log: Log) -> None:
+    if thermal and not analysis.heats:
         log.note("no step solves for temperatures: conditions on them are left out")
-    if mechanical and not asked.moves:
+    if mechanical and not analysis.moves:
         log.note("no step solves for displacements: conditions on them are left out")
 
 
-def _mechanical(deck: Deck, asked: Asked, boundary: Sequence[Tree], gravity: Any, log: Log) -> Tree:
-    if not asked.moves:
+def _mechanical(deck: Deck, analysis: Analysis, boundary: Sequence[Tree], gravity: Any, log: Log) -> Tree:
+    if not analysis.moves:
         return {"half": "rigid"}
     letters = {cell.kind.letters for cell in deck.mesh.cells}
     if any(set(word) & set("RH") for word in letters):
@@ -175,51 +190,51 @@ def _mechanical(deck: Deck, asked: Asked, boundary: Sequence[Tree], gravity: Any
     return {"half": "elastic", "elastic": elastic | ({"boundary": list(boundary)} if boundary else {})}
 
 
-def _coupling(steps: Sequence[Step]) -> Tree:
+def _coupling(steps: Sequence[DeckStep]) -> Tree:
     coupled = any(step.procedure == "COUPLED TEMPERATURE-DISPLACEMENT" for step in steps)
     return {"scheme": "iterated", "iteration": {"level": "end"}, "end": steps[-1].end,
             "windows": [step.windows for step in steps]} if coupled else {
             "scheme": "staggered", "end": steps[-1].end, "windows": [step.windows for step in steps]}
 
 
-def _probes(bodies: Sequence[Body], pairs: Tree, asked: Asked) -> Tree:
-    """What one would look at first: temperatures of bodies, pressures and gaps of pairs."""
+def _probes(bodies: Sequence[DeckBody], pairs: Tree, analysis: Analysis) -> Tree:
+    """Build probes: temperatures and displacements of bodies, pressures and gaps of pairs."""
     heat = {f"{b.name}.T_{what}": {"T": {what: b.name}} for b in bodies for what in ("max", "mean", "min")}
     touch = {f"{name}.{what}_{how}": {what: {how: pair["slave"]}} for name, pair in pairs.items()
              for what, how in (("p", "max"), ("gap", "max"))}
     moved = {f"{b.name}.{u}_{what}": {u: {what: b.name}}
              for b in bodies for u in ("u_x", "u_y") for what in ("max", "min")}
-    return (heat if asked.heats else {}) | (touch | moved if asked.moves else {})
+    return (heat if analysis.heats else {}) | (touch | moved if analysis.moves else {})
 
 
 # The two files: the mesh as gmsh text, and the scenario with what was not understood at its top.
 
-MOST_TOLD = 200  # lines of the head; all are printed
+MAX_HEAD_LINES = 200  # lines of the head; all are printed
 GMSH = {1: 15, 2: 1, 3: 2, 4: 3}  # corners -> gmsh's kind of element
 
 
 @dataclass(frozen=True)
 class Groups:
-    """What has a name in the mesh file: bodies, surfaces (edges) and sets of nodes."""
+    """The named groups of the mesh file: bodies, surfaces (edges) and sets of nodes."""
 
-    bodies: Sequence[Body]
+    bodies: Sequence[DeckBody]
     surfaces: Mapping[str, Sequence[Edge]]
     node_sets: Mapping[str, Sequence[int]]
 
 
-def mesh_text(mesh: Mesh, groups: Groups) -> str:
-    """gmsh 2.2: cells by body, lines by surface, points by set of nodes.  Nodes no cell has are left out."""
+def mesh_text(mesh: DeckMesh, groups: Groups) -> str:
+    """Write the mesh as gmsh 2.2: elements by body, lines by surface, points by node set; without unused nodes."""
     used = sorted({n for body in groups.bodies for n in body.nodes})
     number = {n: i for i, n in enumerate(used, start=1)}
     names: list[str] = []
     elements: list[str] = []
-    for dim, name, members in _members(mesh, groups):
-        kept = [m for m in members if all(n in number for n in m)]
-        if not kept:
+    for group in _members(mesh, groups):
+        cells = [m for m in group.members if all(n in number for n in m)]
+        if not cells:
             continue
-        names.append(f'{dim} {len(names) + 1} "{name}"')
+        names.append(f'{group.dimension} {len(names) + 1} "{group.name}"')
         tag = len(names)
-        for nodes in kept:
+        for nodes in cells:
             corners = " ".join(str(number[n]) for n in nodes)
             elements.append(f"{len(elements) + 1} {GMSH[len(nodes)]} 2 {tag} {tag} {corners}")
     points = [f"{i} {float(mesh.points[n, 0])!r} {float(mesh.points[n, 1])!r} 0" for n, i in number.items()]
@@ -229,26 +244,36 @@ def mesh_text(mesh: Mesh, groups: Groups) -> str:
                       "$Elements", str(len(elements)), *elements, "$EndElements", ""])
 
 
-def _members(mesh: Mesh, groups: Groups) -> Iterator[tuple[int, str, list[tuple[int, ...]]]]:
-    """Dimension, name and cells of every group."""
+@dataclass(frozen=True)
+class _Group:
+    """members : nodes of each element, line or point."""
+
+    dimension: int
+    name: str
+    members: list[tuple[int, ...]]
+
+
+def _members(mesh: DeckMesh, groups: Groups) -> Iterator[_Group]:
     for body in groups.bodies:
-        yield 2, body.name, [tuple(dict.fromkeys(mesh.cells[i].nodes)) for i in body.cells]
+        yield _Group(2, body.name, [tuple(dict.fromkeys(mesh.cells[i].nodes)) for i in body.cells])
     for name, edges in groups.surfaces.items():
-        yield 1, name, [tuple(edge) for edge in edges]
+        yield _Group(1, name, [tuple(edge) for edge in edges])
     for name, nodes in groups.node_sets.items():
-        yield 0, name, [(n,) for n in nodes]
+        yield _Group(0, name, [(n,) for n in nodes])
 
 
 def scenario_text(tree: Mapping[str, Any], head: Sequence[str]) -> str:
-    """The scenario as YAML under a comment; a mapping or list of plain values stands on one line."""
-    lines = [*head[:MOST_TOLD], *([f"... and {len(head) - MOST_TOLD} lines more"] if len(head) > MOST_TOLD else [])]
+    """Write the scenario as YAML under a comment; a mapping or list of plain values takes one line."""
+    lines = list(head[:MAX_HEAD_LINES])
+    if len(head) > MAX_HEAD_LINES:
+        lines.append(f"... and {len(head) - MAX_HEAD_LINES} lines more")
     # fault: decks: a name leaves the comment it stands in -> return "".join(f"# {line}".rstrip() + "\n" for line in
     #   lines) + dumped(_laid_out(tree), layout()) | coupler/test_deck_hostile
     return "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines) + dumped(_laid_out(tree), layout())
 
 
 def _laid_out(value: Any, level: int = 0) -> Any:
-    """The value as ruamel's own containers, those that hold little in flow style.  level : below the top."""
+    """Convert a value to ruamel's containers, small ones in flow style.  level : below the top."""
     if isinstance(value, Mapping):
         made = CommentedMap((key, _laid_out(inner, level + 1)) for key, inner in value.items())
         if level and _depth(value) <= (3 if level > 1 else 1):
@@ -263,7 +288,7 @@ def _laid_out(value: Any, level: int = 0) -> Any:
 
 
 def _depth(value: Any) -> int:
-    """How deep containers nest, 0 for a plain value."""
+    """Return how deep containers nest, 0 for a plain value."""
     inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else None
     return 0 if inner is None else 1 + max((_depth(v) for v in inner), default=0)
 
@@ -272,8 +297,8 @@ def convert(path: Path, out: Path) -> Converted:
     """Write the scenario `out` (.yaml), and its mesh beside it (same stem, .msh), of the deck `path`.
 
     Raises ScenarioError, naming the deck's file, line, text and what to do, where a deck cannot be read, holds what no
-    scenario can say (3-D elements, surfaces of nodes), makes a scenario that does not pass its check, or where a file
-    to be written is already there.  Then nothing is left behind.
+    scenario can express (3-D elements, surfaces of nodes), makes a scenario that does not pass its check, or where a
+    file to be written exists already.  Then no file is written.
     """
     check_free(out)
     beside = out.with_suffix(".msh")
@@ -285,7 +310,7 @@ def convert(path: Path, out: Path) -> Converted:
     deck = _read(path, log)
     title = deck.outline.title or printable(path.stem)
     tree = tree_of(deck, beside.name, title, log)
-    told = Converted((out, beside), tuple(log.missed), tuple(log.notes))
+    converted = Converted((out, beside), tuple(log.missed), tuple(log.notes))
     head = [f"From the deck {path.name}.", *(f"- {note}" for note in log.notes),
             "Not understood:" if log.missed else "All of the deck was understood.", *(f"  {m}" for m in log.missed)]
     mesh = mesh_text(deck.mesh, Groups(deck.bodies, deck.surfaces.edges, deck.sets.named))
@@ -295,11 +320,11 @@ def convert(path: Path, out: Path) -> Converted:
         except ScenarioError as exc:
             raise ScenarioError(f"the deck makes a scenario that does not pass its check: {exc}",
                                 file=str(path)) from exc
-    return told
+    return converted
 
 
 def _read(path: Path, log: Log) -> Deck:
-    """The deck's mesh with its names."""
+    """Read the mesh of a deck with its names."""
     outline = outline_of(understood(blocks_of(path), log))
     mesh, names = mesh_of(outline, log), Names()
     bodies = bodies_of(outline, mesh, names, log)

@@ -1,10 +1,10 @@
-"""From a deck to its blocks: keyword lines with the data lines under them; files it includes, read beside it only."""
+"""Splits a deck into blocks: keyword lines with their data lines, included files in place."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,15 +14,15 @@ MAX_BYTES = 200_000_000  # of the deck with all it includes, files counted as of
 MAX_FILES = 1_000  # included, counted as often
 MAX_DEPTH = 20  # of includes within includes
 MAX_NAME = 200  # no file name and no set name is longer
-SHOWN = 90  # of a line, in messages
+MAX_EXCERPT = 90  # of a line, in messages
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")
 _WHOLE = re.compile(r"[-+]?[0-9]{1,10}")
 _QUOTED = re.compile(r'"[^"]*"|[^,"]+|,|"')
 
 
 @dataclass(frozen=True)
-class Row:
-    """A line of a deck.  fields : what stands between its commas, without blanks around."""
+class DeckLine:
+    """A line of a deck.  fields : the texts between its commas, stripped."""
 
     file: str
     line: int
@@ -30,36 +30,39 @@ class Row:
     fields: tuple[str, ...]
 
     @property
-    def shown(self) -> str:
-        """The line as a message may hold it, cut."""
-        return self.text if len(self.text) <= SHOWN else self.text[:SHOWN] + "..."
+    def excerpt(self) -> str:
+        """Return the line as a message may hold it, cut to MAX_EXCERPT characters."""
+        return self.text if len(self.text) <= MAX_EXCERPT else self.text[:MAX_EXCERPT] + "..."
 
     def field(self, i: int) -> str:
-        """A field, empty where the line is shorter."""
+        """Return a field, empty where the line is shorter."""
         return self.fields[i] if i < len(self.fields) else ""
 
 
 @dataclass(frozen=True)
-class Block:
-    """word : the keyword in capitals, without its star.  options : in capitals -> as written, without quotes."""
+class KeywordBlock:
+    """A keyword line and its data lines.
+
+    word : the keyword in capitals, without its star.  options : name in capitals -> value, without quotes.
+    """
 
     word: str
     options: Mapping[str, str]
-    row: Row
-    data: tuple[Row, ...] = field(default=())
+    row: DeckLine
+    data: tuple[DeckLine, ...] = field(default=())
 
     def option(self, name: str) -> str:
-        """An option's value in capitals, empty where it is not given."""
+        """Return an option's value in capitals, empty where it is not given."""
         return self.options.get(name, "").upper()
 
 
-def wrong(row: Row, message: str, remedy: str = "") -> ScenarioError:
-    """The error a line becomes; the caller raises it."""
-    return ScenarioError(message, file=row.file, line=row.line, value=row.shown, remedy=remedy)
+def wrong(row: DeckLine, message: str, remedy: str = "") -> ScenarioError:
+    """Return the error for a line; the caller raises it."""
+    return ScenarioError(message, file=row.file, line=row.line, value=row.excerpt, remedy=remedy)
 
 
-def number(row: Row, i: int, what: str, default: float | None = None) -> float:
-    """Field i of a line, a finite number; 1.D3 is 1000.  Raises ScenarioError."""
+def number(row: DeckLine, i: int, what: str, default: float | None = None) -> float:
+    """Return field i of a line, a finite number; 1.D3 is 1000.  Raises ScenarioError."""
     text = row.field(i)
     if not text and default is not None:
         return default
@@ -72,14 +75,14 @@ def number(row: Row, i: int, what: str, default: float | None = None) -> float:
     return value
 
 
-def numbers(row: Row, what: str) -> list[float]:
-    """All fields of a line as numbers, empty ones at its end left out.  Raises ScenarioError."""
+def numbers(row: DeckLine, what: str) -> list[float]:
+    """Return all fields of a line as numbers, without empty ones at its end.  Raises ScenarioError."""
     count = max((i + 1 for i, text in enumerate(row.fields) if text), default=0)
     return [number(row, i, what, 0.0) for i in range(count)]
 
 
-def whole(row: Row, i: int, what: str, default: int | None = None) -> int:
-    """Field i of a line, a whole number.  Raises ScenarioError."""
+def whole(row: DeckLine, i: int, what: str, default: int | None = None) -> int:
+    """Return field i of a line, a whole number.  Raises ScenarioError."""
     text = row.field(i)
     if not text and default is not None:
         return default
@@ -89,22 +92,22 @@ def whole(row: Row, i: int, what: str, default: int | None = None) -> int:
 
 
 def is_whole(text: str) -> bool:
-    """Whether a field is the number of a node or an element."""
+    """Return whether a field is the number of a node or an element."""
     return _WHOLE.fullmatch(text) is not None
 
 
 @dataclass
 class _Files:
-    """What may be read: files in the folder the deck was named in, so many bytes and files.  shown : it, as given."""
+    """What may be read: files in the folder the deck was named in, so many bytes and files.  display : it, as given."""
 
     folder: Path
-    shown: Path
-    left: int = MAX_BYTES
+    display: Path
+    remaining: int = MAX_BYTES
     files: int = MAX_FILES
 
 
-def blocks_of(path: Path) -> list[Block]:
-    """The deck's blocks in order, includes put in their place.
+def blocks_of(path: Path) -> list[KeywordBlock]:
+    """Read the blocks of a deck in order, included files in place.
 
     Raises ScenarioError, naming file and line, where a file is missing, too large, not text, not beside the deck, or
     includes itself, and where data stand before the first keyword.
@@ -112,9 +115,9 @@ def blocks_of(path: Path) -> list[Block]:
     # fault: decks: includes lie beside what a link leads to -> files = _Files(path.resolve().parent, path.parent) |
     #   coupler/test_deck_hostile
     files = _Files(path.parent.resolve(), path.parent)
-    blocks: list[Block] = []
-    data: list[Row] = []
-    for row in _rows(path, files, (), Row(printable(str(path)), 0, "", ())):
+    blocks: list[KeywordBlock] = []
+    data: list[DeckLine] = []
+    for row in _rows(path, files, (), DeckLine(printable(str(path)), 0, "", ())):
         if not row.text.startswith("*"):
             if not blocks:
                 raise wrong(row, "data before the first keyword", "A deck begins with a keyword, such as *HEADING.")
@@ -130,14 +133,14 @@ def blocks_of(path: Path) -> list[Block]:
     return blocks
 
 
-def _closed(block: Block, data: list[Row]) -> Block:
-    return Block(block.word, block.options, block.row, tuple(data))
+def _closed(block: KeywordBlock, data: list[DeckLine]) -> KeywordBlock:
+    return KeywordBlock(block.word, block.options, block.row, tuple(data))
 
 
-def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> Iterator[Row]:
-    """Lines of a file without comments, keyword lines joined, includes in place; asked : the line that named it."""
+def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: DeckLine) -> Iterator[DeckLine]:
+    """Yield the lines of a file without comments, keyword lines joined, includes in place.  asked : names the file."""
     lines = _text(path, files, asked).split("\n")
-    resolved, shown = path.resolve(), printable(str(path))
+    resolved, file = path.resolve(), printable(str(path))
     i = 0
     while i < len(lines):
         # fault: decks: a line keeps what no comment may hold -> text, start = lines[i].strip(), i + 1 |
@@ -149,7 +152,7 @@ def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> It
         if text.startswith("*"):
             while text.endswith(",") and i < len(lines) and not lines[i].lstrip().startswith("*"):
                 text, i = f"{text} {printable(lines[i]).strip()}", i + 1
-        row = Row(shown, start, text, _fields(text))
+        row = DeckLine(file, start, text, _fields(text))
         if not text.startswith("*"):
             yield row
             continue
@@ -163,8 +166,8 @@ def _rows(path: Path, files: _Files, within: tuple[Path, ...], asked: Row) -> It
             raise wrong(row, "*INCLUDE does not say which file", "Write *INCLUDE, INPUT=file.inp.")
 
 
-def _beside(block: Block, files: _Files, within: tuple[Path, ...]) -> Path:
-    """The file an INPUT names.  Raises ScenarioError where it is elsewhere or being read already."""
+def _beside(block: KeywordBlock, files: _Files, within: tuple[Path, ...]) -> Path:
+    """Return the file an INPUT names.  Raises ScenarioError where it is elsewhere or being read already."""
     name = block.options["INPUT"]
     if not name or len(name) > MAX_NAME:
         raise wrong(block.row, "INPUT must name a file")
@@ -176,11 +179,11 @@ def _beside(block: Block, files: _Files, within: tuple[Path, ...]) -> Path:
         raise wrong(block.row, "this file includes itself", "Take the circle of *INCLUDE apart.")
     if len(within) > MAX_DEPTH:
         raise wrong(block.row, f"more than {MAX_DEPTH} files within files")
-    return files.shown / path.relative_to(files.folder)
+    return files.display / path.relative_to(files.folder)
 
 
-def _text(path: Path, files: _Files, asked: Row) -> str:
-    """A file's text.  Raises ScenarioError, in the words of the line that asked for it."""
+def _text(path: Path, files: _Files, asked: DeckLine) -> str:
+    """Read a file's text.  Raises ScenarioError that quotes the line which names the file."""
     def refuse(message: str, remedy: str = "") -> ScenarioError:
         if asked.line:
             return wrong(asked, f"{path.name}: {message}", remedy)
@@ -190,12 +193,12 @@ def _text(path: Path, files: _Files, asked: Row) -> str:
         raise refuse("there is no such file")
     try:
         size = path.stat().st_size
-        raw = path.read_bytes() if size <= files.left else b""
+        raw = path.read_bytes() if size <= files.remaining else b""
     except OSError as exc:
         raise refuse(f"cannot be read ({exc.strerror})") from exc
-    if size > files.left:
+    if size > files.remaining:
         raise refuse(f"decks may have {MAX_BYTES} bytes with all they include", "Thin the mesh out.")
-    files.left, files.files = files.left - size, files.files - 1
+    files.remaining, files.files = files.remaining - size, files.files - 1
     if files.files < 0:  # small files that include each other twice are a great many
         raise refuse(f"more than {MAX_FILES} files are included")
     if b"\0" in raw:
@@ -207,12 +210,12 @@ def _text(path: Path, files: _Files, asked: Row) -> str:
 
 
 def printable(text: str) -> str:
-    """Text with blanks for what may stand in no message and no comment: control characters, line ends, half letters."""
+    """Replace what no message and no comment may hold by blanks: control characters, line ends, half letters."""
     return text if text.isprintable() else "".join(c if c.isprintable() else " " for c in text)
 
 
 def _fields(text: str) -> tuple[str, ...]:
-    """Text between commas, stripped; a comma in quotes does not part."""
+    """Split a line at its commas, but for those in quotes; each text stripped."""
     if '"' not in text:
         return tuple(part.strip() for part in text.split(","))
     parts = [""]
@@ -224,129 +227,12 @@ def _fields(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in parts)
 
 
-def _keyword(row: Row) -> Block:
-    """The block that a keyword line opens."""
+def _keyword(row: DeckLine) -> KeywordBlock:
+    """Return the block that a keyword line opens."""
     word, *rest = row.fields
     options = {}
     for part in rest:
         if part:
             name, _, value = part.partition("=")
             options[" ".join(name.upper().split())] = value.strip().strip('"').strip()
-    return Block(" ".join(word[1:].upper().split()), options, row)
-
-
-# What came of a deck: the files written, what was not understood, what was taken for granted.
-
-@dataclass(frozen=True)
-class Missed:
-    """A line of the deck that has no counterpart in the scenario, and why."""
-
-    file: str
-    line: int
-    text: str
-    why: str
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.text}: {self.why}"
-
-
-@dataclass(frozen=True)
-class Converted:
-    """files : written, the scenario first.  missed : not understood, in the deck's order.  notes : choices made
-    where the deck leaves one."""
-
-    files: tuple[Path, ...]
-    missed: tuple[Missed, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """All there is to tell, one text each, as the command line prints it."""
-        head = (f"{len(self.missed)} line{'s' * (len(self.missed) != 1)} of the deck not understood:",)
-        return (*(f"wrote {path}" for path in self.files), *(f"note: {note}" for note in self.notes),
-                *(head if self.missed else ()), *(f"  {missed}" for missed in self.missed))
-
-
-# Gathers, while a deck is read, what is not understood and what is taken for granted.
-
-@dataclass
-class Log:
-    """missed, notes : so far.  The one thing that is written to while a deck is read; nothing is read from it."""
-
-    missed: list[Missed] = field(default_factory=list)
-    notes: dict[str, None] = field(default_factory=dict)
-
-    def miss(self, what: Row | Block, why: str) -> None:
-        """A line without a counterpart; of a block its keyword line stands for the data under it."""
-        row = what if isinstance(what, Row) else what.row
-        if isinstance(what, Block) and len(what.data) > 1:
-            why = f"{why} (with its {len(what.data)} lines of data)"
-        found = Missed(row.file, row.line, row.shown, why)
-        if found not in self.missed[-50:]:  # one line may be looked at once for each body it touches
-            self.missed.append(found)
-
-    def note(self, text: str) -> None:
-        """A choice, told once."""
-        self.notes[text] = None
-
-
-# Which keywords and options are understood, and why others are not.
-
-# Keyword -> options that are used, or that change nothing here.
-UNDERSTOOD: dict[str, str] = {
-    "HEADING": "", "NODE": "NSET,INPUT", "ELEMENT": "TYPE,ELSET,INPUT",
-    "NSET": "NSET,GENERATE,ELSET,UNSORTED,INTERNAL,INSTANCE", "ELSET": "ELSET,GENERATE,UNSORTED,INTERNAL,INSTANCE",
-    "SURFACE": "NAME,TYPE,INTERNAL", "PART": "NAME", "END PART": "", "ASSEMBLY": "NAME", "END ASSEMBLY": "",
-    "INSTANCE": "NAME,PART", "END INSTANCE": "",
-    "MATERIAL": "NAME", "ELASTIC": "TYPE", "EXPANSION": "TYPE,ZERO", "CONDUCTIVITY": "TYPE", "SPECIFIC HEAT": "",
-    "DENSITY": "", "PLASTIC": "HARDENING", "LATENT HEAT": "", "INELASTIC HEAT FRACTION": "",
-    "SOLID SECTION": "ELSET,MATERIAL", "SURFACE INTERACTION": "NAME", "SURFACE BEHAVIOR": "PRESSURE-OVERCLOSURE",
-    "GAP CONDUCTANCE": "PRESSURE", "GAP RADIATION": "", "GAP HEAT GENERATION": "", "FRICTION": "",
-    "CONTACT PAIR": "INTERACTION,TYPE", "AMPLITUDE": "NAME,TIME,VALUE,DEFINITION",
-    "INITIAL CONDITIONS": "TYPE", "PHYSICAL CONSTANTS": "ABSOLUTE ZERO,STEFAN BOLTZMANN",
-    "STEP": "NAME,NLGEOM,INC,AMPLITUDE", "END STEP": "", "STATIC": "DIRECT",
-    "COUPLED TEMPERATURE-DISPLACEMENT": "DIRECT,STEADY STATE,DELTMX",
-    "UNCOUPLED TEMPERATURE-DISPLACEMENT": "DIRECT,STEADY STATE,DELTMX", "HEAT TRANSFER": "DIRECT,STEADY STATE,DELTMX",
-    "BOUNDARY": "AMPLITUDE,OP", "CLOAD": "AMPLITUDE,OP", "DFLUX": "AMPLITUDE,OP", "DSFLUX": "AMPLITUDE,OP",
-    "FILM": "AMPLITUDE,FILM AMPLITUDE,OP", "SFILM": "AMPLITUDE,FILM AMPLITUDE,OP", "RADIATE": "AMPLITUDE,OP",
-    "SRADIATE": "AMPLITUDE,OP", "DLOAD": "AMPLITUDE,OP", "DSLOAD": "AMPLITUDE,OP",
-}
-_OUTPUT = "what is kept is said under `output` and `probes`"
-_JOINT = "degrees of freedom cannot be tied together; join the meshes, or use a contact pair"
-WHY: dict[str, str] = {
-    **dict.fromkeys(("NODE FILE", "EL FILE", "NODE PRINT", "EL PRINT", "CONTACT FILE", "CONTACT PRINT", "OUTPUT",
-                     "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "ENERGY OUTPUT", "ELEMENT FILE", "RESTART",
-                     "ENERGY PRINT", "MONITOR", "FILE FORMAT", "SECTION PRINT", "FACE PRINT"), _OUTPUT),
-    **dict.fromkeys(("PREPRINT", "CONTROLS", "TIME POINTS", "SOLVER CONTROLS", "DIAGNOSTICS"),
-                    "the way of solving is said under `coupling`, `thermal` and `mechanical`"),
-    **dict.fromkeys(("TIE", "EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING"), _JOINT),
-    "CFLUX": "heat enters through surfaces; spread it over one, with *DSFLUX",
-    "TEMPERATURE": "temperatures are solved for; prescribe them by *BOUNDARY, 11",
-    "RIGID BODY": "write mechanical.elastic.bodies.BODY.rigid: true by hand",
-    "CONTACT": "general contact; name its surfaces by *CONTACT PAIR",
-    "CREEP": "write materials.NAME.creep by hand", "HYPERELASTIC": "bodies are neo-Hookean, by *ELASTIC",
-    "ORIENTATION": "axes are global; write the angle into materials.NAME.k by hand",
-    "PARAMETER": "nothing is evaluated; write the numbers out",
-    "MODEL CHANGE": "what is there stays", "CLEARANCE": "gaps are those of the mesh",
-    "CONTACT INTERFERENCE": "overlaps are those of the mesh",
-}
-REFUSED = {"DYNAMIC", "FREQUENCY", "BUCKLE", "VISCO", "MODAL DYNAMIC", "STEADY STATE DYNAMICS", "COMPLEX FREQUENCY",
-           "GREEN", "ELECTROMAGNETICS", "CFD", "HCF", "SENSITIVITY", "DIRECT CYCLIC", "GEOSTATIC", "SOILS", "ANNEAL"}
-
-
-def understood(blocks: Sequence[Block], log: Log) -> list[Block]:
-    """The blocks that are understood; what is not, options too, goes to the log.  Raises ScenarioError."""
-    known = []
-    for block in blocks:
-        if block.word in REFUSED:
-            raise wrong(block.row, f"a step of *{block.word} is no heat and no equilibrium",
-                        "Understood are *HEAT TRANSFER, *COUPLED and *UNCOUPLED TEMPERATURE-DISPLACEMENT, *STATIC.")
-        if block.word not in UNDERSTOOD:
-            log.miss(block, WHY.get(block.word, "this keyword is not understood"))
-            continue
-        known.append(block)
-        for name in block.options:
-            # fault: decks: options that are not understood go unsaid -> if False: | coupler/test_deck
-            if name not in UNDERSTOOD[block.word].split(","):
-                log.miss(block.row, f"the option {name[:40]} is not understood, the rest of the line is")
-    return known
+    return KeywordBlock(" ".join(word[1:].upper().split()), options, row)

@@ -1,15 +1,17 @@
-"""Materials: the tables of a deck as properties of a scenario."""
+"""Reads materials: the tables of a deck as properties of a scenario, and the units its temperatures are in."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from coupler.deck.lexer import Block, Log, Row, number, numbers, wrong
-from coupler.deck.model import Outline, Owner
+from coupler.deck.keywords import Log
+from coupler.deck.lexer import DeckLine, KeywordBlock, number, numbers, wrong
+from coupler.deck.outline import Outline, Owner
 
 MAX_ROWS = 2_000  # of a table: a scenario is a text of some kilobytes
 FINER = 4  # pieces of a table's interval, where an expansion counted from elsewhere bends between its points
@@ -18,8 +20,37 @@ Property = float | dict[str, list[float]]
 Tree = dict[str, Any]
 
 
-def table(block: Block, columns: int, what: str, log: Log) -> list[tuple[Row, list[float]]]:
-    """Rows of values and, behind them, the temperature (0 if left out).  Raises ScenarioError."""
+@dataclass(frozen=True)
+class TableRow:
+    """A line of a table: its values, and the temperature behind them (0 where the line has none)."""
+
+    line: DeckLine
+    values: Sequence[float]
+    T: float
+
+
+@dataclass(frozen=True)
+class _StressCurve:
+    """strain, stress : plastic strain, and yield stress at it, at one temperature T."""
+
+    T: float
+    strain: list[float]
+    stress: list[float]
+
+
+@dataclass(frozen=True)
+class DeckPhysics:
+    """temperature_unit : K or degC.  sigma_SB : the Stefan-Boltzmann constant, 0 where the deck has none."""
+
+    temperature_unit: str
+    sigma_SB: float
+
+
+def table(block: KeywordBlock, columns: int, what: str, log: Log) -> list[TableRow]:
+    """Read a table: so many columns of values, then the temperature.
+
+    Raises ScenarioError for an empty or too long table, and for lines with fewer numbers.
+    """
     if not block.data:
         raise wrong(block.row, f"*{block.word} has no data")
     if len(block.data) > MAX_ROWS:
@@ -33,23 +64,25 @@ def table(block: Block, columns: int, what: str, log: Log) -> list[tuple[Row, li
             raise wrong(row, f"*{block.word} has {columns} number{'s' * (columns > 1)} in a line, then the temperature")
         if len(values) > columns + 1:
             log.miss(row, "columns behind the temperature are not understood")
-        out.append((row, (values + [0.0])[: columns + 1]))
+        out.append(TableRow(row, values[:columns], values[columns] if len(values) > columns else 0.0))
     return out
 
 
-def over_T(rows: Sequence[tuple[Row, list[float]]], column: int) -> Property:
-    """One column as a property.  Raises ScenarioError where temperatures do not increase."""
+def over_T(rows: Sequence[TableRow], column: int) -> Property:
+    """Return one column as a property.  Raises ScenarioError where temperatures do not increase."""
     if len(rows) == 1:
-        return rows[0][1][column]
-    for (_, before), (row, now) in pairwise(rows):
-        if now[-1] <= before[-1]:
-            raise wrong(row, f"temperatures must increase, {now[-1]:g} follows {before[-1]:g}", "Sort the table.")
-    return {"T": [values[-1] for _, values in rows], "value": [values[column] for _, values in rows]}
+        return rows[0].values[column]
+    for before, row in pairwise(rows):
+        if row.T <= before.T:
+            raise wrong(row.line, f"temperatures must increase, {row.T:g} follows {before.T:g}", "Sort the table.")
+    return {"T": [row.T for row in rows], "value": [row.values[column] for row in rows]}
 
 
 def material_of(owner: Owner, log: Log) -> Tree:
-    """What a *MATERIAL says, as keys of `materials.NAME`; expansion as `zero` and `alpha`, for later.  Raises
-    ScenarioError."""
+    """Read a *MATERIAL as keys of `materials.NAME`; expansion as `zero` and `alpha`, for `expansion_from`.
+
+    Raises ScenarioError for a table that cannot be read, and for a type that is not understood.
+    """
     tree: Tree = {}
     heat = 0.0
     for block in owner.own:
@@ -62,38 +95,38 @@ def material_of(owner: Owner, log: Log) -> Tree:
     return tree
 
 
-def _elastic(block: Block, log: Log) -> Tree:
+def _elastic(block: KeywordBlock, log: Log) -> Tree:
     if (kind := block.option("TYPE")) not in ("", "ISO", "ISOTROPIC"):
         raise wrong(block.row, f"*ELASTIC of type {kind[:30]} is not understood", "Bodies are isotropic: E, nu.")
     rows = table(block, 2, "E, nu", log)
     return {"E": over_T(rows, 0), "nu": _flat(over_T(rows, 1))}
 
 
-def _expansion(block: Block, log: Log) -> Tree:
+def _expansion(block: KeywordBlock, log: Log) -> Tree:
     if (kind := block.option("TYPE")) not in ("", "ISO"):
         raise wrong(block.row, f"*EXPANSION of type {kind[:30]} is not understood", "Bodies expand alike all ways.")
-    zero = Row(block.row.file, block.row.line, block.row.text, (block.options.get("ZERO", ""),))
+    zero = DeckLine(block.row.file, block.row.line, block.row.text, (block.options.get("ZERO", ""),))
     return {"alpha": _flat(over_T(table(block, 1, "alpha", log), 0)), "zero": number(zero, 0, "ZERO", 0.0)}
 
 
-def _conductivity(block: Block, log: Log) -> Tree:
+def _conductivity(block: KeywordBlock, log: Log) -> Tree:
     kind = block.option("TYPE")
     if kind == "ORTHO":
-        rows = [(row, [*values[:2], values[3]]) for row, values in table(block, 3, "conductivities", log)]
+        rows = table(block, 3, "conductivities", log)
         return {"k": {"k_1": over_T(rows, 0), "k_2": over_T(rows, 1)}}
     if kind not in ("", "ISO"):
         raise wrong(block.row, f"*CONDUCTIVITY of type {kind[:30]} is not understood", "Write ISO or ORTHO.")
     return {"k": over_T(table(block, 1, "k", log), 0)}
 
 
-def _density(block: Block, log: Log) -> Tree:
+def _density(block: KeywordBlock, log: Log) -> Tree:
     rows = table(block, 1, "rho", log)
-    for row, _ in rows[1:]:
-        log.miss(row, "the density is that of the reference, one number; the first line is taken")
-    return {"rho": rows[0][1][0]}
+    for row in rows[1:]:
+        log.miss(row.line, "the density is that of the reference, one number; the first line is taken")
+    return {"rho": rows[0].values[0]}
 
 
-def _latent(block: Block, log: Log) -> Tree:
+def _latent(block: KeywordBlock, log: Log) -> Tree:
     for row in block.data[1:]:
         log.miss(row, "a material melts once; the first line is taken")
     if not block.data:
@@ -102,36 +135,37 @@ def _latent(block: Block, log: Log) -> Tree:
     return {"latent": {"L": L, "T_s": T_s, "T_l": T_l}}
 
 
-def _plastic(block: Block, log: Log) -> Tree:
+def _plastic(block: KeywordBlock, log: Log) -> Tree:
     if (kind := block.option("HARDENING")) not in ("", "ISOTROPIC"):
         log.miss(block, f"hardening {kind[:30]} is not understood; taken as isotropic")
-    blocks: list[tuple[float, list[tuple[float, float]]]] = []
-    for row, (stress, strain, T) in table(block, 2, "yield stress, plastic strain", log):
-        if not blocks or blocks[-1][0] != T:
-            if strain != 0.0 or (blocks and blocks[-1][0] > T):
-                raise wrong(row, "for each temperature, in order, a table of *PLASTIC begins at no plastic strain")
-            blocks.append((T, []))
-        elif strain <= blocks[-1][1][-1][0]:
-            raise wrong(row, "plastic strains must increase")
-        blocks[-1][1].append((strain, stress))
-    return {"plastic": _hardening(blocks)}
+    curves: list[_StressCurve] = []
+    for row in table(block, 2, "yield stress, plastic strain", log):
+        stress, strain = row.values
+        if not curves or curves[-1].T != row.T:
+            if strain != 0.0 or (curves and curves[-1].T > row.T):
+                raise wrong(row.line, "for each temperature, in order, a table of *PLASTIC begins at no plastic strain")
+            curves.append(_StressCurve(row.T, [], []))
+        elif strain <= curves[-1].strain[-1]:
+            raise wrong(row.line, "plastic strains must increase")
+        curves[-1].strain.append(strain)
+        curves[-1].stress.append(stress)
+    return {"plastic": _hardening(curves)}
 
 
-def _hardening(blocks: Sequence[tuple[float, list[tuple[float, float]]]]) -> Tree:
-    """Stress over strain of one or several temperatures, at all the strains that occur; held beyond the last."""
-    strains = sorted({strain for _, points in blocks for strain, _ in points})
-    rows = [[float(s) for s in np.interp(strains, [e for e, _ in points], [s for _, s in points])]
-            for _, points in blocks]
+def _hardening(curves: Sequence[_StressCurve]) -> Tree:
+    """Tabulate stress over strain, by temperature, at all strains that occur; constant beyond the last."""
+    strains = sorted({strain for curve in curves for strain in curve.strain})
+    rows = [[float(s) for s in np.interp(strains, curve.strain, curve.stress)] for curve in curves]
     if len(strains) == 1:
-        return {"s_y": rows[0][0] if len(rows) == 1 else {"T": [T for T, _ in blocks], "value": [r[0] for r in rows]}}
+        return {"s_y": rows[0][0] if len(rows) == 1 else {"T": [c.T for c in curves], "value": [r[0] for r in rows]}}
     falls = {"softening": True} if any(b < a for row in rows for a, b in pairwise(row)) else {}
     if len(rows) == 1:
         return {"hardening": {"law": "table", "strain": strains, "stress": rows[0]}, **falls}
-    return {"hardening": {"law": "table", "strain": strains, "T": [T for T, _ in blocks], "stress": rows}, **falls}
+    return {"hardening": {"law": "table", "strain": strains, "T": [c.T for c in curves], "stress": rows}, **falls}
 
 
 def _flat(spec: Property) -> Property:
-    """A table that is the same all over is a number."""
+    """Reduce a table of one value to that number."""
     if isinstance(spec, dict) and len(set(spec["value"])) == 1:
         return spec["value"][0]
     return spec
@@ -143,7 +177,7 @@ _READ = {"ELASTIC": _elastic, "EXPANSION": _expansion, "CONDUCTIVITY": _conducti
 
 
 def expansion_from(alpha: Property, zero: float, T_I: float) -> Property:
-    """The secant coefficient alpha' from T_I of one from `zero`.
+    """Convert a secant coefficient of expansion from `zero` to one from T_I, all in the deck's temperature unit.
 
     alpha'(T) (T - T_I) = alpha(T) (T - zero) - alpha(T_I) (T_I - zero).  A deck's body is free of stress at its own
     first temperature T_I, whatever `zero` is; a scenario's at T_ref = T_I.
@@ -166,8 +200,10 @@ def expansion_from(alpha: Property, zero: float, T_I: float) -> Property:
 
 
 def _slope_at(T_I: float, T: np.ndarray, stretch: Callable[[float], Any]) -> float:
-    """d(stretch)/dT at T_I.  At an end of the table T it is that of the inside: beyond, alpha stands still, and a hot
-    body's table often ends where the body begins."""
+    """Return d(stretch)/dT at T_I, one-sided at an end of the table.
+
+    T : (n,) temperatures of the table.  Beyond its end alpha is constant, and a hot body's table often ends at T_I.
+    """
     step = 1e-3 * max(float(np.ptp(T)), 1e-300)
     below, above = T_I - step, T_I + step
     # fault: decks: expansion at the end of its table is half of what stands still beyond it -> if False: |
@@ -180,19 +216,19 @@ def _slope_at(T_I: float, T: np.ndarray, stretch: Callable[[float], Any]) -> flo
 
 
 def merged(base: Mapping[str, Any], **more: Any) -> Tree:
-    """A material of the scenario: what the deck says, without what was only for later."""
+    """Return a material of the scenario: what the deck says and `more`, without `zero`."""
     return {key: value for key, value in {**base, **more}.items() if key != "zero"}
 
 
-# What a deck without units says of its temperatures: absolute zero, and the constant of radiation.
+# The unit of a deck's temperatures: absolute zero, and the Stefan-Boltzmann constant.
 
 ZERO_C = -273.15
 NEAR = 0.2  # decks round absolute zero
 COLD = 150.0  # a deck whose temperatures are all above is in K
 
 
-def physics_of(outline: Outline, seen: Sequence[float], radiates: bool, log: Log) -> tuple[str, float]:
-    """(unit of temperature, Stefan-Boltzmann constant, 0 where the deck has none).  seen : temperatures in the deck.
+def physics_of(outline: Outline, temperatures: Sequence[float], radiates: bool, log: Log) -> DeckPhysics:
+    """Read *PHYSICAL CONSTANTS, or guess the temperature unit.  temperatures : all that the deck has.
 
     Raises ScenarioError where absolute zero is that of another scale.
     """
@@ -200,7 +236,7 @@ def physics_of(outline: Outline, seen: Sequence[float], radiates: bool, log: Log
     zero, sigma = None, 0.0
     for block in (b for b in outline.model if b.word == "PHYSICAL CONSTANTS"):
         for option in block.options:
-            row = Row(block.row.file, block.row.line, block.row.text, (block.options[option],))
+            row = DeckLine(block.row.file, block.row.line, block.row.text, (block.options[option],))
             if option == "ABSOLUTE ZERO":
                 zero = number(row, 0, "absolute zero")
                 if min(abs(zero), abs(zero - ZERO_C)) > NEAR:
@@ -210,7 +246,7 @@ def physics_of(outline: Outline, seen: Sequence[float], radiates: bool, log: Log
     if radiates and not sigma:
         log.note("the deck has no STEFAN BOLTZMANN; the constant is that of SI")
     if zero is not None:
-        return ("K" if abs(zero) <= NEAR else "degC"), sigma
-    unit = "K" if radiates or min(seen) > COLD else "degC"
+        return DeckPhysics("K" if abs(zero) <= NEAR else "degC", sigma)
+    unit = "K" if radiates or min(temperatures) > COLD else "degC"
     log.note(f"the deck has no ABSOLUTE ZERO; temperatures are taken for {unit}")
-    return unit, sigma
+    return DeckPhysics(unit, sigma)

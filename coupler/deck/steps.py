@@ -1,4 +1,4 @@
-"""Steps: when each begins and ends, what is solved in it, and how its loads come on."""
+"""Reads the steps of a deck, and how loads change over time from one step to the next."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
-from coupler.deck.lexer import Block, Log, Row, number, numbers, wrong
-from coupler.deck.model import Outline, named
+from coupler.deck.keywords import Log
+from coupler.deck.lexer import DeckLine, KeywordBlock, number, numbers, wrong
+from coupler.deck.outline import Outline, named
 from coupler.scenario.document import did_you_mean
 
 PROCEDURES = ("STATIC", "COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "HEAT TRANSFER")
@@ -17,9 +18,12 @@ MOST = 200  # increments of a step that are all of one size; of more the first a
 
 
 @dataclass(frozen=True, eq=False)  # one step is itself only
-class Step:
-    """start, end, first increment, longest increment [s].  direct : all increments alike.  ramp : loads grow from the
-    step's start to its end; else they jump.  blocks : what is said in it."""
+class DeckStep:
+    """A step of the deck.
+
+    start, end, first (increment), longest (increment) : [s].  direct : all increments are equal.
+    ramp : loads grow linearly from the step's start to its end, else they jump.  blocks : its loads and conditions.
+    """
 
     procedure: str
     start: float
@@ -29,12 +33,12 @@ class Step:
     direct: bool
     steady: bool
     ramp: bool
-    row: Row
-    blocks: tuple[Block, ...]
+    row: DeckLine
+    blocks: tuple[KeywordBlock, ...]
 
     @property
     def windows(self) -> dict[str, float]:
-        """One entry of coupling.windows."""
+        """Return the entry of coupling.windows for this step."""
         span = self.end - self.start
         # No longest increment, 0, is as good as the whole step.
         # fault: decks: a step without a longest increment never grows its windows -> if self.direct or self.first >=
@@ -45,18 +49,18 @@ class Step:
 
     @property
     def count(self) -> float:
-        """So many windows, about."""
+        """Estimate how many windows the step takes."""
         windows = self.windows
         return (self.end - self.start) / windows.get("size", windows.get("last", self.first))
 
 
-def steps_of(outline: Outline, log: Log) -> list[Step]:
-    """The deck's steps in order of time.  Raises ScenarioError."""
-    steps: list[Step] = []
+def steps_of(outline: Outline, log: Log) -> list[DeckStep]:
+    """Read the steps in order of time.  Raises ScenarioError for a deck without steps, or steady and transient ones."""
+    steps: list[DeckStep] = []
     for owner in outline.steps:
         steps.append(_step(owner.block, owner.own, steps[-1].end if steps else 0.0, log))
     if not steps:
-        row = outline.mesh[0].block.row if outline.mesh else Row("", 0, "", ())
+        row = outline.mesh[0].block.row if outline.mesh else DeckLine("", 0, "", ())
         raise wrong(row, "the deck has no *STEP", "Add one that says what is solved: *STEP, *HEAT TRANSFER, a line "
                     "with the first increment and the time of the step, *END STEP.")
     kinds = {step.steady for step in steps if step.procedure != "STATIC"}
@@ -68,12 +72,12 @@ def steps_of(outline: Outline, log: Log) -> list[Step]:
     return steps
 
 
-def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
-    found = [b for b in own if b.word in PROCEDURES]
-    if len(found) != 1:
-        raise wrong(block.row, f"a step has one procedure, this one has {len(found)}",
+def _step(block: KeywordBlock, own: Sequence[KeywordBlock], start: float, log: Log) -> DeckStep:
+    procedures = [b for b in own if b.word in PROCEDURES]
+    if len(procedures) != 1:
+        raise wrong(block.row, f"a step has one procedure, this one has {len(procedures)}",
                     "Understood are *HEAT TRANSFER, *COUPLED and *UNCOUPLED TEMPERATURE-DISPLACEMENT, *STATIC.")
-    procedure = found[0]
+    procedure = procedures[0]
     row = procedure.data[0] if procedure.data else procedure.row
     first, span, least, longest = 1.0, 1.0, 0.0, 0.0
     if procedure.data:
@@ -90,7 +94,7 @@ def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
         log.note("bodies move by finite strain, as with NLGEOM")
     ramp = block.option("AMPLITUDE") == "RAMP" or (
         block.option("AMPLITUDE") != "STEP" and (steady or procedure.word == "STATIC"))
-    step = Step(procedure.word, start, start + span, first, longest, direct, steady, ramp, block.row,
+    step = DeckStep(procedure.word, start, start + span, first, longest, direct, steady, ramp, block.row,
                 tuple(b for b in own if b.word not in PROCEDURES))
     if not step.start < step.end < float("inf"):
         raise wrong(row, f"a step of {span:g} s from {start:g} s has no end that a number could hold")
@@ -100,7 +104,7 @@ def _step(block: Block, own: Sequence[Block], start: float, log: Log) -> Step:
     return step
 
 
-# How a load goes over time: from step to step, by amplitudes, ramps and jumps.
+# Loads over time: from step to step, by amplitudes, ramps and jumps.
 
 MAX_POINTS = 5_000  # of an amplitude: a scenario is a text of some kilobytes
 Signal = float | dict[str, list[float]]
@@ -108,15 +112,18 @@ Signal = float | dict[str, list[float]]
 
 @dataclass(frozen=True)
 class Amplitude:
-    """points : (t, value).  total : t counts from the start of the deck, else of the step.  absolute : the value
-    itself, not a factor."""
+    """A factor, or a value, over time.
+
+    points : (t [s], value).  total : t counts from the start of the deck, else of the step.
+    absolute : it is the value itself, not a factor.
+    """
 
     points: tuple[tuple[float, float], ...]
     total: bool
     absolute: bool
 
     def at(self, t: float) -> float:
-        """Linear between the points, held outside."""
+        """Interpolate linearly between the points; constant outside."""
         if t <= self.points[0][0]:
             return self.points[0][1]
         for (t0, v0), (t1, v1) in pairwise(self.points):
@@ -126,8 +133,8 @@ class Amplitude:
 
 
 @dataclass(frozen=True)
-class Course:
-    """points : (t, value) so far, times not decreasing; before: the first value."""
+class LoadHistory:
+    """A load over time.  points : (t [s], value) so far, times not decreasing; before them the first value holds."""
 
     points: tuple[tuple[float, float], ...]
 
@@ -138,33 +145,33 @@ class Course:
 
     @property
     def signal(self) -> Signal:
-        """As a scenario has it: a number, or a table without what says nothing."""
+        """Return it as a scenario has it: a number, or a table without points that change nothing."""
         # fault: decks: a ramp's end and a jump give three values at one time -> points = self.points |
         #   coupler/test_deck
         points = _jumps(self.points)
-        held = (points[0], *points, points[-1])
-        kept = [now for before, now, later in zip(held, held[1:], held[2:], strict=False)
+        padded = (points[0], *points, points[-1])
+        points = [now for before, now, later in zip(padded, padded[1:], padded[2:], strict=False)
                 if now[1] != before[1] or later[1] != now[1]]
-        if not kept:
+        if not points:
             return self.last
-        return {"t": [t for t, _ in kept], "value": [v for _, v in kept]}
+        return {"t": [t for t, _ in points], "value": [v for _, v in points]}
 
 
 def _jumps(points: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
-    """Of the points at one time the first and the last: a ramp may end where the next step jumps."""
-    found: list[tuple[float, float]] = []
+    """Keep the first and the last of the points at one time: a ramp may end where the next step jumps."""
+    ends: list[tuple[float, float]] = []
     for point in points:
-        if found and found[-1] == point:
+        if ends and ends[-1] == point:
             continue
-        if len(found) > 1 and found[-2][0] == point[0]:
-            found.pop()
-        found.append(point)
-    return found
+        if len(ends) > 1 and ends[-2][0] == point[0]:
+            ends.pop()
+        ends.append(point)
+    return ends
 
 
 def amplitudes_of(outline: Outline, log: Log) -> dict[str, Amplitude]:
-    """The *AMPLITUDE blocks by name in capitals.  Raises ScenarioError."""
-    found = {}
+    """Read the *AMPLITUDE blocks, by name in capitals.  Raises ScenarioError."""
+    amplitudes = {}
     blocks = [*outline.model, *(b for owner in outline.steps for b in owner.own)]
     for block in (b for b in blocks if b.word == "AMPLITUDE"):
         kind = block.option("DEFINITION") or "TABULAR"
@@ -177,29 +184,34 @@ def amplitudes_of(outline: Outline, log: Log) -> dict[str, Amplitude]:
             raise wrong(block.row, f"an amplitude has pairs of time and value, 1 to {MAX_POINTS}")
         if any(b[0] < a[0] for a, b in pairwise(points)):
             raise wrong(block.row, "the times of an amplitude must not decrease")
-        found[named(block, "NAME")] = Amplitude(points, block.option("TIME") == "TOTAL TIME",
+        amplitudes[named(block, "NAME")] = Amplitude(points, block.option("TIME") == "TOTAL TIME",
                                                 block.option("VALUE") == "ABSOLUTE")
-    return found
+    return amplitudes
 
 
-def amplitude_at(block: Block, option: str, known: Mapping[str, Amplitude]) -> Amplitude | None:
-    """The amplitude a block names, None where it names none.  Raises ScenarioError where there is no such."""
+def amplitude_at(block: KeywordBlock, option: str, amplitudes: Mapping[str, Amplitude]) -> Amplitude | None:
+    """Return the amplitude that a block names, None where it names none.
+
+    Raises ScenarioError where the deck has no such amplitude.
+    """
     name = block.option(option)
     if not name:
         return None
-    if name not in known:
-        raise wrong(block.row, f"there is no amplitude {name[:60]}", did_you_mean(name[:60], known))
-    return known[name]
+    if name not in amplitudes:
+        raise wrong(block.row, f"there is no amplitude {name[:60]}", did_you_mean(name[:60], amplitudes))
+    return amplitudes[name]
 
 
 @lru_cache(maxsize=4096)
-def after(course: Course | None, step: Step | None, value: float, amplitude: Amplitude | None, rest: float) -> Course:
-    """The course with a value given in a step.
+def after(history: LoadHistory | None, step: DeckStep | None, value: float, amplitude: Amplitude | None,
+          rest: float) -> LoadHistory:
+    """Return the history of a load after a value is given in a step.
 
-    course : so far, None where there was none.  step : None where it holds from the start.  rest : the value before.
+    history : so far, None where there was none.  step : None where the value holds from the start.
+    rest : the value before the first one given.
     """
     t0, t1 = (step.start, step.end) if step is not None else (0.0, 0.0)
-    before = course.points if course is not None else ((0.0, rest),)
+    before = history.points if history is not None else ((0.0, rest),)
     now = before[-1][1]
     if step is not None and amplitude is not None:
         shift = 0.0 if amplitude.total else t0
@@ -212,6 +224,6 @@ def after(course: Course | None, step: Step | None, value: float, amplitude: Amp
     else:
         new = [(t0, value)]
     if t0 == 0.0:
-        return Course(tuple(new))
-    # fault: decks: a later step forgets what was before -> return Course(tuple(new)) | coupler/test_deck
-    return Course((*before, (t0, now), *new))
+        return LoadHistory(tuple(new))
+    # fault: decks: a later step forgets what was before -> return LoadHistory(tuple(new)) | coupler/test_deck
+    return LoadHistory((*before, (t0, now), *new))

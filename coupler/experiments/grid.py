@@ -1,4 +1,4 @@
-"""From a grid to the runs it stands for."""
+"""Expands the grid of a study into settings: values of axes, and what they put into the scenario."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from coupler.scenario.edits import Tree, apply_overrides, cells_times, windows_t
 from coupler.scenario.options import Scheme
 from coupler.scenario.schema import ErrorTolerances
 
-# Axes of a grid: short names for what a study varies most, and any key that `--set` knows.
+# Axes of a grid: short names for what a study varies most, and any key that `--set` takes.
 
 Sets = dict[str, Any]  # dotted key -> value
 
@@ -25,7 +25,7 @@ PLAIN = {"scheme": "coupling.scheme", "half": "mechanical.half", "thermal": "the
 
 
 def sets_of(axis: str, value: Any, tree: Tree) -> Sets:
-    """What an axis puts into a scenario.
+    """Return what an axis puts into a scenario.
 
     windows, tolerance, mesh : factors on those of the scenario; substeps : of both halves.  tree : the scenario with
     the axes before this one applied.  Raises ScenarioError naming the axis and the value.
@@ -34,14 +34,14 @@ def sets_of(axis: str, value: Any, tree: Tree) -> Sets:
         return FACTORS[axis](axis, _factor(axis, value), tree)
     if axis == "substeps":
         return {f"coupling.substeps.{role}": value for role in ("thermal", "mechanical")}
-    if axis == "scheme" and value not in (known := [s.value for s in Scheme]):
-        raise ScenarioError("no such scheme", key=f"grid {axis}", value=value, remedy=did_you_mean(str(value), known))
+    if axis == "scheme" and value not in (names := [s.value for s in Scheme]):
+        raise ScenarioError("no such scheme", key=f"grid {axis}", value=value, remedy=did_you_mean(str(value), names))
     key = PLAIN.get(axis, axis)
     root = key.split(".")[0]
     if "." not in key or root == "study":
-        known = [*FACTORS, "substeps", *PLAIN]
+        names = [*FACTORS, "substeps", *PLAIN]
         raise ScenarioError("not an axis of a study", key=f"grid {axis}",
-                            remedy=f"{did_you_mean(axis, known)} Or a dotted key of the scenario: thermal.method.")
+                            remedy=f"{did_you_mean(axis, names)} Or a dotted key of the scenario: thermal.method.")
     return {key: value}
 
 
@@ -53,18 +53,18 @@ def _factor(axis: str, value: Any) -> float:
 
 
 def _windows(axis: str, factor: float, tree: Tree) -> Sets:
-    """Every fixed window `factor` times as long; none longer than its range."""
+    """Make every fixed window `factor` times as long; none longer than its range."""
     if not (scaled := windows_times(tree, factor)):
         raise ScenarioError("the scenario has no fixed windows to make longer or shorter", key=f"grid {axis}",
-                            value=factor, remedy="Windows that find their own size go with the axis `tolerance`.")
+                            value=factor, remedy="Adaptive windows go with the axis `tolerance`.")
     return _dotted(scaled)
 
 
 def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
-    """Every tolerance of windows that find their own size, those left to their defaults too."""
+    """Scale every tolerance of adaptive windows, defaults too."""
     adaptive = tree.get("coupling", {}).get("adaptive")
     if not isinstance(adaptive, dict):
-        raise ScenarioError("the scenario has no windows that find their own size", key=f"grid {axis}", value=factor,
+        raise ScenarioError("the scenario has no adaptive windows", key=f"grid {axis}", value=factor,
                             remedy="Give coupling.adaptive in the grid too; fixed windows go with the axis `windows`.")
     given = ErrorTolerances.model_validate(adaptive.get("tolerance", {}))
     return {f"coupling.adaptive.tolerance.{quantity}": {name: factor * size for name, size in of.items()}
@@ -72,7 +72,7 @@ def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
 
 
 def _mesh(axis: str, factor: float, tree: Tree) -> Sets:
-    """`factor` times as many cells along every edge."""
+    """Mesh with `factor` times as many cells along every edge."""
     for name, body in tree.get("bodies", {}).items():
         if body.get("mesh", {}).get("rectangle") is None:
             raise ScenarioError(f"the mesh of {name!r} is a file, which cannot be refined", key=f"grid {axis}",
@@ -89,59 +89,68 @@ FACTORS: dict[str, Callable[[str, float, Tree], Sets]] = {"windows": _windows, "
 
 Grid = Mapping[str, Sequence[Any]]
 
-# More runs than this is a slip of the keyboard.
-MAX_CELLS = 10_000
+# A grid of more runs than this is taken for a mistake.
+MAX_RUNS = 10_000
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One setting.  at : axis -> value, in the order of the grid.  sets : what it puts into the scenario."""
+class Setting:
+    """A setting of a grid.  at : axis -> value, in the grid's order.  sets : what it puts into the scenario."""
 
     at: Mapping[str, Any]
     sets: Mapping[str, Any]
 
     @property
     def label(self) -> str:
-        """`staggered, windows 2`."""
-        return ", ".join(_said(axis, value) for axis, value in self.at.items()) or "the scenario as it is"
+        """Its name: `staggered, windows 2`."""
+        return ", ".join(_named(axis, value) for axis, value in self.at.items()) or "the scenario as it is"
 
     @property
     def series(self) -> str:
-        """The curve it lies on: all its values but those along which a curve runs."""
-        return ", ".join(_said(a, v) for a, v in self.at.items() if a not in ALONG) or "all"
+        """The curve it lies on: all its values but those of ALONG."""
+        return ", ".join(_named(a, v) for a, v in self.at.items() if a not in ALONG) or "all"
 
 
-def parse_axis(text: str) -> tuple[str, tuple[Any, ...]]:
-    """(axis, values) of `coupling.scheme=staggered,extrapolated`; values are YAML.  Raises ScenarioError."""
+@dataclass(frozen=True)
+class Axis:
+    """An axis of a grid: its name and its values."""
+
+    name: str
+    values: tuple[Any, ...]
+
+
+def parse_axis(text: str) -> Axis:
+    """Read an axis such as `coupling.scheme=staggered,extrapolated`; values are YAML.  Raises ScenarioError."""
     axis, equals, values = text.partition("=")
     if not equals or not axis.strip() or not values.strip():
         raise ScenarioError("an axis of a grid is AXIS=VALUE,VALUE,...", key="--grid", value=text,
                             remedy="For example --grid scheme=staggered,extrapolated --grid windows=1,2,4")
-    return axis.strip(), tuple(yaml_value(f"[{values}]", f"--grid {axis.strip()}"))
+    return Axis(axis.strip(), tuple(yaml_value(f"[{values}]", f"--grid {axis.strip()}")))
 
 
-def grid_of(axes: Sequence[tuple[str, tuple[Any, ...]]]) -> Grid:
-    """One grid of the axes of a command line.  Raises ScenarioError for an axis given twice."""
+def grid_of(axes: Sequence[Axis]) -> Grid:
+    """Make one grid of the axes of a command line.  Raises ScenarioError for an axis given twice."""
     grid: dict[str, tuple[Any, ...]] = {}
-    for axis, values in axes:
-        if axis in grid:
-            raise ScenarioError("this axis is given twice", key=f"--grid {axis}", remedy="Give all its values at once.")
-        grid[axis] = values
+    for axis in axes:
+        if axis.name in grid:
+            raise ScenarioError("this axis is given twice", key=f"--grid {axis.name}",
+                                remedy="Give all its values at once.")
+        grid[axis.name] = axis.values
     return grid
 
 
-def cells_of(document: Document, grids: Sequence[Grid]) -> list[Cell]:
-    """Every combination of every grid, each once.  Raises ScenarioError for what cannot be put into the scenario."""
+def settings_of(document: Document, grids: Sequence[Grid]) -> list[Setting]:
+    """Return every combination of every grid, each once.  Raises ScenarioError for what the scenario cannot hold."""
     count = sum(_size(grid) for grid in grids)
-    if not 0 < count <= MAX_CELLS:
+    if not 0 < count <= MAX_RUNS:
         raise ScenarioError(f"the grid has {count} runs" if count else "there is no grid", key="grid", remedy=(
-            f"At most {MAX_CELLS}." if count else "Give --grid AXIS=VALUES, or a `study` in the scenario."))
-    cells: dict[str, Cell] = {}
+            f"At most {MAX_RUNS}." if count else "Give --grid AXIS=VALUES, or a `study` in the scenario."))
+    settings: dict[str, Setting] = {}
     for grid in grids:
         for values in itertools.product(*grid.values()):
-            cell = cell_at(document, dict(zip(grid, values, strict=True)))
-            cells.setdefault(json.dumps(cell.at, sort_keys=True), cell)
-    return list(cells.values())
+            setting = setting_at(document, dict(zip(grid, values, strict=True)))
+            settings.setdefault(json.dumps(setting.at, sort_keys=True), setting)
+    return list(settings.values())
 
 
 def _size(grid: Grid) -> int:
@@ -151,19 +160,22 @@ def _size(grid: Grid) -> int:
     return size
 
 
-def cell_at(document: Document, at: Mapping[str, Any]) -> Cell:
-    """The cell of these values.  Factors come last: they are on what the other axes left.  Raises ScenarioError."""
+def setting_at(document: Document, at: Mapping[str, Any]) -> Setting:
+    """Return the setting of these values; factors are applied last, to what the other axes give.
+
+    Raises ScenarioError for a value that cannot be put into the scenario.
+    """
     sets: Sets = {}
     # fault: factors of a grid before what they are factors on -> for axis, value in sorted(at.items(), key=lambda item:
     #   False): | coupler/test_study
     for axis, value in sorted(at.items(), key=lambda item: item[0] in FACTORS):
-        found = sets_of(axis, value, document.tree)
-        document = apply_overrides(document, found)
-        sets |= found
-    return Cell(at, sets)
+        own = sets_of(axis, value, document.tree)
+        document = apply_overrides(document, own)
+        sets |= own
+    return Setting(at, sets)
 
 
-def _said(axis: str, value: Any) -> str:
+def _named(axis: str, value: Any) -> str:
     if axis in ("scheme", PLAIN["scheme"]):
         return str(value)
     name = axis.removeprefix("coupling.")

@@ -1,4 +1,4 @@
-"""Jobs run by processes of this machine, one thread each."""
+"""Runs jobs in parallel: by processes of this machine, one thread each, or by a Dask cluster."""
 
 from __future__ import annotations
 
@@ -11,55 +11,66 @@ import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from coupler.errors import HalfError, ScenarioError
-from coupler.experiments.trial import Job, Trial, solve, trial_from
+from coupler.experiments.trial import Job, TrialResult, solve, trial_from
 from coupler.fmu.children import environment, python
 
 WORKER = [*python(), "-m", "coupler.experiments.worker"]
 PATIENCE = 5.0  # s a process has to end once it is not needed
-GLANCE = 1.0  # s between two looks at whether anybody still works
+GLANCE = 1.0  # s between two checks whether a process still works
 
 
-Done = tuple[str, Trial]
+@dataclass(frozen=True)
+class FinishedJob:
+    """A job that is done.  name : its key in the mapping of jobs."""
+
+    name: str
+    result: TrialResult
 
 
-def run_here(jobs: Mapping[str, Job], processes: int, limit: float | None = None) -> Generator[Done, None, None]:
-    """(name, trial) of each job as it is done; begun in the order of `jobs`.
+@dataclass(frozen=True)
+class _WaitingJob:
+    name: str
+    job: Job
 
-    limit [s]: a run that takes longer is given up.  However the iteration is left, no process stays behind.
+
+def run_here(jobs: Mapping[str, Job], processes: int, limit: float | None = None) -> Generator[FinishedJob, None, None]:
+    """Yield each job as it is done; begun in the order of `jobs`.
+
+    limit : a run that takes longer is stopped [s].  However the iteration is left, no process stays behind.
     """
-    waiting: queue.SimpleQueue[tuple[str, Job]] = queue.SimpleQueue()
-    for item in jobs.items():
-        waiting.put(item)
-    done: queue.SimpleQueue[Done] = queue.SimpleQueue()
+    waiting: queue.SimpleQueue[_WaitingJob] = queue.SimpleQueue()
+    for name, job in jobs.items():
+        waiting.put(_WaitingJob(name, job))
+    done: queue.SimpleQueue[FinishedJob] = queue.SimpleQueue()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="slideline-study-")))
-        lanes = [_Lane(waiting, done, limit, folder / f"{k}.log") for k in range(min(processes, len(jobs)))]
-        for lane in lanes:
-            stack.callback(lane.end)
-            lane.start()
+        workers = [_Worker(waiting, done, limit, folder / f"{k}.log") for k in range(min(processes, len(jobs)))]
+        for worker in workers:
+            stack.callback(worker.end)
+            worker.start()
         for _ in jobs:
-            yield _next(done, lanes)
+            yield _next(done, workers)
 
 
-def _next(done: queue.SimpleQueue[Done], lanes: Sequence[_Lane]) -> Done:
-    """What is done next; waits for it."""
+def _next(done: queue.SimpleQueue[FinishedJob], workers: Sequence[_Worker]) -> FinishedJob:
+    """Wait for the next job that is done."""
     while True:
-        alive = any(lane.alive for lane in lanes)
+        alive = any(worker.alive for worker in workers)
         try:
             return done.get(timeout=GLANCE)
         except queue.Empty:
             assert alive, "a job was lost"
 
 
-class _Lane:
-    """A thread with one process after another: a new one where the last one died."""
+class _Worker:
+    """Runs jobs in one process after another: a new one where the last one died."""
 
-    def __init__(self, waiting: queue.SimpleQueue[tuple[str, Job]], done: queue.SimpleQueue[Done],
+    def __init__(self, waiting: queue.SimpleQueue[_WaitingJob], done: queue.SimpleQueue[FinishedJob],
                  limit: float | None, log: Path) -> None:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._waiting, self._done, self._limit, self._log = waiting, done, limit, log
@@ -69,7 +80,7 @@ class _Lane:
 
     @property
     def alive(self) -> bool:
-        """Whether it still works."""
+        """Whether its thread still runs."""
         return self._thread.is_alive()
 
     def start(self) -> None:
@@ -79,15 +90,15 @@ class _Lane:
     def _run(self) -> None:
         while not self._ended:
             try:
-                name, job = self._waiting.get_nowait()
+                waiting = self._waiting.get_nowait()
             except queue.Empty:
                 return
-            self._done.put((name, self._tried(job)))
+            self._done.put(FinishedJob(waiting.name, self._run_job(waiting.job)))
 
-    def _tried(self, job: Job) -> Trial:
-        process = self._standing()
+    def _run_job(self, job: Job) -> TrialResult:
+        process = self._running()
         if process is None:
-            return Trial("not begun", kept=False)
+            return TrialResult("not begun", storable=False)
         began = time.monotonic()
         timer = threading.Timer(self._limit, process.kill) if self._limit else None
         if timer:
@@ -99,7 +110,7 @@ class _Lane:
             process.stdin.flush()
             answer = process.stdout.readline()
         except OSError:
-            answer = ""  # it died while it was told: its log says why
+            answer = ""  # it died while the job was written to it: its log says why
         finally:
             if timer:
                 timer.cancel()
@@ -109,9 +120,9 @@ class _Lane:
         why = f"its process died ({code}): {self._tail()}"
         if self._limit and time.monotonic() - began >= self._limit:
             why = f"took longer than {self._limit:g} s"
-        return Trial(why, kept=False)
+        return TrialResult(why, storable=False)
 
-    def _standing(self) -> subprocess.Popen[str] | None:
+    def _running(self) -> subprocess.Popen[str] | None:
         with self._lock:
             if self._ended:
                 return None
@@ -126,7 +137,7 @@ class _Lane:
 
     def _tail(self) -> str:
         lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        return lines[-1] if lines else "it left no word"
+        return lines[-1] if lines else "its log is empty"
 
     def end(self) -> None:
         """End the process, whatever it does."""
@@ -149,15 +160,15 @@ class _Lane:
         self._process = None
 
 
-# Jobs run by a Dask cluster; Dask is asked for only where a scheduler's address is given.
+# Dask is imported only where a scheduler's address is given.
 
 SCHEDULER_TIMEOUT = "30s"  # until a scheduler answers
 # A worker may have several threads; FMUs and the clock of a run want the process for themselves.
 ALONE = threading.Lock()
 
 
-def run_there(jobs: Mapping[str, Job], address: str) -> Generator[tuple[str, Trial], None, None]:
-    """(name, trial) of each job as it is done by the cluster whose scheduler is at `address`, tcp://host:port.
+def run_there(jobs: Mapping[str, Job], address: str) -> Generator[FinishedJob, None, None]:
+    """Yield each job as it is done by the cluster whose scheduler is at `address`, tcp://host:port.
 
     Its workers need the same packages installed, and mesh files at the same paths.
     Raises ScenarioError where Dask is not installed, HalfError where no scheduler answers.
@@ -175,11 +186,11 @@ def run_there(jobs: Mapping[str, Job], address: str) -> Generator[tuple[str, Tri
         names = {client.submit(solve_alone, asdict(job), pure=False): name for name, job in jobs.items()}
         for future in distributed.as_completed(names):
             failure = future.exception()
-            yield names[future], (Trial(str(failure), kept=False) if failure is not None
-                                  else trial_from(future.result()))
+            yield FinishedJob(names[future], TrialResult(str(failure), storable=False) if failure is not None
+                              else trial_from(future.result()))
 
 
 def solve_alone(job: Mapping[str, Any]) -> dict[str, Any]:
-    """One job at a time in a process."""
+    """Run one job at a time in a process."""
     with ALONE:
         return solve(job)

@@ -1,4 +1,4 @@
-"""One trial: from a job to what it told and what it cost, all plain values that travel as JSON."""
+"""Runs one trial of a scenario, and stores its result by content: plain values that travel as JSON."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ COLD = 2
 
 
 class StoppedError(Exception):
-    """A trial was stopped before its end: by Ctrl-C, or because time is up.  It tells nothing."""
+    """A trial was stopped before its end, by Ctrl-C or because time is up: it has no result."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """text : of the scenario.  path : where it stood, meshes are beside it.  overrides : dotted key -> value."""
+    """A scenario to run.  text : of its file.  path : of its file, meshes are beside it.  overrides : key -> value."""
 
     text: str
     path: str
@@ -47,18 +47,20 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """failed : why it has no answer; empty where it has.  half_solves : substeps of both halves, those of rejected
-    windows too.
+class TrialResult:
+    """The result of a trial.
 
-    seconds, processor : of its windows, on the wall and of this process, the first ones of the latter taken as the
-    others are.  wall [s] : with its start.  windows, rejected : counted.  t : [s], ends of accepted windows and 0.
-    probes : name -> values at t, SI.  units : of them.  scenario : hash of what was run.
-    kept : worth keeping; a crash may not happen again.
+    failed : why it has no answer; empty where it has.
+    solver_calls : substeps of both halves, those of rejected windows too.
+    seconds, processor : of its windows [s], wall time and processor time; the first windows, which load compiled code,
+    count as the median of the others in the latter.  wall : with its start [s].
+    windows, rejected : counts.  t : (n,) ends of accepted windows, from 0 [s].
+    probes : name -> (n,) values at t, SI.  units : of the probes.  scenario : hash of what was run.
+    storable : false for a crash, which may not happen again.
     """
 
     failed: str = ""
-    half_solves: int = 0
+    solver_calls: int = 0
     seconds: float = 0.0
     processor: float = 0.0
     wall: float = 0.0
@@ -68,29 +70,29 @@ class Trial:
     probes: Mapping[str, Sequence[float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scenario: str = ""
-    kept: bool = True
+    storable: bool = True
 
 
-def trial_from(values: Mapping[str, Any]) -> Trial:
-    """The trial of its plain values.  Raises TypeError where they are not those of one."""
-    return Trial(**values)
+def trial_from(values: Mapping[str, Any]) -> TrialResult:
+    """Return the trial of its plain values.  Raises TypeError where they are not those of one."""
+    return TrialResult(**values)
 
 
 def scenario_of(job: Job) -> Scenario:
-    """What a job runs.  Raises ScenarioError."""
+    """Return the scenario a job runs.  Raises ScenarioError."""
     return scenario_from(job.text, Path(job.path), {**job.overrides, **LEAN})
 
 
 def solve(job: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a job of plain values, and tell its trial as such.  Raises ScenarioError, StoppedError."""
-    return asdict(tried(scenario_of(Job(**job))))
+    """Run a job of plain values, and return its trial as such.  Raises ScenarioError, StoppedError."""
+    return asdict(run_trial(scenario_of(Job(**job))))
 
 
-def tried(scenario: Scenario, deadline: float = float("inf"),
-          on_window: Callable[[float], object] = lambda share: None) -> Trial:
-    """Run a scenario, one thread.
+def run_trial(scenario: Scenario, deadline: float = float("inf"),
+          on_window: Callable[[float], object] = lambda fraction: None) -> TrialResult:
+    """Run a scenario in one thread.
 
-    deadline : of time.monotonic().  on_window : told the share that is done.
+    deadline : of time.monotonic().  on_window : called with the fraction that is done.
     A window that cannot be solved makes a trial that failed.  Raises StoppedError.
     """
     pace: list[float] = []
@@ -102,7 +104,7 @@ def tried(scenario: Scenario, deadline: float = float("inf"),
                 since = time.process_time()
                 for window in run.windows():
                     pace.append(time.process_time() - since)
-                    on_window(window.share)
+                    on_window(window.fraction)
                     if time.monotonic() > deadline:
                         raise StoppedError("time is up")
                     since = time.process_time()
@@ -111,15 +113,15 @@ def tried(scenario: Scenario, deadline: float = float("inf"),
         wall = time.perf_counter() - started
         # A run that failed has a results file if it came so far as to have one.
         if failed and not out.exists():
-            return Trial(failed, wall=wall, scenario=scenario.hash)
+            return TrialResult(failed, wall=wall, scenario=scenario.hash)
         results = Results(out)
         if results.outcome == "interrupted":
             raise StoppedError("stopped by Ctrl-C")
-        facts = {"failed": failed} if failed else _told(results)
-        return Trial(processor=_seconds(pace), wall=wall, scenario=scenario.hash, **_cost(results), **facts)
+        facts = {"failed": failed} if failed else _answers(results)
+        return TrialResult(processor=_seconds(pace), wall=wall, scenario=scenario.hash, **_cost(results), **facts)
 
 
-def _told(results: Results) -> dict[str, Any]:
+def _answers(results: Results) -> dict[str, Any]:
     values = {name: results.probe(name)[1] for name in results.probe_names}
     wrong = [name for name, v in values.items() if not np.isfinite(v).all()]
     if wrong:
@@ -130,52 +132,54 @@ def _told(results: Results) -> dict[str, Any]:
 
 def _cost(results: Results) -> dict[str, Any]:
     w = results.windows
-    # fault: half-solves of the thermal half alone -> return {"half_solves": int(w.thermal_solves.sum()), |
+    # fault: half-solves of the thermal half alone -> return {"solver_calls": int(w.thermal_solves.sum()), |
     #   coupler/test_study_run
-    return {"half_solves": int(w.thermal_solves.sum() + w.mechanical_solves.sum()),
+    return {"solver_calls": int(w.thermal_solves.sum() + w.mechanical_solves.sum()),
             "seconds": float(results.totals.get("seconds", w.seconds.sum())),
             "windows": int(w.taken.sum()), "rejected": int((~w.taken).sum())}
 
 
 def _seconds(pace: Sequence[float]) -> float:
-    """Processor time of all windows, the first ones taken as the others are in the middle."""
+    """Return the processor time of all windows [s]; the first COLD ones count as the median of the others."""
     warm = pace[COLD:] or pace
     return sum(warm) + (len(pace) - len(warm)) * statistics.median(warm) if pace else 0.0
 
 
-# Trials kept by content: one of the same values by the same sources is never run twice.
+# Trials are stored by content: one of the same values by the same sources is never run twice.
 
-FORMAT, VERSION = "slideline.trial", 1
-# Parts of the coupler that change nothing in a trial.
-APART = ("study", "advise", "report", "deck", "init", "verify", "cli.py")
+FORMAT, VERSION = "slideline.trial", 2
+# Parts of the coupler that change nothing in a trial; of experiments only this file does.
+# fault: a part that no trial depends on is looked for where it was -> APART = ("study", "advise", "report", "deck",
+#   "init", "verify", "cli.py") | coupler/test_study
+APART = ("experiments", "report", "deck", "init", "verify", "cli")
 
 
 def sources() -> str:
-    """Hash of everything installed that a trial depends on."""
+    """Return the hash of everything installed that a trial depends on."""
     packages = {"contact", *(point.module.split(".")[0] for point in known_halves().values())}
     digest = hashlib.sha256(json.dumps(versions(), sort_keys=True).encode())
     for name in sorted(packages):
         digest.update(sources_hash(package_directory(name)).encode())
     coupler = Path(__file__).resolve().parent.parent
     for path in sorted(coupler.rglob("*.py")):
-        if path.relative_to(coupler).parts[0] not in APART:
+        if path.relative_to(coupler).parts[0] not in APART or path == Path(__file__).resolve():
             digest.update(path.relative_to(coupler).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()
 
 
 def key_of(scenario: Scenario, packages: str) -> str:
-    """Name of a trial: of its resolved values, its meshes and the sources."""
+    """Return the name of a trial: a hash of its resolved values, its meshes and the sources."""
     return hashlib.sha256(f"{scenario.hash} {packages}".encode()).hexdigest()[:32]
 
 
-class Store:
-    """Trials in a folder, a file each, whole or not there; one of another version is as if it were not there."""
+class TrialStore:
+    """Stores trials in a folder, a file each, whole or not at all; one of another version counts as missing."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def get(self, key: str) -> Trial | None:
-        """The trial kept under a key.  Raises ResultsError for a file that is not one."""
+    def get(self, key: str) -> TrialResult | None:
+        """Return the trial of a key, None where there is none.  Raises ResultsError for a file that is no trial."""
         path = self._folder / f"{key}.json"
         if not path.exists():
             return None
@@ -189,8 +193,8 @@ class Store:
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as exc:
             raise ResultsError(f"{path}: not a trial ({exc}); remove it, and it is run again") from exc
 
-    def put(self, key: str, trial: Trial) -> None:
-        """Keep a trial.  Raises ResultsError where it cannot be written."""
+    def put(self, key: str, trial: TrialResult) -> None:
+        """Store a trial.  Raises ResultsError where it cannot be written."""
         path = self._folder / f"{key}.json"
         whole = {"format": FORMAT, "version": VERSION, **asdict(trial)}
         try:

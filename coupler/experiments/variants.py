@@ -1,4 +1,4 @@
-"""The ladder: which simpler variants a scenario has, as edits; only those that change something."""
+"""Simplifications of a scenario as edits of its values: which there are, and what trials are run with."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ Tree = Mapping[str, Any]  # a scenario's values, as the file has them
 
 @dataclass(frozen=True)
 class Edit:
-    """put : key -> value.  drop : keys taken out, items of lists too."""
+    """An edit of a scenario.  put : key -> value.  drop : keys taken out, items of lists too."""
 
     put: Mapping[Key, Any] = field(default_factory=dict)
     drop: tuple[Key, ...] = ()
 
     def plus(self, other: Edit) -> Edit:
-        """Both; where they put the same key, the other's value."""
+        """Join two edits; where they put the same key, the other's value."""
         return Edit({**self.put, **other.put}, (*self.drop, *other.drop))
 
 
 def edited(tree: Any, edits: Iterable[Edit]) -> Any:
-    """A copy of the tree with all puts done, then all drops.
+    """Copy the tree with all puts done, then all drops.
 
     So an edit that takes a block out wins over one that changes something inside it, and numbers of list items are
     those of the tree as it came.
@@ -51,7 +51,7 @@ def edited(tree: Any, edits: Iterable[Edit]) -> Any:
 
 
 def at(tree: Any, key: Key) -> Any:
-    """What stands at a key; None where nothing does."""
+    """Return the value at a key; None where there is none."""
     for part in key:
         if part not in _inside(tree):
             return None
@@ -77,14 +77,14 @@ def _drop(tree: Any, key: Key) -> None:
 
 
 def _inside(tree: Any) -> Any:
-    """What a next part of a key may be."""
+    """Return what a next part of a key may be."""
     return tree.keys() if isinstance(tree, Mapping) else range(len(tree)) if isinstance(tree, list) else ()
 
 
-# A rung of the ladder: one thing that a scene could do without.
+# A simplification: one thing that a scenario could do without.
 
-class Kind(Enum):
-    """What a rung changes; at most one rung of MECHANICS, HEAT, SCHEME, WINDOWS, MESH is taken."""
+class Aspect(Enum):
+    """What a simplification changes; at most one of MECHANICS, HEAT, SCHEME, WINDOWS and MESH is accepted."""
 
     SCHEME = "coupling"
     MECHANICS = "mechanics"
@@ -95,17 +95,19 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Rung:
-    """name : what is left out or made simpler, in words.  edit : how, in the scenario.
+class Simplification:
+    """One thing that a scenario could do without.
 
-    deforms : it only says something while deformation is computed.  misses : what such a model cannot show at all.
-    windows, mesh : factors on the scenario's windows and on its cells along an edge, on those of the ladder's trials.
+    name : of what is dropped or made simpler.  edit : of the scenario.
+    needs_deformation : it has an effect only where deformation is computed.
+    misses : what such a model cannot show at all.
+    windows, mesh : factors on the windows and on the cells along an edge of the trials.
     """
 
     name: str
-    kind: Kind
+    aspect: Aspect
     edit: Edit = field(default_factory=Edit)
-    deforms: bool = False
+    needs_deformation: bool = False
     misses: str = ""
     windows: float = 1.0
     mesh: float = 1.0
@@ -116,12 +118,12 @@ class Rung:
         return self.edit.put.get(("mechanical", "half")) == "rigid"
 
     @property
-    def simpler(self) -> bool:
-        """Whether it takes physics out: worth it though it saves nothing; all else must save something."""
-        return self.kind in (Kind.EFFECT, Kind.MECHANICS, Kind.HEAT)
+    def removes_physics(self) -> bool:
+        """Whether it takes physics out: accepted though it saves nothing; all else must save something."""
+        return self.aspect in (Aspect.EFFECT, Aspect.MECHANICS, Aspect.HEAT)
 
 
-# Rungs of mechanics: bodies that keep their shape, bodies at rest, bodies that heat does not move.
+# Simplifications of mechanics: rigid bodies, bodies at rest, bodies that heat does not move.
 
 RIGID_MISSES = ("bodies keep their shape: no spring-back, no gap that opens by expansion or shrinkage, no stress, no "
                 "slip; pressures are those prescribed, the same along a surface, so nothing of corners")
@@ -131,33 +133,37 @@ REST, RIGID_REST = "bodies at rest (uncoupled)", "rigid bodies, at rest as nothi
 AXES = ("u_x", "u_y")
 
 
-def mechanics(tree: Tree) -> Iterator[Rung]:
-    """Uncoupled first, then one-way, then cheaper mechanics."""
+def mechanics(tree: Tree) -> Iterator[Simplification]:
+    """Yield the simplifications of mechanics: uncoupled first, then one-way, then cheaper mechanics."""
     half, own = at(tree, ("mechanical", "half")), at(tree, ("mechanical", "rigid"))
-    told = own if own is not None else motion_of(tree)
-    if half != "rigid" or told:
-        yield Rung(REST if told else RIGID_REST, Kind.MECHANICS, _rigid(tree, {}), misses=REST_MISSES)
-    if half != "rigid" and told:
-        yield Rung("rigid bodies (one-way)", Kind.MECHANICS, _rigid(tree, None if own is not None else told),
-                   misses=RIGID_MISSES)
+    motion = own if own is not None else motion_of(tree)
+    if half != "rigid" or motion:
+        yield Simplification(REST if motion else RIGID_REST, Aspect.MECHANICS, _rigid(tree, {}), misses=REST_MISSES)
+    if half != "rigid" and motion:
+        edit = _rigid(tree, None if own is not None else motion)
+        yield Simplification("rigid bodies (one-way)", Aspect.MECHANICS, edit, misses=RIGID_MISSES)
     if half == "elastic" and at(tree, ("mechanical", "rod")) is not None:
-        yield Rung("deformation along x only", Kind.MECHANICS, Edit({("mechanical", "half"): "rod"}),
-                   misses="bending and shear")
+        yield Simplification("deformation along x only", Aspect.MECHANICS, Edit({("mechanical", "half"): "rod"}),
+                             misses="bending and shear")
     if half != "rigid" and (still := _still(tree)):
-        yield Rung("heat moves no body (one-way)", Kind.EFFECT, Edit(still), deforms=True, misses=ONE_WAY_MISSES)
+        yield Simplification("heat moves no body (one-way)", Aspect.EFFECT, Edit(still), needs_deformation=True,
+                             misses=ONE_WAY_MISSES)
 
 
-def _rigid(tree: Tree, told: dict[str, Any] | None) -> Edit:
-    """The half `rigid`, with this motion, or as the scenario has it; it refuses what asks for forces."""
+def _rigid(tree: Tree, motion: dict[str, Any] | None) -> Edit:
+    """Switch to the half `rigid`, with this motion, or the scenario's own where it is None.
+
+    Friction and augmentation are dropped: the half has no forces and refuses them.
+    """
     put: dict[Key, Any] = {("mechanical", "half"): "rigid"}
-    if told is not None:
-        put["mechanical", "rigid"] = told
+    if motion is not None:
+        put["mechanical", "rigid"] = motion
     return Edit(put, tuple(("contact", name, key) for name in tree.get("contact", {}) for key in
                            ("friction", "augmented")))
 
 
 def motion_of(tree: Tree) -> dict[str, Any]:
-    """The part `mechanical.rigid` of a scenario that has none: each body moves as it is driven; {} where none is.
+    """Make the part `mechanical.rigid` of a scenario without one: each body moves as it is driven; {} where none is.
 
     The first drive of a body along an axis that is not zero counts.
     """
@@ -175,8 +181,8 @@ def motion_of(tree: Tree) -> dict[str, Any]:
 
 
 def _still(tree: Tree) -> dict[Key, Any]:
-    """No expansion and no shrinkage of any material; nothing where there is one material that does one of them:
-    that is a rung of its own."""
+    """Stop expansion and shrinkage of all materials; {} for one material with one of them, a simplification of its
+    own."""
     still: dict[Key, Any] = {}
     for name, material in tree["materials"].items():
         if material.get("alpha"):
@@ -186,115 +192,117 @@ def _still(tree: Tree) -> dict[Key, Any]:
     return still if len(still) > 1 else {}
 
 
-LONGER = (2.0, 4.0)
+LONGER_WINDOWS = (2.0, 4.0)
 HEATS = {"plastic": ("chi", "plastic heat"), "creep": ("heat", "heat of creep"),
          "liquid": ("heat", "viscous heat of the melt")}
 PATHS = {"convection": "convection", "radiation": "far radiation", "flux": "the heat flux"}
 
 
-def ladder(tree: Tree) -> tuple[Rung, ...]:
-    """Every rung of a scenario, coarse ones first.  tree : its values with overrides applied."""
+def simplifications_of(tree: Tree) -> tuple[Simplification, ...]:
+    """Return every simplification of a scenario, coarse ones first.  tree : its values with overrides applied."""
     return (*mechanics(tree), *heat(tree), *schemes(tree), *paths(tree), *pairs(tree), *materials(tree), *forces(tree),
             *windows(tree))
 
 
 def iterated(tree: Tree) -> Edit:
-    """The top of the ladder: both halves agree in every window."""
+    """Return the edit to the reference: both halves agree in every window."""
     return Edit({("coupling", "scheme"): "iterated"})
 
 
-def schemes(tree: Tree) -> Iterator[Rung]:
-    """Simpler exchanges than the scenario's own."""
+def schemes(tree: Tree) -> Iterator[Simplification]:
+    """Yield simpler schemes than the scenario's own."""
     own = Scheme(at(tree, ("coupling", "scheme")) or "staggered")
     for name in dict.fromkeys(simpler.value for scheme in schemes_under(own) for simpler in scheme.simpler):
-        yield Rung(f"scheme {name}", Kind.SCHEME, Edit({("coupling", "scheme"): name}))
+        yield Simplification(f"scheme {name}", Aspect.SCHEME, Edit({("coupling", "scheme"): name}))
 
 
-def heat(tree: Tree) -> Iterator[Rung]:
-    """Smaller thermal halves."""
+def heat(tree: Tree) -> Iterator[Simplification]:
+    """Yield smaller thermal halves."""
     half = at(tree, ("thermal", "half")) or "thermal"
     small = (("thermal", "adaptive"),)
     if half == "thermal" and _in_a_row(tree):
-        yield Rung("heat along x only", Kind.HEAT, Edit({("thermal", "half"): "rod"}, small),
+        yield Simplification("heat along x only", Aspect.HEAT, Edit({("thermal", "half"): "rod"}, small),
                    misses="differences of temperature across x")
     if half in ("thermal", "rod"):
-        yield Rung("one temperature a body", Kind.HEAT, Edit({("thermal", "half"): "lumped"}, small),
+        yield Simplification("one temperature a body", Aspect.HEAT, Edit({("thermal", "half"): "lumped"}, small),
                    misses="differences of temperature within a body")
 
 
 def _in_a_row(tree: Tree) -> bool:
-    """Whether every body is a rectangle and all that meet meet at their left and right ends."""
+    """Return whether every body is a rectangle and all pairs are of left and right ends."""
     sides = {str(pair.get(side, "")).rpartition(".")[2] for pair in tree.get("contact", {}).values()
              for side in ("slave", "master")}
     return bool(sides) and sides <= {"left", "right"} and all(
         at(body, ("mesh", "rectangle")) is not None for body in tree["bodies"].values())
 
 
-def paths(tree: Tree) -> Iterator[Rung]:
-    """Heat paths to the surroundings, and sources; prescribed temperatures are the scene itself."""
+def paths(tree: Tree) -> Iterator[Simplification]:
+    """Yield heat paths to the surroundings, and sources; prescribed temperatures are the scene itself."""
     for i, entry in enumerate(at(tree, ("thermal", "boundary")) or ()):
-        for kind, words in PATHS.items():
+        for kind, what in PATHS.items():
             if entry.get(kind) is not None:
-                yield Rung(f"{words} on {entry.get('on', 'its place')}", Kind.EFFECT,
+                yield Simplification(f"{what} on {entry.get('on', 'its place')}", Aspect.EFFECT,
                            Edit(drop=(("thermal", "boundary", i),)))
     for name, body in tree["bodies"].items():
         if body.get("Q_T"):
-            yield Rung(f"the heat source in {name}", Kind.EFFECT,
+            yield Simplification(f"the heat source in {name}", Aspect.EFFECT,
                        Edit(drop=(("bodies", name, "Q_T"), ("bodies", name, "Q_T_factor"))))
 
 
-def pairs(tree: Tree) -> Iterator[Rung]:
-    """What happens between two sides."""
+def pairs(tree: Tree) -> Iterator[Simplification]:
+    """Yield what happens between two sides: conduction, radiation, friction."""
     for name, pair in tree.get("contact", {}).items():
         key = ("contact", name)
-        for branch, words in (("open", "conduction across the gap"), ("closed", "conduction where they touch")):
+        for branch, what in (("open", "conduction across the gap"), ("closed", "conduction where they touch")):
             if at(pair, ("conduction", branch)) is not None:
-                yield Rung(f"{words} ({name})", Kind.EFFECT, Edit({(*key, "conduction", branch): None},
+                yield Simplification(f"{what} ({name})", Aspect.EFFECT, Edit({(*key, "conduction", branch): None},
                                                                   ((*key, "conduction", f"{branch}_factor"),)))
         if pair.get("radiation") is not None:
-            yield Rung(f"near radiation ({name})", Kind.EFFECT, Edit(drop=((*key, "radiation"),)))
+            yield Simplification(f"near radiation ({name})", Aspect.EFFECT, Edit(drop=((*key, "radiation"),)))
         if at(pair, ("friction", "mu")):
-            yield Rung(f"friction ({name})", Kind.EFFECT, Edit(drop=((*key, "friction"),)), deforms=True)
+            yield Simplification(f"friction ({name})", Aspect.EFFECT, Edit(drop=((*key, "friction"),)),
+                                 needs_deformation=True)
 
 
-def materials(tree: Tree) -> Iterator[Rung]:
-    """What bodies are made of."""
+def materials(tree: Tree) -> Iterator[Simplification]:
+    """Yield what materials do: latent heat, flow and its heat, expansion, shrinkage."""
     used = {body["material"] for body in tree["bodies"].values()}
     for name in (n for n in tree["materials"] if n in used):
         material, key = tree["materials"][name], ("materials", name)
         if material.get("latent") is not None:
-            yield Rung(f"latent heat of {name}", Kind.EFFECT, _no_latent(tree, name))
-        for made, (share, words) in HEATS.items():
-            if _computed(tree) and (flows := material.get(made)) is not None and flows.get(share, 1.0) > 0.0:
-                yield Rung(f"{words} of {name}", Kind.EFFECT, Edit({(*key, made, share): 0}), deforms=True)
-        for flow, words in (("plastic", "plasticity"), ("creep", "creep")):
+            yield Simplification(f"latent heat of {name}", Aspect.EFFECT, _no_latent(tree, name))
+        for made, (key_of_heat, what) in HEATS.items():
+            if _computed(tree) and (flows := material.get(made)) is not None and flows.get(key_of_heat, 1.0) > 0.0:
+                yield Simplification(f"{what} of {name}", Aspect.EFFECT, Edit({(*key, made, key_of_heat): 0}),
+                                     needs_deformation=True)
+        for flow, what in (("plastic", "plasticity"), ("creep", "creep")):
             if _computed(tree) and material.get(flow) is not None:
-                yield Rung(f"{words} of {name}", Kind.EFFECT, Edit(drop=((*key, flow),)), deforms=True,
-                           misses="strain that stays")
+                yield Simplification(f"{what} of {name}", Aspect.EFFECT, Edit(drop=((*key, flow),)),
+                                     needs_deformation=True, misses="permanent strain")
         yield from _grows(name, material)
 
 
-def _grows(name: str, material: Tree) -> Iterator[Rung]:
-    if moves(material.get("alpha")):
-        yield Rung(f"thermal expansion of {name}", Kind.EFFECT, Edit({("materials", name, "alpha"): 0}), deforms=True)
+def _grows(name: str, material: Tree) -> Iterator[Simplification]:
+    if expands(material.get("alpha")):
+        yield Simplification(f"thermal expansion of {name}", Aspect.EFFECT, Edit({("materials", name, "alpha"): 0}),
+                             needs_deformation=True)
     if at(material, ("liquid", "shrinkage")):
-        yield Rung(f"shrinkage of {name}", Kind.EFFECT, Edit({("materials", name, "liquid", "shrinkage"): 0}),
-                   deforms=True)
+        edit = Edit({("materials", name, "liquid", "shrinkage"): 0})
+        yield Simplification(f"shrinkage of {name}", Aspect.EFFECT, edit, needs_deformation=True)
 
 
-def moves(alpha: Any) -> bool:
-    """Whether an expansion is other than zero."""
+def expands(alpha: Any) -> bool:
+    """Return whether an expansion is other than zero."""
     return bool(alpha) and alpha != 0.0
 
 
 def _computed(tree: Tree) -> bool:
-    """Whether the mechanical half has materials that flow."""
+    """Return whether the mechanical half computes deformation."""
     return bool(at(tree, ("mechanical", "half")) == "elastic")
 
 
 def _no_latent(tree: Tree, name: str) -> Edit:
-    """Phases need to know when it melts: without latent heat there is the solid only.  Where nothing melts any more
-    there is no solid fraction to look at."""
+    """Drop a material's latent heat: only its solid remains, and no probe of f_s where nothing melts."""
     material, key = tree["materials"][name], ("materials", name)
     solid: dict[Key, Any] = {(*key, k): material[k]["solid"] for k in ("k", "c")
                              if isinstance(material.get(k), dict) and "solid" in material[k]}
@@ -303,41 +311,42 @@ def _no_latent(tree: Tree, name: str) -> Edit:
     return Edit(solid, ((*key, "latent"), *gone))
 
 
-def forces(tree: Tree) -> Iterator[Rung]:
-    """What the elastic half may do without."""
+def forces(tree: Tree) -> Iterator[Simplification]:
+    """Yield what the elastic half may do without: gravity, thermoelastic heat, inertia."""
     key, own = ("mechanical", "elastic"), at(tree, ("mechanical", "elastic"))
     if not _computed(tree) or own is None:
         return
     if own.get("gravity") is not None:
-        yield Rung("gravity", Kind.EFFECT, Edit(drop=((*key, "gravity"),)), deforms=True)
+        yield Simplification("gravity", Aspect.EFFECT, Edit(drop=((*key, "gravity"),)), needs_deformation=True)
     if own.get("thermoelastic_heat"):
-        yield Rung("thermoelastic heat", Kind.EFFECT, Edit({(*key, "thermoelastic_heat"): False}), deforms=True)
+        yield Simplification("thermoelastic heat", Aspect.EFFECT, Edit({(*key, "thermoelastic_heat"): False}),
+                             needs_deformation=True)
     if own.get("dynamics") is not None or own.get("method") == "explicit":
         speeds = tuple((*key, "bodies", body, speed) for body in own.get("bodies", {}) for speed in ("v0", "omega0"))
         method: dict[Key, Any] = {(*key, "method"): "newton"} if own.get("method") == "explicit" else {}
-        yield Rung("inertia", Kind.EFFECT, Edit(method, ((*key, "dynamics"), *speeds)), deforms=True,
-                   misses="waves and swinging")
+        yield Simplification("inertia", Aspect.EFFECT, Edit(method, ((*key, "dynamics"), *speeds)),
+                             needs_deformation=True, misses="waves and vibration")
 
 
-def windows(tree: Tree) -> Iterator[Rung]:
-    """Fewer exchanges."""
+def windows(tree: Tree) -> Iterator[Simplification]:
+    """Yield longer windows."""
     if at(tree, ("coupling", "windows")) is not None:
-        for factor in LONGER:
-            yield Rung(f"windows {factor:g} times as long", Kind.WINDOWS, windows=factor)
+        for factor in LONGER_WINDOWS:
+            yield Simplification(f"windows {factor:g} times as long", Aspect.WINDOWS, windows=factor)
 
 
-# What trials are run with: few cells, few windows, probes of what a simpler model would miss.
+# Trials: few cells, few windows, probes of what a simpler model would miss.
 
 # A body of a trial has no more cells than this; shapes and layers stay as they are.
 CELLS = 64
 # Windows are made longer while there are more than this, but never by more than cells are: what bounds a window, heat
 # crossing a cell or an edge passing it, grows with the cell.
 WINDOWS = 400
-OWN = "advise."  # probes of our own begin so
+OWN = "advise."  # probes that the advice adds begin so
 
 
 def mesh_factor(tree: Tree, cells: int = CELLS) -> float:
-    """The factor on cells along an edge with which no body has more than so many; 1 where nothing can be coarsened."""
+    """Return the factor on cells along an edge with which no body has more cells; 1 where none can be coarsened."""
     factor = 1.0
     for body in tree["bodies"].values():
         if (n := at(body, ("mesh", "rectangle", "cells"))) is not None:
@@ -347,7 +356,7 @@ def mesh_factor(tree: Tree, cells: int = CELLS) -> float:
 
 
 def meshed(tree: Tree, factor: float) -> Edit:
-    """`factor` times as many cells along every edge.  Even counts stay even, so that midpoints stay nodes."""
+    """Change the cells along every edge by a factor.  Even counts stay even, so that midpoints stay nodes."""
     return Edit(cells_as(tree, lambda n: _count(n, factor)) if factor != 1.0 else {})
 
 
@@ -358,24 +367,24 @@ def _count(n: int, factor: float) -> int:
 
 
 def cells_of(tree: Tree) -> int:
-    """Cells of all rectangles."""
-    found = (at(body, ("mesh", "rectangle", "cells")) for body in tree["bodies"].values())
-    return sum(int(n[0]) * int(n[1]) for n in found if n is not None)
+    """Count the cells of all rectangles."""
+    cells = (at(body, ("mesh", "rectangle", "cells")) for body in tree["bodies"].values())
+    return sum(int(n[0]) * int(n[1]) for n in cells if n is not None)
 
 
 def windows_factor(count: int, mesh: float) -> float:
-    """The factor on windows for a scenario of so many, meshed by this factor: a power of 2."""
+    """Return the factor on windows for a scenario of `count` windows, meshed by `mesh`: a power of 2."""
     longer = 2.0 ** math.ceil(math.log2(max(count / WINDOWS, 1.0)))
     return min(longer, 2.0 ** math.floor(math.log2(1.0 / mesh)))
 
 
 def timed(tree: Tree, factor: float) -> Edit:
-    """Windows `factor` times as long, none longer than its range; nothing where windows find their own size."""
+    """Make fixed windows `factor` times as long, none longer than its range; adaptive ones stay."""
     return Edit(windows_times(tree, factor) if factor != 1.0 else {})
 
 
-def watched(tree: Tree) -> Edit:
-    """Probes of pressure and place at every pair."""
+def contact_probes(tree: Tree) -> Edit:
+    """Add probes of pressure and displacement at every pair."""
     put: dict[Key, Any] = {}
     for name, pair in tree.get("contact", {}).items():
         side = pair["slave"]

@@ -1,4 +1,4 @@
-"""The verb `slideline init`: options in, a file out, a few lines said."""
+"""Makes a new scenario (`slideline init`): by options or questions, from a template or a deck."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ruamel.yaml.representer import RoundTripRepresenter
 from coupler.errors import ScenarioError
 from coupler.init.templates import (
     Choices,
-    Material,
+    LibraryMaterial,
     Template,
     chosen_materials,
     exchangeable,
@@ -27,35 +27,35 @@ from coupler.init.templates import (
     template_named,
     templates,
 )
-from coupler.running.newfile import check_free, new_files
+from coupler.running.safe_write import check_free, new_files
 from coupler.scenario import parse_override
 from coupler.scenario.document import WIDTH, Document, did_you_mean, document_from, dumped, layout
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import checked
 from coupler.scenario.scenario import Scenario
 
-# The questions of `slideline init`, of what no option said; whoever asks is passed in.
+# The questions of `slideline init`, for what no option gave; the function that asks is passed in.
 
 Answer = TypeVar("Answer")
 KEEP = "keep"
 
 
 class Ask(Protocol):
-    """Asks until `read` takes the answer: it raises ScenarioError for one that will not do."""
+    """Asks until `read` accepts the answer: it raises ScenarioError for one that is not valid."""
 
     def __call__(self, question: str, default: str, read: Callable[[str], Answer]) -> Answer: ...
 
 
 def ask_template(ask: Ask, say: Callable[[str], None]) -> Template:
-    """Which template, by name or number."""
-    known = list(templates().values())
-    for number, template in enumerate(known, start=1):
+    """Ask for the template, by name or number."""
+    choices = list(templates().values())
+    for number, template in enumerate(choices, start=1):
         say(f"  {number}  {template.name}: {template.about}")
-    return ask("Template (name or number)", known[0].name, _template)
+    return ask("Template (name or number)", choices[0].name, _template)
 
 
 def ask_choices(template: Template, given: Choices, ask: Ask, say: Callable[[str], None]) -> Choices:
-    """The choices no option made."""
+    """Ask for the choices that no option made."""
     tree = template.document.tree
     title = given.title if given.title is not None else ask("Title", str(tree["title"]), _title)
     end = given.end if given.end is not None else ask("End time, s", f"{tree['coupling']['end']:g}", _positive)
@@ -73,17 +73,17 @@ def ask_choices(template: Template, given: Choices, ask: Ask, say: Callable[[str
 
 
 def ask_out(template: Template, ask: Ask) -> Path:
-    """Where it goes."""
+    """Ask for the file."""
     return ask("File", f"{template.name}.yaml", _free)
 
 
 def _template(text: str) -> Template:
-    known: Mapping[str, Template] = templates()
-    if text.isdecimal() and 1 <= int(text) <= len(known):
-        return list(known.values())[int(text) - 1]
-    if text not in known:
-        raise ScenarioError("there is no such template", value=text, remedy=did_you_mean(text, known))
-    return known[text]
+    by_name: Mapping[str, Template] = templates()
+    if text.isdecimal() and 1 <= int(text) <= len(by_name):
+        return list(by_name.values())[int(text) - 1]
+    if text not in by_name:
+        raise ScenarioError("there is no such template", value=text, remedy=did_you_mean(text, by_name))
+    return by_name[text]
 
 
 def _title(text: str) -> str:
@@ -118,8 +118,8 @@ def _free(text: str) -> Path:
 LARGE = 1e5  # from here on numbers are easier read with an exponent
 
 
-class _Words(RoundTripRepresenter):
-    """Writes null as a word (ruamel leaves its place empty), and large numbers with an exponent."""
+class _ExplicitScalars(RoundTripRepresenter):
+    """Writes null as `null` (ruamel leaves its place empty), and large numbers with an exponent."""
 
     def represent_none(self, data: None) -> Any:
         return self.represent_scalar("tag:yaml.org,2002:null", "null")
@@ -131,12 +131,12 @@ class _Words(RoundTripRepresenter):
         return self.represent_scalar("tag:yaml.org,2002:float", text)
 
 
-_Words.add_representer(type(None), _Words.represent_none)
-_Words.add_representer(float, _Words.represent_float)
+_ExplicitScalars.add_representer(type(None), _ExplicitScalars.represent_none)
+_ExplicitScalars.add_representer(float, _ExplicitScalars.represent_float)
 
 
 def new_scenario(template: Template, choices: Choices, out: Path) -> Scenario:
-    """Write a template with choices to a new file; what was written, checked.
+    """Write a template with choices to a new file, and return the checked scenario.
 
     Raises ScenarioError, and writes nothing, where a choice is wrong or the file cannot be made.
     """
@@ -150,10 +150,10 @@ def new_scenario(template: Template, choices: Choices, out: Path) -> Scenario:
         return scenario
 
 
-def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping[str, Material]) -> str:
-    """The text of a document with values put in place, comments kept, and the source of each named material."""
+def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping[str, LibraryMaterial]) -> str:
+    """Return the text of a document with overrides, its comments, and the source of each named material."""
     yaml = layout()
-    yaml.Representer = _Words
+    yaml.Representer = _ExplicitScalars
     commented = Document(document.path, document.text, yaml.load(document.text), document.lines)
     tree = _in_style(apply_overrides(commented, overrides).tree)
     for name, material in materials.items():
@@ -163,7 +163,7 @@ def text_of(document: Document, overrides: Mapping[str, Any], materials: Mapping
 
 
 def _in_style(node: Any) -> Any:
-    """What was put in as plain values on one line each; what was there as it was."""
+    """Write plain values that were put in on one line each; leave the others as they were."""
     if type(node) is list:
         node = CommentedSeq(node)
         node.fa.set_flow_style()
@@ -180,16 +180,16 @@ TemplateArgument = Annotated[str | None, typer.Argument(
     help="A template's name, see --list. Without one you are asked.", show_default=False)]
 OutOption = Annotated[Path | None, typer.Option(
     "--out", "-o", help="The new file; default TEMPLATE.yaml, or the deck's name with .yaml.", show_default=False)]
-ListOption = Annotated[bool, typer.Option("--list", help="Say which templates and materials there are.")]
+ListOption = Annotated[bool, typer.Option("--list", help="List the templates and materials.")]
 DeckOption = Annotated[Path | None, typer.Option(
     "--from", metavar="MODEL.inp", help="Convert an Abaqus or CalculiX deck instead.", show_default=False)]
-TitleOption = Annotated[str | None, typer.Option("--title", help="What the scenario is called.", show_default=False)]
+TitleOption = Annotated[str | None, typer.Option("--title", help="Title of the scenario.", show_default=False)]
 EndOption = Annotated[float | None, typer.Option(
     "--end", metavar="SECONDS", help="When it ends.", show_default=False)]
 MaterialOption = Annotated[list[str] | None, typer.Option(
     "--material", metavar="NAME=KIND", help="Make a material of the template a named one: lower=copper. "
     "May be repeated.")]
-MeshOption = Annotated[float, typer.Option("--mesh", help="So many times as many cells along every edge.")]
+MeshOption = Annotated[float, typer.Option("--mesh", help="Factor on the cells along every edge.")]
 SetOption = Annotated[list[str] | None, typer.Option(
     "--set", metavar="KEY=VALUE", help="Write another value: bodies.lower.T0=400. May be repeated.")]
 

@@ -1,4 +1,4 @@
-"""The templates: files of coupler/templates, each a whole scenario with a comment at its head."""
+"""What a new scenario is made of: templates, named materials, and the choices of its user."""
 
 from __future__ import annotations
 
@@ -33,34 +33,34 @@ class Template:
 
     @property
     def about(self) -> str:
-        """What it is: the first line of its head."""
+        """A line on it: the first one of its head."""
         return self.document.text.partition("\n")[0].lstrip("# ")
 
     def text_for(self, file: str) -> str:
-        """Its text with the new file's name in the commands of its head."""
+        """Return its text with the new file's name in the commands of its head."""
         return self.document.text.replace(self.path.name, file)
 
     def document_for(self, path: Path) -> Document:
-        """What stands in a copy of it at `path`."""
+        """Return the document of a copy at `path`."""
         return document_from(path, self.text_for(path.name))
 
 
 def templates(folder: Path = FOLDER) -> Mapping[str, Template]:
-    """All templates by name.  Raises ScenarioError where the installation has none."""
-    found = {path.stem: Template(path) for path in sorted(folder.glob("*.yaml"))}
-    if not found:
+    """Return all templates by name.  Raises ScenarioError where the installation has none."""
+    by_name = {path.stem: Template(path) for path in sorted(folder.glob("*.yaml"))}
+    if not by_name:
         raise ScenarioError("the templates that belong to this installation are missing", file=str(folder),
                             remedy="Install slideline again")
-    return found
+    return by_name
 
 
 def template_named(name: str) -> Template:
-    """The template of a name.  Raises ScenarioError with the nearest one."""
-    known = templates()
-    if name not in known:
+    """Return the template of a name.  Raises ScenarioError with the nearest one."""
+    by_name = templates()
+    if name not in by_name:
         raise ScenarioError("there is no such template", key="TEMPLATE", value=name,
-                            remedy=did_you_mean(name, known))
-    return known[name]
+                            remedy=did_you_mean(name, by_name))
+    return by_name[name]
 
 
 # Named materials for new scenarios: room temperature, each number with its source (materials.yaml).
@@ -69,8 +69,11 @@ FILE = Path(__file__).resolve().parent / "materials.yaml"
 
 
 @dataclass(frozen=True)
-class Material:
-    """about : what it is.  source : where its numbers are from.  values : rho, k, c, E, nu, alpha, SI, at 300 K."""
+class LibraryMaterial:
+    """A named material.  about : a line on it.  source : of its numbers.
+
+    values : rho, k, c, E, nu, alpha, SI, at 300 K.
+    """
 
     name: str
     about: str
@@ -79,17 +82,17 @@ class Material:
 
 
 @cache
-def library() -> Mapping[str, Material]:
-    """All named materials."""
+def library() -> Mapping[str, LibraryMaterial]:
+    """Return all named materials."""
     tree = read_document(FILE).tree
     sources = tree["sources"]
-    return {name: Material(name, entry["about"], "; ".join(sources[key] for key in entry["from"]),
+    return {name: LibraryMaterial(name, entry["about"], "; ".join(sources[key] for key in entry["from"]),
                            {key: entry[key] for key in ("rho", "k", "c", "E", "nu", "alpha")})
             for name, entry in tree["materials"].items()}
 
 
-def material_named(name: str, key: str) -> Material:
-    """The material of a name; key : whose it was to be.  Raises ScenarioError with the nearest one."""
+def material_named(name: str, key: str) -> LibraryMaterial:
+    """Return the material of a name.  key : of the error.  Raises ScenarioError with the nearest one."""
     if name not in library():
         raise ScenarioError("there is no such material", key=key, value=name,
                             remedy=f"{did_you_mean(name, library())} Others are written by hand: docs/scenario.md")
@@ -97,7 +100,7 @@ def material_named(name: str, key: str) -> Material:
 
 
 def exchangeable(tree: Mapping[str, Any]) -> list[str]:
-    """Materials of a scenario that a named one may stand for: those that are plain numbers, without flow or melting."""
+    """Return the materials that a named one may replace: those of plain numbers, without flow or melting."""
     plain = {"rho", "k", "c", "E", "nu", "alpha", "T_ref"}
     return [name for name, values in tree["materials"].items()
             # fault: init: a metal that melts may be exchanged -> if all(True or isinstance(v, int | float) for v in
@@ -105,8 +108,8 @@ def exchangeable(tree: Mapping[str, Any]) -> list[str]:
             if set(values) <= plain and all(isinstance(v, int | float) for v in values.values())]
 
 
-def put_in_place(values: Mapping[str, Any], material: Material) -> dict[str, float]:
-    """The named material's numbers for the keys that stand in the scenario's.
+def put_in_place(values: Mapping[str, Any], material: LibraryMaterial) -> dict[str, float]:
+    """Return the named material's numbers for the keys that the scenario's material has.
 
     Without T_ref a body does not expand (alpha is 0 on purpose), and that stays.
     """
@@ -115,13 +118,15 @@ def put_in_place(values: Mapping[str, Any], material: Material) -> dict[str, flo
             if key in values and (key != "alpha" or "T_ref" in values)}
 
 
-# What was chosen for a new scenario, and the values it puts in place of the template's.
+# The choices for a new scenario, and the values that replace the template's.
 
 @dataclass(frozen=True)
 class Choices:
-    """title, end : None for the template's [s].  materials : material of the template -> named one.
+    """The choices for a new scenario.
 
-    mesh : so many times as many cells along every edge.  sets : dotted key -> value, which come last.
+    title, end [s] : None for the template's.  materials : material of the template -> named one.
+
+    mesh : factor on the cells along every edge.  sets : dotted key -> value, which come last.
     """
 
     title: str | None = None
@@ -132,7 +137,7 @@ class Choices:
 
 
 def chosen_materials(texts: Iterable[str]) -> dict[str, str]:
-    """material -> named one, from `NAME=KIND`.  Raises ScenarioError."""
+    """Read `NAME=KIND` texts: material -> named one.  Raises ScenarioError for another form."""
     chosen = {}
     for text in texts:
         name, equals, kind = text.partition("=")
@@ -143,8 +148,8 @@ def chosen_materials(texts: Iterable[str]) -> dict[str, str]:
     return chosen
 
 
-def named(tree: Mapping[str, Any], choices: Choices) -> dict[str, Material]:
-    """material of the template -> the library's.  Raises ScenarioError for a name that is not known."""
+def named(tree: Mapping[str, Any], choices: Choices) -> dict[str, LibraryMaterial]:
+    """Look up the named materials: material of the template -> the library's.  Raises ScenarioError."""
     may = exchangeable(tree)
     for name in choices.materials:
         if name not in tree["materials"]:
@@ -158,7 +163,7 @@ def named(tree: Mapping[str, Any], choices: Choices) -> dict[str, Material]:
 
 
 def overrides_of(tree: Mapping[str, Any], choices: Choices) -> dict[str, Any]:
-    """Dotted key -> value to put in place of the template's.  Raises ScenarioError."""
+    """Return the values that replace the template's, by dotted key.  Raises ScenarioError for a wrong choice."""
     put: dict[str, Any] = {} if choices.title is None else {"title": choices.title}
     if choices.end is not None:
         put |= _ended(tree, choices.end)
@@ -171,7 +176,7 @@ def overrides_of(tree: Mapping[str, Any], choices: Choices) -> dict[str, Any]:
 
 
 def _ended(tree: Mapping[str, Any], end: float) -> dict[str, Any]:
-    """The end, and the last range of windows drawn out to it; what lies beyond an earlier end is cut off anyway."""
+    """Set the end, and extend the last range of windows to it; ranges beyond an earlier end are cut anyway."""
     if not 0 < end < math.inf:
         raise ScenarioError("a scenario ends at a time after 0", key="--end", value=end, remedy="Give seconds")
     end = int(end) if end == int(end) else end  # written as anybody would write it
@@ -184,8 +189,8 @@ def _ended(tree: Mapping[str, Any], end: float) -> dict[str, Any]:
 
 
 def _meshed(tree: Mapping[str, Any], factor: float) -> dict[str, Any]:
-    """Cells of all rectangles."""
+    """Refine all rectangles."""
     if not 0 < factor < math.inf:
         raise ScenarioError("a mesh is so many times as fine, a number above 0", key="--mesh", value=factor,
-                            remedy="2 halves the cells' edges, .5 doubles them")
+                            remedy="2 halves the cells' edges, 0.5 doubles them")
     return {dotted(key): cells for key, cells in cells_times(tree, factor).items()}

@@ -1,9 +1,10 @@
-"""The demo: a first look at what Slideline does, in seconds."""
+"""Runs the demo: a first look at what Slideline does, in seconds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,10 @@ OVERRIDES = {"mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [1
 
 
 def shipped_scenarios() -> Path:
-    """The folder of scenarios: beside the packages in a checkout, inside this one when installed."""
+    """Return the folder of scenarios: beside the packages in a checkout, inside this one when installed.
+
+    Raises ScenarioError where there is none.
+    """
     here = Path(__file__).resolve().parent.parent
     for folder in (here / "scenarios", here.parent / "scenarios"):
         if (folder / SCENARIO).is_file():
@@ -31,20 +35,30 @@ def shipped_scenarios() -> Path:
                         remedy="Install slideline again, or give `slideline run` a scenario of your own")
 
 
+@dataclass(frozen=True)
+class Demo:
+    """The files of a demo.  scenario : the copy that was run."""
+
+    scenario: Path
+    results: Results
+    page: Path
+
+
 def run_demo(folder: Path, on_start: Callable[[Scenario], AbstractContextManager[Callable[[Progress], Any]]],
-             ) -> tuple[Path, Results, Path]:
+             ) -> Demo:
     """Copy the sliding blocks to a folder, run them coarse with the rigid half, write the report.
 
-    Returns the scenario, the results, the page.  Raises ScenarioError where the folder will not do.
+    on_start : called before the run; its context gives what is called after every window.
+    Raises ScenarioError where the folder cannot be made, or holds another scenario of this name.
     """
     make_folder(folder)
     copy, text = folder / SCENARIO, (shipped_scenarios() / SCENARIO).read_bytes()
     if copy.exists() and copy.read_bytes() != text:
-        raise ScenarioError("a scenario of this name that was changed is there already; it is left as it is",
+        raise ScenarioError("another scenario of this name is in this folder already; nothing was written",
                             file=str(copy), remedy="Give the demo another folder: slideline demo FOLDER")
     if not copy.exists():
         copy.write_bytes(text)
     scenario = load_scenario(copy, overrides=OVERRIDES)
     with on_start(scenario) as progress:
         results = run(scenario, folder / "run.h5", on_window=progress)
-    return copy, results, write_report(results, folder / "run.html")
+    return Demo(copy, results, write_report(results, folder / "run.html"))

@@ -1,4 +1,4 @@
-"""What the user of a run may change between two of its windows, and whether that can be done."""
+"""Changes a run between two windows, and takes snapshots of it to go back to."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ METHOD, SIDES = "control.method", ("thermal", "mechanical")
 
 
 class Changes(TypedDict, total=False):
-    """scheme : name or Scheme.  window [s]: the size of the next window where windows find their own.
+    """What may be changed.
 
-    window_factor, window_cap [s], substeps, iteration, inputs : as in Settings; substeps and inputs are added to what
-    there is.  rules : take the place of all there are, and remember nothing.
+    scheme : name or Scheme.  window : size of the next window [s], where windows are adaptive.
+    window_factor, window_cap [s], substeps, iteration, inputs : as in Settings; substeps and inputs are added to those
+    in force.  rules : replace all, without memory.
     """
 
     scheme: str | Scheme
@@ -37,7 +38,10 @@ class Changes(TypedDict, total=False):
 
 
 def changed(control: ControlState, halves: Halves, **changes: Unpack[Changes]) -> ControlState:
-    """Control with these settings from the next window on.  Raises ScenarioError for what cannot be."""
+    """Return the control state with these settings from the next window on.
+
+    Raises ScenarioError for an unknown key, and for a value that the halves or the run cannot take.
+    """
     if unknown := set(changes) - set(Changes.__annotations__):
         raise _refused(min(unknown), "", f"What can be changed: {', '.join(Changes.__annotations__)}")
     blocks = {"thermal": halves.thermal.blocks, "mechanical": halves.mechanical.blocks}
@@ -60,11 +64,11 @@ def changed(control: ControlState, halves: Halves, **changes: Unpack[Changes]) -
 
 
 def _scheme(name: str | Scheme) -> Scheme:
-    known = {s.value: s for s in Scheme}
+    schemes = {s.value: s for s in Scheme}
     value = name.value if isinstance(name, Scheme) else name
-    if value not in known:
-        raise _refused("scheme", value, f"Known: {', '.join(known)}.")
-    return known[value]
+    if value not in schemes:
+        raise _refused("scheme", value, f"One of {', '.join(schemes)}.")
+    return schemes[value]
 
 
 def _substeps(wanted: Mapping[str, int]) -> Mapping[str, int]:
@@ -74,9 +78,9 @@ def _substeps(wanted: Mapping[str, int]) -> Mapping[str, int]:
     return wanted
 
 
-def _inputs(known: Mapping[str, Mapping[str, float]], wanted: Mapping[str, Mapping[str, float]],
+def _inputs(before: Mapping[str, Mapping[str, float]], wanted: Mapping[str, Mapping[str, float]],
             halves: Halves) -> dict[str, Mapping[str, float]]:
-    found = dict(known)
+    inputs = dict(before)
     for side, values in wanted.items():
         if side not in SIDES:
             raise _refused(f"inputs.{side}", "", "There are a thermal and a mechanical half.")
@@ -86,19 +90,22 @@ def _inputs(known: Mapping[str, Mapping[str, float]], wanted: Mapping[str, Mappi
             if name not in fits:
                 raise _refused(f"inputs.{side}.{name}", values[name],
                                f"Inputs of that half that are one number: {', '.join(sorted(fits)) or 'none'}.")
-        found[side] = {**known.get(side, {}), **values}
-    return found
+        inputs[side] = {**before.get(side, {}), **values}
+    return inputs
 
 
 def _refused(key: str, value: object, remedy: str) -> ScenarioError:
     return ScenarioError("this cannot be changed to that in a run", key=key, value=value, remedy=remedy)
 
 
-# Moments of a run that were kept, to go back to.
+# Snapshots of a run, to go back to.
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """The end of a window.  tokens : of the states of both halves.  plan : its rules may have been changed since."""
+class Snapshot:
+    """The end of a window.
+
+    record : of the run up to there.  plan : its rules may have been changed since.  tokens : of both halves' states.
+    """
 
     committed: Committed
     record: RunRecord
@@ -107,43 +114,46 @@ class Moment:
 
     @property
     def t(self) -> float:
-        """s."""
+        """Its time [s]."""
         return self.committed.state.now.t
 
 
-class Moments:
-    """Those that can be gone back to; each holds a state of both halves until it is let go."""
+class Snapshots:
+    """The snapshots one can go back to; each holds a state of both halves until it is released."""
 
     def __init__(self, halves: Halves) -> None:
         self._halves: tuple[Half, Half] = (halves.thermal, halves.mechanical)
-        self._kept: list[Moment] = []
+        self._all: list[Snapshot] = []
 
-    def keep(self, committed: Committed, record: RunRecord, plan: Plan) -> Moment:
-        """Both halves stand at the end of the committed window.  Raises CouplingError where one keeps no states."""
+    def take(self, committed: Committed, record: RunRecord, plan: Plan) -> Snapshot:
+        """Take a snapshot; both halves are at the end of the committed window.
+
+        Raises CouplingError where a half cannot save its state.
+        """
         for half in self._halves:
             if not half.can_save:
-                raise CouplingError(f"half {half.name!r} keeps no states, so no window can be gone back to",
+                raise CouplingError(f"half {half.name!r} cannot save its state, so there are no snapshots",
                                     t=committed.state.now.t)
         thermal, mechanical = self._halves
-        self._kept.append(Moment(committed, record, plan, (thermal.save(), mechanical.save())))
-        return self._kept[-1]
+        self._all.append(Snapshot(committed, record, plan, (thermal.save(), mechanical.save())))
+        return self._all[-1]
 
-    def put_back(self, moment: Moment) -> None:
-        """Both halves to a moment; later ones are let go, for what led there is no longer so.
+    def restore(self, snapshot: Snapshot) -> None:
+        """Restore both halves to a snapshot, and release later ones: the run now takes another course.
 
-        Raises CouplingError for a moment that was let go.
+        Raises CouplingError for a snapshot that was released.
         """
-        if moment not in self._kept:
-            raise CouplingError("this moment was let go: the run was taken back to one before it", t=moment.t)
-        for half, token in zip(self._halves, moment.tokens, strict=True):
+        if snapshot not in self._all:
+            raise CouplingError("this snapshot was released: the run went back to one before it", t=snapshot.t)
+        for half, token in zip(self._halves, snapshot.tokens, strict=True):
             # fault: halves stay where they were when the run is rewound -> pass | coupler/test_interactive
             half.restore(token)
-        for later in self._kept[self._kept.index(moment) + 1:]:
-            # fault: moments after one that was gone back to stay -> pass | coupler/test_interactive
-            self.let_go(later)
+        for later in self._all[self._all.index(snapshot) + 1:]:
+            # fault: snapshots after one that was gone back to stay -> pass | coupler/test_interactive
+            self.release(later)
 
-    def let_go(self, moment: Moment) -> None:
-        """Give its states back."""
-        self._kept.remove(moment)
-        for half, token in zip(self._halves, moment.tokens, strict=True):
+    def release(self, snapshot: Snapshot) -> None:
+        """Release the states of a snapshot."""
+        self._all.remove(snapshot)
+        for half, token in zip(self._halves, snapshot.tokens, strict=True):
             half.release(token)

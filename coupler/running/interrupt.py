@@ -1,4 +1,4 @@
-"""Ctrl-C: once to stop after the window in hand, twice to stop at once."""
+"""Handles Ctrl-C: once to stop after the current window, twice to stop at once."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A pilot run: the scenario in a few long windows, iterated, and how long a window may be at the start of each.
+"""Runs a pilot: the scenario in a few long windows, iterated, to predict how long a stable window may be.
 
 What limits a window changes along a run: a melt has no gap to feed back, the gas beside a skin that just froze has the
-steepest law, a touching pair is stiffer still.  So a look at the start alone would tell nothing.
+steepest law, a touching pair is stiffer still.  So the start alone tells nothing.
 """
 
 from __future__ import annotations
@@ -20,40 +20,52 @@ from coupler.scenario.options import Scheme, Tolerance, Tolerances, WindowRange
 from coupler.schemes.state import CoupledState, Halves, Span, schedule
 from coupler.schemes.sweep import DiscardError
 
-# First and last window of the pilot as parts of the run: 19 windows and those that kinks cut.
+# First and last window of the pilot as parts of the run: 19 windows and those cut at breakpoints.
 FIRST, LAST = 1 / 200, 1 / 5
-# The feedback is looked at in this part of the pilot's window.
-LOOK, LOOK_PAIRS = 1 / 16, 4 * TURNS
-# Iterates of the pilot agree to a hundredth of what changes: it is only to pass through the states of the run.
+# The feedback is measured in this part of the pilot's window; so many solves of each half.
+PROBED, PROBE_PAIRS = 1 / 16, 4 * TURNS
+# Relative tolerance of the pilot's iterates: it only has to pass through the states of the run.
 ROUGHLY = 0.01
-# The thermal half of which a pilot takes no time: one unknown a body.  A rod that melts takes a minute.
+# The thermal half whose pilot takes next to no time: one unknown a body.  A rod that melts takes a minute.
 QUICK = "lumped"
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """seen : the feedback along the pilot.  method : of the thermal half.  pairs : solves of each half it cost."""
+class StrictestLimit:
+    """t : time [s].  limits : of windows there."""
 
-    seen: tuple[Feedback, ...]
+    t: float
+    limits: Limits
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The prediction of a pilot.
+
+    feedbacks : of the mechanical on the thermal half, along the pilot.  method : of the thermal half.
+    pairs : solves of each half that it cost.
+    """
+
+    feedbacks: tuple[Feedback, ...]
     method: str
     pairs: int
 
     @property
-    def strictest(self) -> tuple[Feedback, Limits] | None:
+    def strictest(self) -> StrictestLimit | None:
         """Where the shortest window is needed; None where no window is too long."""
-        told = [(f, limits(f, self.method)) for f in self.seen]
-        least = min(told, key=lambda pair: pair[1].extrapolated, default=None)
-        return least if least is not None and math.isfinite(least[1].extrapolated) else None
+        along_run = [StrictestLimit(f.t, limits(f, self.method)) for f in self.feedbacks]
+        least = min(along_run, key=lambda at: at.limits.extrapolated, default=None)
+        return least if least is not None and math.isfinite(least.limits.extrapolated) else None
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """A sentence."""
-        if self.strictest is None:
+        strictest = self.strictest
+        if strictest is None:
             return "no window is too long for a scheme that solves each half once"
-        worst, most = self.strictest
-        last = limits(self.seen[-1], self.method)
-        return (f"shortest at t = {worst.t:.3g} s: staggered {_size(most.staggered)}, "
-                f"extrapolated {_size(most.extrapolated)}; at t = {self.seen[-1].t:.3g} s: "
+        last = limits(self.feedbacks[-1], self.method)
+        return (f"shortest at t = {strictest.t:.3g} s: staggered {_size(strictest.limits.staggered)}, "
+                f"extrapolated {_size(strictest.limits.extrapolated)}; at t = {self.feedbacks[-1].t:.3g} s: "
                 f"staggered {_size(last.staggered)}, extrapolated {_size(last.extrapolated)}")
 
 
@@ -62,7 +74,7 @@ def _size(seconds: float) -> str:
 
 
 def is_quick(scenario: Scenario) -> bool:
-    """Whether a pilot of the scenario takes hardly any time."""
+    """Return whether a pilot of the scenario takes next to no time."""
     return scenario.thermal_half.endswith(QUICK)
 
 
@@ -82,22 +94,22 @@ def pilot(scenario: Scenario) -> Prediction:
 
 
 def along(halves: Halves, state: CoupledState, plan: Plan, method: str) -> Prediction:
-    """The pilot of two halves.  plan : of its windows.  method : of the thermal half."""
-    seen: list[Feedback] = []
+    """Run the pilot of two halves.  plan : of its windows.  method : of the thermal half."""
+    feedbacks: list[Feedback] = []
     pairs = 0
     for tried in windows(halves, state, plan):
         pairs += tried.solved.work.thermal_solves
         if tried.accepted:
             k1 = tried.span.k1
-            look = k1, k1 + max(int((k1 - tried.span.k0) * LOOK), 1)
-            found = _looked(halves, tried.solved.state, Span(plan.schedule.clock, *look, plan.substeps))
-            pairs += LOOK_PAIRS * len(found)
-            seen += found
-    return Prediction(tuple(seen), method, pairs)
+            end = k1 + max(int((k1 - tried.span.k0) * PROBED), 1)
+            here = _feedback_at(halves, tried.solved.state, Span(plan.schedule.clock, k1, end, plan.substeps))
+            pairs += PROBE_PAIRS * len(here)
+            feedbacks += here
+    return Prediction(tuple(feedbacks), method, pairs)
 
 
-def _looked(halves: Halves, state: CoupledState, span: Span) -> tuple[Feedback, ...]:
-    """What is seen of a window; nothing where a half cannot do it: the next look may."""
+def _feedback_at(halves: Halves, state: CoupledState, span: Span) -> tuple[Feedback, ...]:
+    """Measure the feedback in a window; nothing where a half discards it: the next one may do."""
     try:
         return (feedback(halves, replace(state, past=()), span),)
     except DiscardError:

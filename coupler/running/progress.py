@@ -1,24 +1,27 @@
-"""Where a run stands after a window, for whoever shows it."""
+"""The progress of a run after each window, and an estimate of the time to go."""
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections import deque
 from dataclasses import dataclass
 
 from coupler.control.loop import Tried
 from coupler.schemes.state import Ledger, Verdict
 
-# The time left is told from the pace of this many windows: some windows cost ten times others.
-PACE = 50
+# The time to go is estimated from this many windows: some windows cost ten times others.
+WINDOWS = 50
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run stands after a window.  t, t_end [s]; max_T [K]; max_p [Pa]; left : seconds to go, estimated.
+    """The progress of a run after a window was tried.
 
-    total : windows of the schedule; 0 where windows find their own size.  notes : what happened that should not go by
-    in silence.  H [s], scheme, reason : of the window tried.  event : what happened to contact.  fired : which rules.
+    t, t_end : time and end of the run [s].  total : windows of the schedule; 0 for adaptive windows.
+    touching : contact points that touch.  max_T [K], max_p [Pa] : largest temperature and contact pressure.
+    imbalance : relative energy-balance error.  elapsed, remaining : wall time [s], the latter estimated.
+    notes : warnings.  H [s], scheme, reason : of the window.  event : of contact.  fired : rules that did.
     """
 
     t: float
@@ -32,10 +35,10 @@ class Progress:
     max_p: float
     imbalance: float
     elapsed: float
-    left: float
+    remaining: float
     notes: tuple[str, ...] = ()
     iterations: int = 0  # of the window, where the scheme iterates
-    anyway: bool = False  # taken though it did not converge, or its error is too large
+    anyway: bool = False  # accepted though it did not converge, or its error is too large
     H: float = 0.0
     scheme: str = ""
     reason: str = ""
@@ -47,28 +50,42 @@ class Progress:
         return self.anyway or self.verdict == Verdict.ACCEPTED.value
 
     @property
-    def share(self) -> float:
-        """How much is done: by windows, because most of the work lies where they are small; by time where it is not
-        known how many there will be."""
+    def fraction(self) -> float:
+        """How much of the run is done: by windows, because most of the work lies where they are small; by time
+        where their number is not known."""
         return self.number / self.total if self.total else self.t / self.t_end
 
+    @property
+    def share(self) -> float:
+        """The old name of `fraction`."""
+        warnings.warn("Progress.share is now Progress.fraction", DeprecationWarning, stacklevel=2)
+        return self.fraction
 
-class Pace:
-    """How fast a run goes, from its last windows.  share : what was done when it began."""
+    @property
+    def left(self) -> float:
+        """The old name of `remaining`."""
+        warnings.warn("Progress.left is now Progress.remaining", DeprecationWarning, stacklevel=2)
+        return self.remaining
 
-    def __init__(self, share: float = 0.0) -> None:
-        self._marks: deque[tuple[float, float]] = deque([(share, 0.0)], maxlen=PACE)
 
-    def left(self, share: float, elapsed: float) -> float:
-        """Seconds to go."""
-        self._marks.append((share, elapsed))
+class RemainingTime:
+    """Estimates the time to go from the last windows.  fraction : of the run that was done when it began."""
+
+    def __init__(self, fraction: float = 0.0) -> None:
+        self._marks: deque[tuple[float, float]] = deque([(fraction, 0.0)], maxlen=WINDOWS)
+
+    def after(self, fraction: float, elapsed: float) -> float:
+        """Return the seconds to go when a fraction of the run is done after `elapsed` seconds."""
+        self._marks.append((fraction, elapsed))
         first, since = self._marks[0]
-        return (elapsed - since) / (share - first) * max(1.0 - share, 0.0) if share > first else math.inf
+        if fraction <= first:
+            return math.inf
+        return (elapsed - since) / (fraction - first) * max(1.0 - fraction, 0.0)
 
 
 @dataclass(frozen=True)
-class Standing:
-    """What progress is told against.  total : windows of the schedule, 0: not known."""
+class RunStatus:
+    """What progress is measured against.  total : windows of the schedule, 0: not known.  elapsed : [s]."""
 
     t_end: float
     total: int
@@ -76,14 +93,14 @@ class Standing:
     ledger: Ledger
 
 
-def progress(tried: Tried, standing: Standing, pace: Pace, notes: tuple[str, ...]) -> Progress:
-    """After a try."""
+def progress(tried: Tried, status: RunStatus, time_to_go: RemainingTime, notes: tuple[str, ...]) -> Progress:
+    """Return the progress after a window was tried."""
     t, done = tried.after.state.now.t, tried.number + 1
-    share = done / standing.total if standing.total else t / standing.t_end
+    fraction = done / status.total if status.total else t / status.t_end
     solved, m = tried.solved, tried.solved.monitors
     return Progress(
-        t, standing.t_end, done, standing.total, solved.verdict.value, solved.message, int(m.get("touching", 0)),
-        m.get("max_T", math.nan), m.get("max_p", 0.0), standing.ledger.imbalance, standing.elapsed,
-        pace.left(share, standing.elapsed), notes, len(solved.history.misfits) if solved.history else 0, solved.anyway,
-        tried.H, solved.scheme.value, tried.reason, tried.event,
+        t, status.t_end, done, status.total, solved.verdict.value, solved.message, int(m.get("touching", 0)),
+        m.get("max_T", math.nan), m.get("max_p", 0.0), status.ledger.imbalance, status.elapsed,
+        time_to_go.after(fraction, status.elapsed), notes, len(solved.history.misfits) if solved.history else 0,
+        solved.anyway, tried.H, solved.scheme.value, tried.reason, tried.event,
         tuple(f"rule {f.rule!r}: {f.text}" for f in tried.fired if not f.driving))

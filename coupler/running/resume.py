@@ -1,4 +1,4 @@
-"""Going on with a run that ended before its time: interrupted, stopped, failed or killed."""
+"""Resumes a run that ended early: interrupted, stopped, failed or killed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from coupler.scenario.load import scenario_from
 
 def resume(run: Run | str | Path, *, processes: bool = False, until: float | None = None,
            on_window: Callable[[Progress], None] | None = None) -> Results:
-    """Go on with the run of a results file to its end, into the same file, as if it had never stopped.
+    """Resume the run of a results file to its end, into the same file, as if it had never stopped.
 
-    run : the results file, or what `resumed` made of it.  until : stop at the first window end at or after this time
-    [s].  on_window : called after every window tried.
-    Raises ResultsError where that run cannot be gone on with (nothing is changed then), CouplingError, HalfError.
+    run : the results file, or the run that `resumed` returned.  until : stop at the first window end at or after
+    this time [s].  on_window : called after every window tried.
+    Raises ResultsError where that run cannot be resumed (nothing is changed then), CouplingError, HalfError.
     """
     with run if isinstance(run, Run) else resumed(run, processes=processes) as r:
         for progress in r.windows(until):
@@ -33,7 +33,7 @@ def resume(run: Run | str | Path, *, processes: bool = False, until: float | Non
 
 
 def resumed(out: str | Path, *, processes: bool = False) -> Run:
-    """The run of a results file, to be stepped on window by window.
+    """Return the run of a results file, to be continued window by window.
 
     >>> with resumed("run.h5") as r:
     ...     for w in r.windows():
@@ -50,7 +50,7 @@ def resumed(out: str | Path, *, processes: bool = False) -> Run:
 
 
 def _journal(path: Path) -> Path:
-    """The journal of a run that ended early.  Raises ResultsError where there is nothing to go on with."""
+    """Return the journal of a run that ended early.  Raises ResultsError where there is nothing to resume."""
     journal = journal_of(path) if journal_of(path).exists() else stopped_of(path)
     if not journal.exists():
         if path.exists() and Results(path).outcome == "completed":
@@ -65,7 +65,10 @@ def _journal(path: Path) -> Path:
 
 
 def _scenario(journal: Path, origin: Origin) -> Scenario:
-    """The scenario as it was run.  Raises ResultsError if it is another now, ScenarioError if a mesh is missing."""
+    """Return the scenario as it was run.
+
+    Raises ResultsError if it is another now, ScenarioError if a mesh is missing.
+    """
     text = next(str(r.meta["scenario"]["text"]) for r in read_journal(journal) if r.kind == "run")
     scenario = scenario_from(text, Path(origin.file), json.loads(origin.overrides))
     if scenario.hash != origin.scenario:

@@ -1,4 +1,4 @@
-"""A run: from a checked scenario to a results file."""
+"""Runs a scenario window by window, from the checked scenario to the results file."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from coupler.record.paths import check_target
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
-from coupler.running.interactive import Changes, Moment, Moments, changed
+from coupler.running.interactive import Changes, Snapshot, Snapshots, changed
 from coupler.running.interrupt import Interrupts
-from coupler.running.progress import Pace, Progress, Standing, progress
+from coupler.running.progress import Progress, RemainingTime, RunStatus, progress
 from coupler.running.setup import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
 from coupler.scenario import Scenario
 from coupler.scenario.timing import SAME_TIME, Frames
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 
 class Run:
-    """A run that is stepped window by window.
+    """Runs a scenario window by window.
 
     >>> with Run(load_scenario("scenarios/sliding_blocks.yaml"), out="run.h5") as r:
     ...     for w in r.windows():
@@ -45,10 +45,10 @@ class Run:
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
     since : the checkpoint to go on from (coupler.running.resume.resumed finds it).
-    Ctrl-C ends the run after the window in hand; a second one at once.
+    Ctrl-C ends the run after the current window; a second one at once.
 
-    Between windows: `monitors()` shows the last one tried, `change(...)` changes how the next ones are solved,
-    `keep()` keeps this moment and `rewind(moment)` goes back to it.
+    Between windows: `monitors()` returns those of the last one tried, `change(...)` changes how the next ones are
+    solved, `keep()` takes a snapshot and `rewind(snapshot)` goes back to it.
     """
 
     def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False,
@@ -62,7 +62,7 @@ class Run:
         self._stack = ExitStack()
         self._interrupts = Interrupts()
         self._begun = self._finished = False
-        self._pace = Pace()
+        self._time_to_go = RemainingTime()
         self._tried: Tried | None = None
         self._framed = -1.0  # s, the time of the last frame
         self._since = since
@@ -85,21 +85,21 @@ class Run:
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
-            self._moments = Moments(self.halves)
+            self._snapshots = Snapshots(self.halves)
             self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
             self._outputs = ExtraOutputs(self.halves, interface)
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
             if self._since is not None:
-                self._take_up(self._since, both)
+                self._continue_from(self._since, both)
             header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about),
                       "processes": self.processes, "notes": self.notes}
             self._recorder = Recorder(self.out, header, interface,
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both)
-            self._stands = self._at, self._run_record()
+            self._committed = self._at, self._run_record()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
@@ -119,7 +119,7 @@ class Run:
                 # fault: a run that ends early leaves the checkpoint it had written last, not one of its end -> if
                 #   False: | coupler/test_resume::test_ctrl_c_and_resume
                 if not self._finished and self._keeper.on:
-                    self._keeper.keep(*self._stands)
+                    self._keeper.keep(*self._committed)
                 self._frame()  # where the run stopped; both halves are at the end of the last accepted window
             self._recorder.end(outcome, message, self._totals())
             if error is not None and self._keeper.remedy:
@@ -129,7 +129,7 @@ class Run:
 
     @property
     def state(self) -> CoupledState:
-        """What the halves have told each other, at the end of the last accepted window."""
+        """What the halves have exchanged, at the end of the last accepted window."""
         return self._at.state
 
     @property
@@ -151,7 +151,7 @@ class Run:
             self._begun = True
             self._recorder.start(self.state.now, self._probed(), friction(self.halves))
             self._frame()
-        self._stand()
+        self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
             tried = self._tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
@@ -163,27 +163,27 @@ class Run:
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
             # fault: a checkpoint in the middle of a rejected window keeps the record of the try -> self._record(tried);
-            #   self._stands = self._stands[0], self._run_record() | coupler/test_resume_in_a_try
+            #   self._committed = self._committed[0], self._run_record() | coupler/test_resume_in_a_try
             self._record(tried)
             if tried.accepted:
                 if self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
                     self._frame()
-                self._stand()
+                self._commit()
             elapsed = time.perf_counter() - self._started
-            yield progress(tried, Standing(self.scenario.coupling.end, self._total, elapsed, self.ledger), self._pace,
-                           notes)
+            status = RunStatus(self.scenario.coupling.end, self._total, elapsed, self.ledger)
+            yield progress(tried, status, self._time_to_go, notes)
 
     def monitors(self) -> dict[str, float]:
-        """What rules look at, of the last window tried, and the probes as they are now; SI.  Empty before the first."""
+        """Return the monitors of the last window tried, and the probes as they are now; SI.  Empty before the first."""
         return {} if self._tried is None else {**self._tried.monitors, **self.plan.probed(self.state.now)}
 
     def change(self, **changes: Unpack[Changes]) -> None:
-        """From the next window on; see coupler.running.interactive.Changes for what there is.
+        """Change how the run is solved from the next window on; see coupler.running.interactive.Changes.
 
         >>> r.change(scheme="iterated", substeps={"mechanical": 4}, inputs={"mechanical": {"load.press": 1.2}})
 
-        A rewind takes changes back with the windows.  A resumed run has them too.
-        Raises ScenarioError for what cannot be.
+        A rewind undoes changes with the windows.  A resumed run has them too.
+        Raises ScenarioError for a change that cannot be made.
         """
         control = changed(self._at.control, self.halves, **changes)
         if "rules" in changes:
@@ -192,45 +192,48 @@ class Run:
             memory = rules.first_memory(self.plan.rules, {"t": self.state.now.t, **self.plan.probed(self.state.now)})
             control = replace(control, rules=memory, settings=rules.first_settings(self.plan.rules, control.settings))
         self._at = Committed(self.state, replace(control, stop=""))
-        told = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
+        texts = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
         self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
-                            + "; ".join(x for x in (told, "rules" if "rules" in changes else "") if x))
-        self._stands = self._at, self._run_record()
+                            + "; ".join(x for x in (texts, "rules" if "rules" in changes else "") if x))
+        self._committed = self._at, self._run_record()
 
-    def keep(self) -> Moment:
-        """This moment, to go back to: both halves and all that is remembered.  Raises CouplingError."""
-        return self._moments.keep(self._at, self._run_record(), self.plan)
+    def keep(self) -> Snapshot:
+        """Take a snapshot to go back to: both halves and the state of the control.
 
-    def rewind(self, moment: Moment) -> None:
-        """Back to a moment that was kept: windows after it are taken out of the results, what they cost stays counted.
-
-        May be done again and again.  Raises CouplingError for a moment after one that was gone back to.
+        Raises CouplingError where a half cannot save its state.
         """
-        self._moments.put_back(moment)
-        record = moment.record
-        self._at, self.plan = moment.committed, moment.plan
+        return self._snapshots.take(self._at, self._run_record(), self.plan)
+
+    def rewind(self, to: Snapshot) -> None:
+        """Go back to a snapshot: windows after it are taken out of the results, their cost stays counted.
+
+        A snapshot can be used again and again.  Raises CouplingError for one that is later than one gone back to.
+        """
+        self._snapshots.restore(to)
+        record = to.record
+        self._at, self.plan = to.committed, to.plan
         # fault: the ledger is not rewound -> self.noticed = list(record.noticed) | coupler/test_interactive
         self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
         self._warnings.put_back(record.seen, record.said)
-        self._recorder.rewind(moment.t, record.rows)
+        self._recorder.rewind(to.t, record.rows)
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
-        self._stands = self._at, self._run_record()
+        self._committed = self._at, self._run_record()
 
     def _record(self, tried: Tried) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
         facts["scheme"] = tried.solved.scheme.value
-        seen: dict[str, float] = {}
+        monitors: dict[str, float] = {}
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
-            seen = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, seen,
+            monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
+        record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors,
                       friction(self.halves) if tried.accepted else {})
         self._recorder.window(tried.solved, facts, self.ledger, self._probed(), record)
 
     def _frames_from_here(self) -> Frames:
-        """Those that were kept up to now are not due again."""
+        """Return the frames that are still due."""
         frames = self.scenario.output.frames()
         frames.due(self._at.control.number, self.state.now.t)
         return frames
@@ -239,23 +242,23 @@ class Run:
     def _total(self) -> int:
         return len(self.plan.schedule.bounds) - 1 if self.plan.adaptive is None else 0
 
-    def _stand(self) -> None:
-        """The window stands: from here a run can go on.  A checkpoint is written where one is due."""
-        self._stands = self._at, self._run_record()
+    def _commit(self) -> None:
+        """Note where the run can be resumed from; write a checkpoint where one is due."""
+        self._committed = self._at, self._run_record()
         if self._keeper.due:
-            self._keeper.keep(*self._stands)
+            self._keeper.keep(*self._committed)
             if self._keeper.trouble and self._keeper.trouble not in self.noticed:
                 self.noticed.append(self._keeper.trouble)
 
     def _run_record(self) -> RunRecord:
-        """What was recorded and told up to now."""
-        seen, said = self._warnings.memory
-        return RunRecord(self._recorder.mark, self.ledger, seen, said, tuple(self.noticed), self._framed,
+        """Return what was recorded and reported up to now."""
+        contact, warned = self._warnings.memory
+        return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
                     tuple(self.plan.rules))
 
-    def _take_up(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
-        """Bring everything to where a checkpoint left it."""
+    def _continue_from(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
+        """Restore everything from a checkpoint."""
         put_back(halves, since, str(self.out))
         record = since.record
         # fault: rules the user changed are forgotten by a resume -> pass |
@@ -275,12 +278,13 @@ class Run:
         self._framed, self._begun = record.framed, True
         self._warnings.put_back(record.seen, record.said)
         number = since.committed.control.number
-        self._pace = Pace(number / self._total if self._total else self.state.now.t / self.scenario.coupling.end)
+        t = self.state.now.t
+        self._time_to_go = RemainingTime(number / self._total if self._total else t / self.scenario.coupling.end)
         self._spent, self.setup_seconds = record.seconds, record.setup_seconds
         self._resumed = (*record.resumed, self.state.now.t)
 
     def _seconds(self) -> float:
-        """Wall-clock time spent on windows, before this run was resumed too."""
+        """Return the wall time spent on windows [s], before this run was resumed too."""
         return self._spent + (time.perf_counter() - self._started)
 
     def _probed(self) -> Array:
@@ -305,7 +309,7 @@ class Run:
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
         until: float | None = None, on_window: Callable[[Progress], None] | None = None) -> Results:
-    """Run a scenario to its end and return what it left in `out`.
+    """Run a scenario to its end, and return its results, which are in `out`.
 
     until : stop at the first window end at or after this time [s]; `slideline resume` goes on from there.
     on_window : called after every window tried.

@@ -1,4 +1,4 @@
-"""The outset of a run: the plan of a scenario, what is asked of the halves, how they stand before the first window."""
+"""Sets up a run: the plan of a scenario, the outputs asked of the halves, and their state before the first window."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
-    """Raises HalfError where a half was built for another scene, or lacks what the scheme or a rule needs."""
+    """Check the halves.  Raises HalfError for one of another scene, or one that lacks what a scheme or rule needs."""
     if lacks := unfit(scenario.rules, {"thermal": thermal.blocks, "mechanical": mechanical.blocks}):
         raise HalfError("; ".join(lacks))
     interface = scenario.interface
@@ -44,24 +44,25 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
         if half.can_save:
             continue
         if any(scheme.needs_states for name in named for scheme in schemes_under(name)):
-            raise HalfError("keeps no states, so its windows cannot be iterated; give another coupling.scheme",
+            raise HalfError("cannot save its state, so its windows cannot be iterated; give another coupling.scheme",
                             half=half.name)
         if scenario.coupling.adaptive is not None or scenario.coupling.locate:
-            raise HalfError("keeps no states, so no window can be tried again; give coupling.windows instead of "
+            raise HalfError("cannot save its state, so no window can be repeated; give coupling.windows instead of "
                             "coupling.adaptive, and leave coupling.events.locate false", half=half.name)
 
 
 def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface) -> Halves:
-    """With what is asked of them after every substep: what is exchanged and recorded, what events and rules look at."""
+    """Join both halves with the outputs to ask for after every substep: exchanged, recorded, of events and rules."""
     more = status_monitors(interface) if plan.locate.on else ()
     return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *more})
 
 
 def first_state(launched: Launched, halves: Halves, interface: Interface, end: float,
                 loads: Mapping[str, Mapping[str, float]] | None = None) -> CoupledState:
-    """Both halves initialised for a run of `end` seconds, and what they tell each other then.
+    """Initialise both halves for a run of `end` seconds, and return the state they exchange then.
 
-    loads : half -> name of an input -> value at the start, where it is not the one that the half has by itself.
+    loads : half -> name of an input -> value at the start, where it is not the half's own.
+    Raises HalfError where a half refuses to start.
     """
     thermal, mechanical = launched.thermal, launched.mechanical
     n_s = len(interface.contact_nodes)
@@ -81,8 +82,8 @@ def first_state(launched: Launched, halves: Halves, interface: Interface, end: f
 
 
 def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:
-    """What the halves lack and what it costs, a sentence each.  touches : whether the scene has contact pairs."""
-    notes = [f"{half.name} keeps no states: a window that fails cannot be tried again"
+    """Return what the halves lack and what it costs, a sentence each.  touches : the scene has contact pairs."""
+    notes = [f"{half.name} cannot save its state: a window that fails cannot be repeated"
              for half in (thermal, mechanical) if not half.can_save]
     if touches and "contact.t_N" not in mechanical.blocks:
         notes.append(f"{mechanical.name} gives no contact.t_N: conductance sees no pressure")
@@ -94,7 +95,7 @@ def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]
 
 
 def without_checkpoints(halves: Mapping[str, Half], every: float | None) -> list[str]:
-    """Why a run that is to write checkpoints cannot, a sentence a half.  every : output.checkpoint [s], None: never."""
+    """Return why no checkpoints can be written, a sentence a half.  every : output.checkpoint [s], None: never."""
     if every is None:
         return []
     return [f"{half.name} cannot write its state down (canSerializeFMUstate): there are no checkpoints to resume from"
@@ -104,7 +105,7 @@ def without_checkpoints(halves: Mapping[str, Half], every: float | None) -> list
 
 
 def accounts_of(mechanical: Half, n_cells: int) -> dict[str, EnergyAccount]:
-    """An empty account for E_M, and for each other heat that the mechanical half makes."""
+    """Return an empty account for E_M, (n_cells,) [J], and for each other heat that the mechanical half makes."""
     shapes = {"E_M": (n_cells,)} | {n: mechanical.blocks[n].shape for n in _made_by(mechanical)}
     return {n: EnergyAccount(np.zeros(shape)) for n, shape in shapes.items()}
 
@@ -114,7 +115,7 @@ def _made_by(half: Half) -> list[str]:
 
 
 def plan_of(scenario: Scenario) -> Plan:
-    """What a scenario asks for, from its first window to its last."""
+    """Return the plan of a scenario, from its first window to its last."""
     c = scenario.coupling
     interface = scenario.interface
     nodes = pair_nodes_of(interface) if c.locate else ()

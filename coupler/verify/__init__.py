@@ -1,1 +1,1 @@
-"""Does a half keep to the border of docs/design.md?  `slideline verify-half` tells (docs/verify_half.md)."""
+"""Checks a half against the interface specification (docs/design.md): `slideline verify-half`."""

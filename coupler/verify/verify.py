@@ -1,39 +1,35 @@
-"""All checks of one half: its face first, then, where the face is one a run can use, how it behaves."""
+"""Checks one half against the interface specification: its description first, then its behaviour."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from coupler.errors import HalfError, ScenarioError
+from coupler.fmu.builders import build_half, known_halves
 from coupler.fmu.description import read_description, unpack
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
-from coupler.verify.checks import (
-    Finding,
-    Verdict,
-    behaviour_findings,
-    face_findings,
-    failed,
-    fmu_of,
-    passed,
-    reference_finding,
-    settled,
-    state_findings,
-)
+from coupler.init.templates import templates
+from coupler.running.demo import shipped_scenarios
+from coupler.scenario import Scenario, load_scenario
+from coupler.scenario.document import did_you_mean
+from coupler.verify.behaviour import behaviour_findings
+from coupler.verify.bench import settled
+from coupler.verify.description_checks import description_findings, reference_finding, state_findings
+from coupler.verify.finding import CheckVerdict, Finding, conclusion, failed, passed, table_of
 
 RUNS = "takes substeps"
 
 
 def verify_fmu(fmu: Path, scratch: Path, h: float) -> Iterator[Finding]:
-    """Findings of an FMU one by one; h : substep to begin with [s].
+    """Check an FMU, and yield its findings one by one.  h : substep to begin with [s].
 
     scratch : an empty folder.  Raises HalfError where the file is no FMU of FMI 2.0 for co-simulation.
     """
@@ -43,14 +39,14 @@ def verify_fmu(fmu: Path, scratch: Path, h: float) -> Iterator[Finding]:
 
 
 def verify_half(make: Callable[[], Half], h: float) -> Iterator[Finding]:
-    """Findings of a half one by one.  make : a new instance, loaded and not initialised."""
+    """Check a half, and yield its findings one by one.  make : returns a new instance, loaded and not initialised."""
     half = make()
     try:
-        findings = [*face_findings(half.blocks), *state_findings(half.can_save, half.can_serialise)]
+        findings = [*description_findings(half.blocks), *state_findings(half.can_save, half.can_serialise)]
     finally:
         half.close()
     yield from findings
-    if findings[0].verdict is Verdict.FAIL:
+    if findings[0].verdict is CheckVerdict.FAIL:
         return
     try:
         bench = settled(make, h)
@@ -61,10 +57,8 @@ def verify_half(make: Callable[[], Half], h: float) -> Iterator[Finding]:
     yield from behaviour_findings(bench)
 
 
-# The verb `slideline verify-half`: findings as a table, and a code.
+VIOLATED = 1  # exit code where a check failed
 
-NOT_KEPT = 1  # exit code where a check failed
-_COLOUR = {Verdict.PASS: "green", Verdict.FAIL: "bold red", Verdict.NOT_APPLICABLE: "yellow"}
 
 HalfArgument = Annotated[str, typer.Argument(
     help="An FMU, file.fmu, or the name of a half that is installed: thermal, elastic, ...", show_default=False)]
@@ -76,33 +70,55 @@ StepOption = Annotated[float, typer.Option("--step", metavar="SECONDS",
 
 
 def verify_half_command(half: HalfArgument, scenario: ScenarioOption = None, step: StepOption = 1.0) -> None:
-    """Hold a half against the border: names, units, state, discards, substeps.  Code 1 where it does not keep to it."""
+    """Check a half against the interface specification: names, units, state, discards, substeps.  Code 1: violated."""
     if not 0 < step < float("inf"):
         raise ScenarioError("a substep is longer than 0", key="--step", value=step, remedy="Give seconds")
     with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
         fmu = fmu_of(half, scenario, Path(scratch) / "half")
         findings = list(verify_fmu(fmu, Path(scratch), step))
     Console().print(table_of(half, findings))
-    typer.echo(verdict_words(half, findings))
-    if any(f.verdict is Verdict.FAIL for f in findings):
-        raise typer.Exit(NOT_KEPT)
+    typer.echo(conclusion(half, findings))
+    if any(f.verdict is CheckVerdict.FAIL for f in findings):
+        raise typer.Exit(VIOLATED)
 
 
-def table_of(half: str, findings: Iterable[Finding]) -> Table:
-    """One row a check."""
-    table = Table(title=f"{half} at the border", title_justify="left")
-    for column in ("check", "", "seen", "what to do"):
-        table.add_column(column, overflow="fold")
-    for f in findings:
-        table.add_row(f.check, f"[{_COLOUR[f.verdict]}]{f.verdict.value}[/]", escape(f.reason), escape(f.remedy))
-    return table
+def fmu_of(half: str, scenario: Path | None, scratch: Path) -> Path:
+    """Return the FMU of a path, or build that of an entry point for a scenario that uses it.
+
+    scratch : a folder for what is built.  Raises ScenarioError where there is none, HalfError where it cannot be built.
+    """
+    if half.endswith(".fmu"):
+        path = Path(half)
+        if not path.is_file():
+            raise ScenarioError("there is no such FMU", key="HALF", value=half, remedy="Check the path")
+        return path
+    installed = known_halves()
+    if half not in installed:
+        raise ScenarioError("this is neither an FMU (a path that ends in .fmu) nor the name of an installed half",
+                            key="HALF", value=half, remedy=did_you_mean(half, installed))
+    use = _scene_with(half, scenario)
+    return build_half(use.scene.write_half(use.role, scratch), scratch)
 
 
-def verdict_words(half: str, findings: Iterable[Finding]) -> str:
-    """The outcome in a line."""
-    verdicts = [f.verdict for f in findings]
-    counts = ", ".join(f"{n} {words}" for verdict, words in (
-        (Verdict.PASS, "passed"), (Verdict.FAIL, "failed"), (Verdict.NOT_APPLICABLE, "not applicable"))
-        if (n := verdicts.count(verdict)))
-    kept = "does not keep to the border" if Verdict.FAIL in verdicts else "keeps to the border"
-    return f"{half} {kept}: {counts}"
+@dataclass(frozen=True)
+class _Use:
+    """role : of the half in the scene."""
+
+    scene: Scenario
+    role: str
+
+
+def _scene_with(kind: str, scenario: Path | None) -> _Use:
+    """Find a scene that uses a kind of half; of our own kinds a template does."""
+    for path in [scenario] if scenario is not None else _own():
+        scene = load_scenario(path)
+        for role, used in (("thermal", scene.thermal_half), ("mechanical", scene.mechanical_half)):
+            if used == kind:
+                return _Use(scene, role)
+    where = f"{scenario} uses other halves" if scenario is not None else "no template uses this half"
+    raise ScenarioError(where, key="--scenario", value=kind, remedy="Give a scenario that uses it, with --scenario")
+
+
+def _own() -> Iterable[Path]:
+    yield from (template.path for template in templates().values())
+    yield shipped_scenarios() / "heated_bars.yaml"  # the rigid half

@@ -20,9 +20,9 @@ from mechanical_fmu.laws.law import CreepKernels, CreepLaw, Fields, Floats, Poin
 
 GAS_CONSTANT = 8.31446261815324  # J/mol K, exact since 2019
 # Newton's method converges quadratically from any start; more than some ten iterations have never been needed.
-MOST_CREEP = 100
+MAX_CREEP_ITERATIONS = 100
 # exp() of more overflows.
-LARGEST = 700.0
+MAX_EXPONENT = 700.0
 
 
 @inner
@@ -33,7 +33,7 @@ def relaxed(p: Point, Q: float, dt: float) -> tuple[float, float]:
     #   (n - 1.0) * np.log(Q) | mechanical_fmu/test_points_flow mechanical_fmu/test_points_verification
     lc = np.log(3.0 * G) + np.log(dt) + p.creep_log_factor + (n - 1.0) * np.log(Q)
     v = -max(lc, 0.0) / n
-    for _ in range(MOST_CREEP):
+    for _ in range(MAX_CREEP_ITERATIONS):
         other = lc + n * v
         top = max(v, other)
         here, there = np.exp(v - top), np.exp(other - top)
@@ -41,7 +41,7 @@ def relaxed(p: Point, Q: float, dt: float) -> tuple[float, float]:
         v -= step
         if not abs(step) > 1e-15 * max(1.0, abs(v)):
             break
-    return Q * np.exp(v), Q / (3.0 * G) * np.exp(min(lc + n * v, LARGEST))
+    return Q * np.exp(v), Q / (3.0 * G) * np.exp(min(lc + n * v, MAX_EXPONENT))
 
 
 @inner
@@ -49,7 +49,7 @@ def strain(p: Point, q: float, dt: float) -> float:
     """Creep strain of a step of dt [s] that ends at q [Pa]."""
     if q <= 0.0 or dt <= 0.0:
         return 0.0
-    return np.exp(min(np.log(dt) + p.creep_log_factor + p.creep_exponent * np.log(q), LARGEST))
+    return np.exp(min(np.log(dt) + p.creep_log_factor + p.creep_exponent * np.log(q), MAX_EXPONENT))
 
 
 @inner

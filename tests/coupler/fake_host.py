@@ -56,7 +56,7 @@ class Toy:
         self.y = self.y + h * facing.node_gap
         return Advance(Status.OK, "", self.read(outputs), 0.25)
 
-    def read(self, names):
+    def read(self, names, finite=True):
         values = {"y": self.y, "sum": np.array(self.y.sum()), "x": self.x, "pid": np.array(float(os.getpid()))}
         if not set(names) <= values.keys():
             raise HalfError(f"no block {names}", half=self.name, log="the log of the toy")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from coupler.experiments.study import Point
-from coupler.experiments.trial import Trial
+from coupler.experiments.trial import TrialResult
+from coupler.experiments.work_precision import Point
 from coupler.scenario.document import Document, document_from
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,20 +24,20 @@ def document() -> Document:
     return document_from(LUMPED, text[:text.index("\nstudy:")])
 
 
-def decay(H: float, order: int, factor: float = 0.1) -> Trial:
+def decay(H: float, order: int, factor: float = 0.1) -> TrialResult:
     """A run of exp(-t) in windows of H [s], off by factor H^order sin(t)."""
     t = np.linspace(0.0, T_END, round(T_END / H) + 1)
     value = np.exp(-t) + factor * H**order * np.sin(t)
-    return Trial("", 2 * (len(t) - 1), 0.01 / H, windows=len(t) - 1, t=t.tolist(),
+    return TrialResult("", 2 * (len(t) - 1), 0.01 / H, windows=len(t) - 1, t=t.tolist(),
                  probes={"T": value.tolist(), "still": (0.0 * t + 3.0).tolist()}, units={"T": "K", "still": "m"})
 
 
-FELL = Trial("window 3 at t = 1 s: did not converge", 12, 0.1, windows=2)
+FELL = TrialResult("window 3 at t = 1 s: did not converge", 12, 0.1, windows=2)
 
 
-def point(label: str, half_solves: int, error: float, floor: float = 1e-6) -> Point:
-    """A point of the curve `label`, its wall time going with its half-solves."""
-    return Point(label, label, half_solves, 0.01 * half_solves, error, floor)
+def point(label: str, solver_calls: int, error: float, floor: float = 1e-6) -> Point:
+    """A point of the curve `label`, its wall time going with its solver calls."""
+    return Point(label, label, solver_calls, 0.01 * solver_calls, error, floor)
 
 
 # Stands for a worker: answers at once, dies on the scenario "die", sleeps on "sleep".
@@ -49,5 +49,5 @@ for line in sys.stdin:
         sys.exit("no such thing")
     if job["text"] == "sleep":
         time.sleep(60)
-    print(json.dumps({"half_solves": len(job["text"])}), flush=True)
+    print(json.dumps({"solver_calls": len(job["text"])}), flush=True)
 """]

@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from rich.console import Console
 
 from coupler.cli.console import SETTING_UP, ProgressLine, summary
@@ -16,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import write_run
 
 FIRST = Progress(t=1.0, t_end=1000.0, number=1, total=200, verdict="accepted", message="", touching=0, max_T=373.15,
-                 max_p=-0.0, imbalance=1e-14, elapsed=30.0, left=6000.0)
+                 max_p=-0.0, imbalance=1e-14, elapsed=30.0, remaining=6000.0)
 
 
 def shown(width: int = 100, terminal: bool = False) -> tuple[ProgressLine, io.StringIO]:
@@ -30,7 +31,7 @@ def test_a_line_has_no_minus_zero_and_no_guess_from_the_first_window() -> None:
     assert "max p 0 MPa" in text
     assert "max T 100.0 degC" in text
     assert "left" not in text
-    assert line.line(replace(FIRST, number=20, left=65.0)).endswith("1:05 min left")
+    assert line.line(replace(FIRST, number=20, remaining=65.0)).endswith("1:05 min to go")
 
 
 def test_lines_come_by_windows_and_the_last_is_told() -> None:
@@ -55,8 +56,9 @@ def test_tries_of_one_window_are_one_line() -> None:
             line(replace(FIRST, verdict="mechanical discard", message=message, H=2.0, scheme="iterated"))
         line(replace(FIRST, H=0.002, scheme="iterated"))
     first, second = file.getvalue().splitlines()[1:]
-    assert first == ("window 1 at t = 1 s, 2 s iterated: mechanical discard (nothing holds body [b]); "
-                     "mechanical discard (no equilibrium), 10 times; taken with 0.002 s iterated")
+    assert first == ("window 1 at t = 1 s, 2 s iterated: the mechanical solver failed (nothing holds body [b]); "
+                     "the mechanical solver failed (no equilibrium); the step was rejected 10 times; "
+                     "accepted with 0.002 s iterated")
     assert "| window 1/200 (10 rejected)" in second
 
 
@@ -74,11 +76,19 @@ def test_errors_that_are_too_large_are_told_ten_times() -> None:
 def test_what_was_told_at_the_start_is_not_told_again(tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5")
     assert "note: a note of the run" in summary(results)
-    assert "note: a note of the run" not in summary(results, told={"a note of the run"})
+    assert "note: a note of the run" not in summary(results, printed={"a note of the run"})
 
 
 def test_notes_of_windows_are_remembered_as_told() -> None:
     line, file = shown()
     line(replace(FIRST, notes=("it rings",)))
     assert "note: it rings" in file.getvalue()
-    assert line.told == {"it rings"}
+    assert line.printed == {"it rings"}
+
+
+def test_old_names_of_progress_warn() -> None:
+    p = replace(FIRST, number=20, total=200, remaining=65.0)
+    with pytest.warns(DeprecationWarning, match="Progress.remaining"):
+        assert p.left == 65.0
+    with pytest.warns(DeprecationWarning, match="Progress.fraction"):
+        assert p.share == 0.1

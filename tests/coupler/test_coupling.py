@@ -143,7 +143,7 @@ def test_what_a_half_lacks_is_named_with_its_cost():
     assert what_is_missing(thermal, mechanical, touches=False) == []
     told = what_is_missing(replace(thermal, can_save=False), mechanical, touches=True)
     assert [n.split(":")[0] for n in told] == [
-        "lumped keeps no states", "shrinking gives no contact.t_N", "shrinking gives no contact.gap"]
+        "lumped cannot save its state", "shrinking gives no contact.t_N", "shrinking gives no contact.gap"]
     deaf = replace(thermal, blocks={n: b for n, b in thermal.blocks.items() if n != "E_M"})
     assert what_is_missing(deaf, mechanical, touches=False) == [
         "lumped takes no E_M: the heat shrinking makes is counted but not delivered"]

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.deck.lexer import Row
+from coupler.deck.lexer import DeckLine
 from coupler.deck.materials import expansion_from
-from coupler.deck.steps import Amplitude, Step, after
+from coupler.deck.steps import Amplitude, DeckStep, after
 from coupler.errors import ScenarioError
 from coupler.scenario import load_scenario
 
@@ -165,7 +165,7 @@ def test_two_steps_an_amplitude_and_a_ramp(tmp_path):
 
 def test_a_load_that_jumps_on_in_a_later_step():
     def step_of(start, ramp):
-        return Step("STATIC", start, 9.0, 1.0, 1.0, True, False, ramp, Row("", 0, "", ()), ())
+        return DeckStep("STATIC", start, 9.0, 1.0, 1.0, True, False, ramp, DeckLine("", 0, "", ()), ())
 
     step, ramp = step_of(4.0, False), step_of(0.0, True)
     assert after(None, step, 3.0, None, 0.0).signal == {"t": [4.0, 4.0], "value": [0.0, 3.0]}
@@ -175,8 +175,8 @@ def test_a_load_that_jumps_on_in_a_later_step():
 
 
 def test_a_ramp_that_ends_where_the_next_step_jumps():
-    row = Row("", 0, "", ())
-    first, second = (Step("STATIC", t, t + 2.0, 1.0, 1.0, True, False, False, row, ()) for t in (0.0, 2.0))
+    row = DeckLine("", 0, "", ())
+    first, second = (DeckStep("STATIC", t, t + 2.0, 1.0, 1.0, True, False, False, row, ()) for t in (0.0, 2.0))
     up = Amplitude(((0.0, 0.0), (2.0, 1.0)), total=True, absolute=False)
     other = Amplitude(((0.0, 0.0), (2.0, 0.5), (4.0, 1.0)), total=True, absolute=False)
     history = after(after(None, first, 3.0, up, 0.0), second, 8.0, other, 0.0)

@@ -16,7 +16,7 @@ from coupler.scenario.document import read_document
 sys.path.insert(0, str(Path(__file__).parent))
 from decks import converted, coupled_deck, heat_deck
 
-HELD = "*BOUNDARY\nBOTTOM, 11, 11, 100.\n"
+PRESCRIBED = "*BOUNDARY\nBOTTOM, 11, 11, 100.\n"
 
 
 @pytest.mark.parametrize(("old", "new", "said"), [
@@ -57,7 +57,7 @@ HELD = "*BOUNDARY\nBOTTOM, 11, 11, 100.\n"
     ("*SPECIFIC HEAT\n500.\n", "*SPECIFIC HEAT\n500., 20.\n600., 20.\n", "temperatures must increase"),
 ])
 def test_each_error_names_file_line_and_text(tmp_path, old, new, said):
-    text = heat_deck(HELD)
+    text = heat_deck(PRESCRIBED)
     assert old in text
     with pytest.raises(ScenarioError, match=said) as caught:
         converted(tmp_path, text.replace(old, new, 1))
@@ -70,21 +70,21 @@ def test_a_part_used_twice_and_one_that_turns_are_refused(tmp_path):
     part = "*PART, NAME=P\n*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n0., 0., 0.\n{0}*END INSTANCE\n"
     again = "*INSTANCE, NAME=J, PART=P\n*END INSTANCE\n"
     with pytest.raises(ScenarioError, match="two instances"):
-        converted(tmp_path, part.format("") + again + heat_deck(HELD))
+        converted(tmp_path, part.format("") + again + heat_deck(PRESCRIBED))
     with pytest.raises(ScenarioError, match="not turned"):
-        converted(tmp_path, part.format("0., 0., 0., 0., 0., 1., 30.\n") + heat_deck(HELD))
+        converted(tmp_path, part.format("0., 0., 0., 0., 0., 1., 30.\n") + heat_deck(PRESCRIBED))
 
 
 def test_two_materials_in_one_piece_are_refused(tmp_path):
     more = ("*MATERIAL, NAME=BRASS\n*CONDUCTIVITY\n100.\n*SPECIFIC HEAT\n400.\n*DENSITY\n8500.\n*ELSET, ELSET=ONE\n1\n"
             "*ELSET, ELSET=TWO\n2\n*SOLID SECTION, ELSET=TWO, MATERIAL=BRASS\n1.\n")
-    text = heat_deck(HELD, mesh=more).replace("ELSET=LOWER, MATERIAL", "ELSET=ONE, MATERIAL")
+    text = heat_deck(PRESCRIBED, mesh=more).replace("ELSET=LOWER, MATERIAL", "ELSET=ONE, MATERIAL")
     with pytest.raises(ScenarioError, match=r"STEEL and of BRASS|BRASS and of STEEL"):
         converted(tmp_path, text)
 
 
 def test_case_blanks_continuations_and_includes_change_nothing(tmp_path):
-    text = heat_deck(HELD)
+    text = heat_deck(PRESCRIBED)
     tree, _ = converted(tmp_path, text)
     cell = ("1, 1, 2, 5, 4", "1,1,2,\n5 ,4,")
     head, tail = text.split("*MATERIAL", 1)
@@ -98,7 +98,7 @@ def test_case_blanks_continuations_and_includes_change_nothing(tmp_path):
 
 def test_lines_of_an_included_file_are_told_with_its_name(tmp_path):
     with pytest.raises(ScenarioError) as caught:
-        converted(tmp_path, heat_deck(HELD, mesh="*INCLUDE, INPUT=more.inp\n"), more="\n*NSET, NSET=X\nNOWHERE\n")
+        converted(tmp_path, heat_deck(PRESCRIBED, mesh="*INCLUDE, INPUT=more.inp\n"), more="\n*NSET, NSET=X\nNOWHERE\n")
     assert (caught.value.file, caught.value.line) == (str(tmp_path / "more.inp"), 3)
 
 
@@ -118,7 +118,7 @@ def test_what_is_no_deck_is_refused(tmp_path, raw):
 
 def test_text_of_a_deck_cannot_leave_its_comment(tmp_path):
     evil = "*NODE FILE, X=\x85slideline: 2\u2028thermal: {}\x0bmechanical\n"
-    _, told = converted(tmp_path, heat_deck(HELD + evil, model="*TIE, NAME=\x1b[31m\nA, B\n"))
+    _, told = converted(tmp_path, heat_deck(PRESCRIBED + evil, model="*TIE, NAME=\x1b[31m\nA, B\n"))
     text = told.files[0].read_text(encoding="utf-8")
     assert [line for line in text.splitlines() if line.startswith("slideline")] == ["slideline: 1"]
     assert not set(text) & set("\x85\u2028\x0b\x1b")
@@ -127,7 +127,7 @@ def test_text_of_a_deck_cannot_leave_its_comment(tmp_path):
 @pytest.mark.parametrize("name", ["a\nslideline: 7\n.inp", "a\udcff.inp"])
 def test_names_of_decks_cannot_leave_their_comment_either(tmp_path, name):
     deck = tmp_path / name
-    deck.write_text(heat_deck(HELD, model="*INITIAL CONDITIONS, TYPE=\x1b[31m\x85slideline: 3\n"))
+    deck.write_text(heat_deck(PRESCRIBED, model="*INITIAL CONDITIONS, TYPE=\x1b[31m\x85slideline: 3\n"))
     told = convert(deck, tmp_path / "scene.yaml")
     text = told.files[0].read_text(encoding="utf-8")
     assert read_document(told.files[0]).tree["slideline"] == 1
@@ -138,7 +138,7 @@ def test_names_of_decks_cannot_leave_their_comment_either(tmp_path, name):
 def test_includes_lie_beside_the_deck_as_it_was_named(tmp_path):
     inner = tmp_path / "inner"
     inner.mkdir()
-    (inner / "deck.inp").write_text("*INCLUDE, INPUT=more.inp\n" + heat_deck(HELD))
+    (inner / "deck.inp").write_text("*INCLUDE, INPUT=more.inp\n" + heat_deck(PRESCRIBED))
     (inner / "more.inp").write_text("** beside the deck\n")
     (tmp_path / "secret").write_text("secret\n")
     outer = tmp_path / "outer"
@@ -157,7 +157,7 @@ def test_includes_lie_beside_the_deck_as_it_was_named(tmp_path):
 
 
 def test_a_range_costs_what_the_deck_has_and_not_what_it_asks_for(tmp_path):
-    _, told = converted(tmp_path, heat_deck(HELD).replace("1, 3\n", "2, 9999999998, 2\n", 1))
+    _, told = converted(tmp_path, heat_deck(PRESCRIBED).replace("1, 3\n", "2, 9999999998, 2\n", 1))
     assert "4999999993 numbers" in told.missed[0].why
 
 
@@ -167,7 +167,7 @@ def test_a_range_costs_what_the_deck_has_and_not_what_it_asks_for(tmp_path):
     ("10., 1000.", {"until": 1000.0, "size": 10.0}),
     ("1., 1000., , 1.", {"until": 1000.0, "size": 1.0})])
 def test_windows_grow_where_a_step_may_choose_its_increments(tmp_path, times, windows):
-    tree, _ = converted(tmp_path, heat_deck(HELD).replace(", DIRECT\n1., 10.", f"\n{times}"))
+    tree, _ = converted(tmp_path, heat_deck(PRESCRIBED).replace(", DIRECT\n1., 10.", f"\n{times}"))
     assert tree["coupling"]["windows"] == [windows]
 
 
@@ -176,21 +176,21 @@ def test_windows_grow_where_a_step_may_choose_its_increments(tmp_path, times, wi
     ("1.E307, 1.7E308", "no end")])
 def test_steps_that_no_run_could_take_are_refused(tmp_path, times, said):
     step = f"*STEP\n*HEAT TRANSFER\n{times}\n*END STEP\n"
-    text = heat_deck(HELD).replace("*HEAT TRANSFER, DIRECT\n1., 10.", f"*HEAT TRANSFER\n{times}") + step
+    text = heat_deck(PRESCRIBED).replace("*HEAT TRANSFER, DIRECT\n1., 10.", f"*HEAT TRANSFER\n{times}") + step
     with pytest.raises(ScenarioError, match=said):
         converted(tmp_path, text)
 
 
 def test_the_mesh_does_not_take_the_scenarios_place(tmp_path):
     deck = tmp_path / "deck.inp"
-    deck.write_text(heat_deck(HELD))
+    deck.write_text(heat_deck(PRESCRIBED))
     with pytest.raises(ScenarioError, match=r"End the scenario in [.]yaml"):
         convert(deck, tmp_path / "scene.msh")
     assert [p.name for p in tmp_path.iterdir()] == ["deck.inp"]
 
 
 def test_a_latin_1_deck_is_read(tmp_path):
-    tree, _ = converted(tmp_path, heat_deck(HELD).replace("Two blocks", "Zwei Bl\u00f6cke").encode("latin-1"))
+    tree, _ = converted(tmp_path, heat_deck(PRESCRIBED).replace("Two blocks", "Zwei Bl\u00f6cke").encode("latin-1"))
     assert tree["title"] == "Zwei Bl\u00f6cke"
 
 

@@ -18,7 +18,7 @@ def unused(scenario: object) -> None:
 
 def test_a_changed_scenario_is_left_as_it_is(tmp_path: Path) -> None:
     (tmp_path / SCENARIO).write_text("mine")
-    with pytest.raises(ScenarioError, match="left as it is"):
+    with pytest.raises(ScenarioError, match="nothing was written"):
         run_demo(tmp_path, unused)
     assert (tmp_path / SCENARIO).read_text() == "mine"
 

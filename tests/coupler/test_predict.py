@@ -72,11 +72,11 @@ def test_a_pilot_tells_where_windows_must_be_shortest():
     bounds = schedule(200.0, [WindowRange(200.0, 1.0, 40.0)], [])
     plan = Plan(bounds, Scheme.ITERATED, {"thermal": 1, "mechanical": 1})
     found = along(wanted_outputs(lumped(840.0), shrinking(840.0)), start(840.0, gap_of(840.0)), plan, "midpoint")
-    b = [f.b for f in found.seen]
+    b = [f.b for f in found.feedbacks]
     assert found.strictest is not None
-    assert found.strictest[0].t == found.seen[0].t == pytest.approx(1.0, rel=0.2)
+    assert found.strictest.t == found.feedbacks[0].t == pytest.approx(1.0, rel=0.2)
     assert b[0] > 1.2 * b[-1]
     assert b[-1] == pytest.approx(B_LAG, rel=1e-3)
-    assert f"at t = 200 s: staggered up to {2 / B_LAG:.2g} s, extrapolated up to {1 / B_LAG:.2g} s" in found.words
+    assert f"at t = 200 s: staggered up to {2 / B_LAG:.2g} s, extrapolated up to {1 / B_LAG:.2g} s" in found.summary
     assert found.pairs > 12 * len(b)
-    assert Prediction((Feedback(0.0, 0.0, 0.0),), "midpoint", 0).words.startswith("no window is too long")
+    assert Prediction((Feedback(0.0, 0.0, 0.0),), "midpoint", 0).summary.startswith("no window is too long")

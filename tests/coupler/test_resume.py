@@ -210,8 +210,8 @@ def test_the_command_line(whole: Path, stopped: Path, monkeypatch: pytest.Monkey
                           capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_code(monkeypatch, "resume", str(stopped), "--until", "1.5") == 0
     shown = capsys.readouterr()
-    assert "on from t = 1 s of 2 s" in shown.err
-    assert f"to go on: slideline resume {stopped}" in shown.out
+    assert "resuming at t = 1 s of 2 s" in shown.err
+    assert f"to resume: slideline resume {stopped}" in shown.out
     assert exit_code(monkeypatch, "resume", str(stopped)) == 0
     assert "completed" in (shown := capsys.readouterr()).out
     assert "to go on" not in shown.out

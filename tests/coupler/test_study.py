@@ -1,4 +1,4 @@
-"""Studies: the grid, the reference, errors, the front, the chart; all of made-up numbers."""
+"""Studies: the grid, the reference, errors, the pareto_front, the chart; all of made-up numbers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 
 from coupler.errors import ResultsError, ScenarioError
-from coupler.experiments import pool
-from coupler.experiments.grid import cells_of, grid_of, parse_axis
+from coupler.experiments import pool, trial
+from coupler.experiments.grid import grid_of, parse_axis, settings_of
 from coupler.experiments.pool import run_there
-from coupler.experiments.study import Limit, cheapest, errors_of, from_file, front, point_of, richardson, scale_of
-from coupler.experiments.study_page import draw
-from coupler.experiments.trial import Job, Store
+from coupler.experiments.reference import from_file, richardson
+from coupler.experiments.study import StabilityLimit
+from coupler.experiments.study_chart import draw
+from coupler.experiments.trial import Job, TrialStore
+from coupler.experiments.work_precision import cheapest, errors_of, pareto_front, point_of, scale_of
 from coupler.scenario.options import Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -25,33 +27,33 @@ from study_scenes import FAKE, FELL, T_END, decay, document, point
 
 
 def test_a_grid_is_every_combination():
-    cells = cells_of(document(), [grid_of([parse_axis("scheme=staggered,iterated"), parse_axis("windows=0.5,2")])])
+    cells = settings_of(document(), [grid_of([parse_axis("scheme=staggered,iterated"), parse_axis("windows=0.5,2")])])
     assert [c.label for c in cells] == [f"{s}, windows {w}" for s in ("staggered", "iterated") for w in (0.5, 2)]
     assert cells[0].sets == {"coupling.scheme": "staggered", "coupling.windows": [{"until": 20, "size": 0.5}]}
     assert {c.series for c in cells} == {"staggered", "iterated"}
 
 
 def test_a_setting_in_two_grids_is_run_once():
-    assert len(cells_of(document(), [{"windows": (1, 2)}, {"windows": (2, 4)}])) == 3
+    assert len(settings_of(document(), [{"windows": (1, 2)}, {"windows": (2, 4)}])) == 3
 
 
 def test_windows_stay_in_their_range():
-    cell, = cells_of(document(), [{"windows": (50,)}])
+    cell, = settings_of(document(), [{"windows": (50,)}])
     assert cell.sets["coupling.windows"] == [{"until": 20, "size": 20}]
 
 
 def test_a_factor_is_on_what_the_other_axes_left():
-    tolerance, = cells_of(document(), [{"tolerance": (10,), "coupling.adaptive": ({"first": 1.0, "tolerance": {
+    tolerance, = settings_of(document(), [{"tolerance": (10,), "coupling.adaptive": ({"first": 1.0, "tolerance": {
         "temperature": {"atol": 0.5}}},)}])
     assert tolerance.sets["coupling.adaptive.tolerance.temperature"]["atol"] == 5.0
-    mesh, = cells_of(document(), [{"bodies.body.mesh.rectangle.cells": ([3, 2],), "mesh": (2,)}])
+    mesh, = settings_of(document(), [{"bodies.body.mesh.rectangle.cells": ([3, 2],), "mesh": (2,)}])
     assert mesh.sets["bodies.wall.mesh.rectangle.cells"] == [1, 1]
-    doubled, = cells_of(document(), [{"mesh": (2,), "bodies.body.mesh.rectangle.cells": ([3, 2],)}])
+    doubled, = settings_of(document(), [{"mesh": (2,), "bodies.body.mesh.rectangle.cells": ([3, 2],)}])
     assert doubled.sets["bodies.body.mesh.rectangle.cells"] == [6, 4]
 
 
 def test_every_scheme_is_an_axis_value():
-    assert len(cells_of(document(), [{"scheme": tuple(s.value for s in Scheme)}])) == len(Scheme)
+    assert len(settings_of(document(), [{"scheme": tuple(s.value for s in Scheme)}])) == len(Scheme)
 
 
 @pytest.mark.parametrize(("axis", "key", "says"), [
@@ -66,7 +68,7 @@ def test_every_scheme_is_an_axis_value():
 ])
 def test_what_is_wrong_in_a_grid_is_named(axis, key, says):
     with pytest.raises(ScenarioError) as error:
-        cells_of(document(), [grid_of([parse_axis(axis)])])
+        settings_of(document(), [grid_of([parse_axis(axis)])])
     assert error.value.key == key
     assert says in str(error.value)
 
@@ -75,7 +77,7 @@ def test_an_axis_twice_and_no_grid():
     with pytest.raises(ScenarioError, match="given twice"):
         grid_of([parse_axis("windows=1"), parse_axis("windows=2")])
     with pytest.raises(ScenarioError, match="there is no grid"):
-        cells_of(document(), [])
+        settings_of(document(), [])
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -128,8 +130,8 @@ def test_a_run_that_failed_is_a_point_without_an_error():
     r = richardson([decay(0.01 * k, 2) for k in (1, 2, 4)], "made up")
     p = point_of("a", "a", FELL, r, scale_of(r, (), (0.0, T_END)))
     assert math.isnan(p.error)
-    assert (p.half_solves, p.message) == (12, FELL.failed)
-    assert front([p]) == []
+    assert (p.solver_calls, p.message) == (12, FELL.failed)
+    assert pareto_front([p]) == []
     assert cheapest([p], 1.0) is None
 
 
@@ -152,17 +154,17 @@ POINTS = (point("a", 10, 0.5), point("a", 100, 0.04), point("b", 60, 0.009), poi
 
 
 def test_the_front_is_what_nothing_beats():
-    assert [(p.half_solves, p.known) for p in front(POINTS)] == [(10, 0.5), (60, 0.009), (300, 5e-4)]
+    assert [(p.solver_calls, p.bound) for p in pareto_front(POINTS)] == [(10, 0.5), (60, 0.009), (300, 5e-4)]
 
 
 def test_the_cheapest_that_is_known_to_be_good_enough():
     """The last point's error is below what the reference can tell: it counts as the reference's own."""
-    assert [None if p is None else p.half_solves for p in (cheapest(POINTS, x) for x in (1e-2, 1e-3, 1e-4))] == [
+    assert [None if p is None else p.solver_calls for p in (cheapest(POINTS, x) for x in (1e-2, 1e-3, 1e-4))] == [
         60, 300, None]
 
 
 def test_the_chart_shows_failures_hollow_and_what_is_below_the_floor():
-    figure = draw(POINTS, [Limit("a", 2.0, 50.0)])
+    figure = draw(POINTS, [StabilityLimit("a", 2.0, 50.0)])
     left = figure.axes[0]
     lines = {line.get_gid(): line for line in left.lines if line.get_gid()}
     failed = [line for line in left.lines if line.get_gid() == "failed"]
@@ -176,18 +178,19 @@ def test_the_chart_shows_failures_hollow_and_what_is_below_the_floor():
 
 
 @pytest.mark.parametrize(("limit", "says"), [
-    (Limit("a", 2.0, 50.0), "a: predicted limit"), (Limit("a", math.inf, 0.0), "a: no limit predicted"),
-    (Limit("a", 9.0, 1.0), "a: all within the predicted limit"),
-    (Limit("a", 0.1, 1e6), "a: all beyond the predicted limit")])
+    (StabilityLimit("a", 2.0, 50.0), "a: predicted limit"),
+    (StabilityLimit("a", math.inf, 0.0), "a: no limit predicted"),
+    (StabilityLimit("a", 9.0, 1.0), "a: all within the predicted limit"),
+    (StabilityLimit("a", 0.1, 1e6), "a: all beyond the predicted limit")])
 def test_the_legend_says_what_limit_is_predicted(limit, says):
     figure = draw(POINTS, [limit])
     assert says in [text.get_text() for text in figure.legends[0].get_texts()]
     lines = [line for line in figure.axes[0].lines if line.get_gid() == "limit"]
-    assert [list(line.get_xdata()) for line in lines] == ([[50.0, 50.0]] if limit.half_solves == 50.0 else [])
+    assert [list(line.get_xdata()) for line in lines] == ([[50.0, 50.0]] if limit.solver_calls == 50.0 else [])
 
 
 def test_fixed_windows_are_told_by_their_size():
-    cell, = cells_of(document(), [{"coupling.windows": ([{"until": 20, "size": 12.5}],), "windows": (2,)}])
+    cell, = settings_of(document(), [{"coupling.windows": ([{"until": 20, "size": 12.5}],), "windows": (2,)}])
     assert (cell.series, cell.label) == ("windows of 12.5 s", "windows of 12.5 s, windows 2")
 
 
@@ -197,7 +200,7 @@ def test_a_chart_of_failures_alone_is_none():
 
 
 def test_a_trial_comes_back_from_the_store(tmp_path):
-    store = Store(tmp_path / "runs")
+    store = TrialStore(tmp_path / "runs")
     assert store.get("a") is None
     store.put("a", decay(0.5, 1))
     assert store.get("a") == decay(0.5, 1)
@@ -206,9 +209,15 @@ def test_a_trial_comes_back_from_the_store(tmp_path):
         store.get("a")
 
 
+def test_what_no_trial_depends_on_is_left_out_of_its_key():
+    coupler = Path(trial.__file__).parent.parent
+    assert [name for name in trial.APART if not (coupler / name).is_dir()] == []
+    assert coupler.joinpath("experiments") == Path(trial.__file__).parent
+
+
 def test_a_trial_of_another_version_is_run_again(tmp_path, monkeypatch):
     monkeypatch.setattr("coupler.experiments.trial.VERSION", 0)
-    store = Store(tmp_path)
+    store = TrialStore(tmp_path)
     store.put("a", decay(0.5, 1))
     assert store.get("a") is not None
     monkeypatch.undo()
@@ -221,16 +230,16 @@ def jobs(*texts: str) -> dict[str, Job]:
 
 def test_a_process_that_dies_is_one_failure(monkeypatch):
     monkeypatch.setattr(pool, "WORKER", FAKE)
-    done = dict(pool.run_here(jobs("a", "die", "abc", "ab"), 1))
-    assert [done[n].half_solves for n in ("0 a", "2 abc", "3 ab")] == [1, 3, 2]
+    done = {job.name: job.result for job in pool.run_here(jobs("a", "die", "abc", "ab"), 1)}
+    assert [done[n].solver_calls for n in ("0 a", "2 abc", "3 ab")] == [1, 3, 2]
     assert "no such thing" in done["1 die"].failed
-    assert not done["1 die"].kept
+    assert not done["1 die"].storable
 
 
 def test_a_run_that_takes_too_long_is_given_up(monkeypatch):
     monkeypatch.setattr(pool, "WORKER", FAKE)
     began = time.monotonic()
-    done = dict(pool.run_here(jobs("sleep", "a"), 1, limit=0.5))
+    done = {job.name: job.result for job in pool.run_here(jobs("sleep", "a"), 1, limit=0.5)}
     assert time.monotonic() - began < 30.0
     assert "longer than 0.5 s" in done["0 sleep"].failed
     assert not done["1 a"].failed
@@ -240,7 +249,7 @@ def test_leaving_early_ends_every_process(monkeypatch):
     monkeypatch.setattr(pool, "WORKER", FAKE)
     began = time.monotonic()
     running = pool.run_here(jobs("a", "sleep", "sleep"), 2)
-    assert not next(running)[1].failed
+    assert not next(running).result.failed
     running.close()
     assert time.monotonic() - began < 30.0
 

@@ -10,7 +10,7 @@ import pytest
 
 from coupler.errors import HalfError
 from coupler.experiments.pool import run_there
-from coupler.experiments.trial import Job, scenario_of, tried
+from coupler.experiments.trial import Job, run_trial, scenario_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import LUMPED
@@ -31,15 +31,15 @@ def test_a_run_on_a_cluster_is_that_of_this_process() -> None:
     jobs = {"a": job({**WINDOWS, "coupling.scheme": "staggered"}), "b": job({**WINDOWS, "coupling.scheme": "iterated"}),
             "stuck": job(STUCK), "wrong": job({**WINDOWS, "coupling.scheme": "none such"})}
     with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
-        done = dict(run_there(jobs, cluster.scheduler_address))
+        done = {job.name: job.result for job in run_there(jobs, cluster.scheduler_address)}
     assert set(done) == set(jobs)
     for name in ("a", "b"):
-        here = tried(scenario_of(jobs[name]))
+        here = run_trial(scenario_of(jobs[name]))
         assert replace(done[name], seconds=0, processor=0, wall=0) == replace(here, seconds=0, processor=0, wall=0)
     assert "on_max says to stop" in done["stuck"].failed
-    assert done["stuck"].kept
+    assert done["stuck"].storable
     assert "coupling.scheme" in done["wrong"].failed
-    assert not done["wrong"].kept
+    assert not done["wrong"].storable
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,9 +17,10 @@ from typer.testing import CliRunner
 from coupler import load_scenario, run
 from coupler.cli.cli import app
 from coupler.errors import ScenarioError
-from coupler.experiments.study import How, Study, StudyLine, conduct
-from coupler.experiments.study_page import write_study
-from coupler.experiments.trial import Trial
+from coupler.experiments.study import Study, StudyOptions, conduct
+from coupler.experiments.study_files import write_study
+from coupler.experiments.trial import TrialResult
+from coupler.experiments.trial_lines import StudyLine
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import E8, LUMPED
@@ -38,14 +39,14 @@ class Told(StudyLine):
         self.told: list[str] = []
         self._stop_after = stop_after
 
-    def __call__(self, label: str, trial: Trial) -> None:
+    def __call__(self, label: str, trial: TrialResult) -> None:
         self.told.append(label)
         if len(self.told) == self._stop_after:
             raise KeyboardInterrupt
 
 
 def studied(out: Path, show: Told) -> Study:
-    return conduct(LUMPED, out, {}, OPTIONS, How(processes=2), show)
+    return conduct(LUMPED, out, {}, OPTIONS, StudyOptions(processes=2), show)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -63,7 +64,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path, list[st
     first, second = Told(stop_after=3), Told()
     with pytest.raises(KeyboardInterrupt) as stopped:
         studied(out, first)
-    assert "3 of 8 runs are kept" in stopped.value.__notes__[0]
+    assert "3 of 8 runs are stored" in stopped.value.__notes__[0]
     assert not [p for p in psutil.Process().children(recursive=True) if "worker" in " ".join(p.cmdline())]
     study = studied(out, second)
     write_study(study, out)
@@ -93,12 +94,12 @@ def test_orders_and_errors_are_those_of_e8(done):
 
 def test_half_solves_are_counted_and_limits_predicted(done):
     study, _, _, _ = done
-    assert [p.half_solves for p in study.points[:4]] == [80, 160, 80, 160]
+    assert [p.solver_calls for p in study.points[:4]] == [80, 160, 80, 160]
     limits = {x.series: x for x in study.limits}
     assert set(limits) == {"staggered", "extrapolated"}
     assert limits["extrapolated"].windows == pytest.approx(0.5 * limits["staggered"].windows)
     for x in limits.values():
-        assert x.half_solves == pytest.approx(40 / x.windows)
+        assert x.solver_calls == pytest.approx(40 / x.windows)
 
 
 def test_a_window_that_cannot_be_solved_is_a_failure_with_its_words(done):
@@ -146,13 +147,13 @@ def test_a_study_does_not_change_what_a_scenario_is(tmp_path):
 ])
 def test_what_is_wrong_is_said_before_anything_runs(tmp_path, options, says):
     with pytest.raises(ScenarioError, match=says):
-        conduct(LUMPED, tmp_path / "out", {}, options, How(1), Told())
+        conduct(LUMPED, tmp_path / "out", {}, options, StudyOptions(1), Told())
     assert not (tmp_path / "out").exists()
 
 
 def test_a_limit_of_time_is_refused_where_it_would_not_hold(tmp_path):
     with pytest.raises(ScenarioError, match="cannot be given up"):
-        conduct(LUMPED, tmp_path / "out", {}, OPTIONS, How(cluster="tcp://127.0.0.1:1", limit=60.0), Told())
+        conduct(LUMPED, tmp_path / "out", {}, OPTIONS, StudyOptions(cluster="tcp://127.0.0.1:1", limit=60.0), Told())
     assert not (tmp_path / "out").exists()
 
 
@@ -166,8 +167,8 @@ def test_an_interrupt_is_told_and_has_its_exit_code(tmp_path, monkeypatch):
     monkeypatch.setattr(StudyLine, "begin", interrupted)
     said = CliRunner().invoke(app, ["study", str(LUMPED), "-o", str(tmp_path / "out"), "--grid", "windows=1"])
     assert said.exit_code == 130
-    assert "the same command goes on" in said.output
+    assert "the same command continues" in said.output
 
 
-def interrupted(line: StudyLine, total: int, kept: int) -> None:
+def interrupted(line: StudyLine, total: int, stored: int) -> None:
     raise KeyboardInterrupt

@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 from coupler.cli.cli import app
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.half import Advance, Block, Status
-from coupler.verify.checks import Finding, Verdict, face_findings, role_of
-from coupler.verify.verify import table_of, verdict_words, verify_half
+from coupler.verify.description_checks import description_findings, role_of
+from coupler.verify.finding import CheckVerdict, Finding, conclusion, table_of
+from coupler.verify.verify import verify_half
 
 N = 3
 
@@ -221,13 +222,13 @@ def found(kind: type[Honest], **made: Any) -> dict[str, Finding]:
     return {f.check: f for f in verify_half(lambda: kind(**made), 1.0)}
 
 
-def verdicts(findings: Mapping[str, Finding], verdict: Verdict) -> set[str]:
+def verdicts(findings: Mapping[str, Finding], verdict: CheckVerdict) -> set[str]:
     return {f.check for f in findings.values() if f.verdict is verdict}
 
 
 def test_an_honest_half_passes_everything():
     findings = found(Honest)
-    assert verdicts(findings, Verdict.PASS) == set(findings)
+    assert verdicts(findings, CheckVerdict.PASS) == set(findings)
     assert len(findings) == 21
     assert findings["takes substeps"].reason == "of 0.5 s"  # 1 s is refused, and halved
 
@@ -242,7 +243,7 @@ RESTORE, TRACE = "save and restore to the bit", "a rejected substep leaves no tr
     (Losing, "heat terms close"), (Throwing, "a bad substep is discarded")])
 def test_a_broken_promise_is_caught_by_its_check(kind: type[Honest], check: str) -> None:
     findings = found(kind)
-    assert findings[check].verdict is Verdict.FAIL
+    assert findings[check].verdict is CheckVerdict.FAIL
     assert findings[check].reason
     assert findings[check].remedy
 
@@ -255,15 +256,15 @@ def test_what_leaks_names_the_output():
 
 def test_a_half_without_state_is_told_what_that_costs():
     findings = found(Honest, can_save=False, can_serialise=False)
-    assert not verdicts(findings, Verdict.FAIL)
-    missing = verdicts(findings, Verdict.NOT_APPLICABLE)
+    assert not verdicts(findings, CheckVerdict.FAIL)
+    missing = verdicts(findings, CheckVerdict.NOT_APPLICABLE)
     assert {RESTORE, TRACE, "keeps its state", "writes its state down", "hot and cold caches, same bits"} <= missing
     assert "no iteration" in findings["keeps its state"].remedy
 
 
 def test_a_half_that_takes_no_step_says_so():
     findings = found(Honest, h_max=0.0)
-    assert findings["takes substeps"].verdict is Verdict.FAIL
+    assert findings["takes substeps"].verdict is CheckVerdict.FAIL
     assert "--step" in findings["takes substeps"].remedy
     assert RESTORE not in findings
 
@@ -283,8 +284,8 @@ def test_a_half_that_takes_no_step_says_so():
 ])
 def test_a_wrong_face_is_named(change: dict[str, dict[str, Any]], check: str, text: str) -> None:
     changed = [replace(b, **change.get(b.name, {})) for b in GOOD.values()]
-    findings = {f.check: f for f in face_findings({b.name: b for b in changed})}
-    assert findings[check].verdict is Verdict.FAIL
+    findings = {f.check: f for f in description_findings({b.name: b for b in changed})}
+    assert findings[check].verdict is CheckVerdict.FAIL
     assert text in findings[check].reason
 
 
@@ -297,8 +298,8 @@ def test_the_role_follows_from_what_is_made():
 def test_the_table_holds_reason_and_remedy():
     findings = list(found(Leaking).values())
     assert table_of("leaking.fmu", findings).row_count == len(findings)
-    assert "leaking.fmu does not keep to the border" in verdict_words("leaking.fmu", findings)
-    assert "keeps to the border: 21 passed" in verdict_words("x", found(Honest).values())
+    assert "leaking.fmu violates the interface specification" in conclusion("leaking.fmu", findings)
+    assert "meets the interface specification: 21 passed" in conclusion("x", found(Honest).values())
 
 
 @pytest.mark.parametrize(("arguments", "text"), [

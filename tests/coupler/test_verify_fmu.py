@@ -18,9 +18,8 @@ RESTORE = "save and restore to the bit"
 VERIFY = """
 import json, sys, tempfile
 from pathlib import Path
-from coupler.verify.checks import Verdict
-from coupler.verify.checks import fmu_of
-from coupler.verify.verify import verify_fmu
+from coupler.verify.finding import CheckVerdict
+from coupler.verify.verify import fmu_of, verify_fmu
 
 told = {}
 for word in sys.argv[1:]:

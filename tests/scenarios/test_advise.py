@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.experiments.advise import Advice, Options, advise
+from coupler.experiments.advice_search import FULL_MODEL
+from coupler.experiments.advise import Advice, AdviceOptions, advise
 from coupler.experiments.variants import RIGID_REST
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -52,37 +53,37 @@ class Told:
 def advices(scene: Path) -> tuple[Advice, Told, Advice, Told]:
     """One that Ctrl-C stopped before its fourth trial, and the same again."""
     first, second = Told(3), Told()
-    return (advise(scene, scene.parent / "a", Options(ASKED), first), first,
-            advise(scene, scene.parent / "a", Options(ASKED), second), second)
+    return (advise(scene, scene.parent / "a", AdviceOptions(ASKED), first), first,
+            advise(scene, scene.parent / "a", AdviceOptions(ASKED), second), second)
 
 
-def test_ctrl_c_keeps_what_is_known(advices: tuple[Advice, Told, Advice, Told]) -> None:
+def test_ctrl_c_keeps_the_findings(advices: tuple[Advice, Told, Advice, Told]) -> None:
     stopped, first, done, second = advices
     assert stopped.interrupted
     assert stopped.file is None
-    assert any(f"{RIGID_REST}: moves T by" in line for line in stopped.lines)
+    assert any(f"{RIGID_REST} changes T by" in line for line in stopped.lines)
     assert stopped.lines[-1].startswith("stopped by Ctrl-C")
     assert not done.interrupted
-    assert not {"the scene whole", RIGID_REST} & set(second.names)
-    assert set(first.names) & {"the scene whole", RIGID_REST}
+    assert not {FULL_MODEL, RIGID_REST} & set(second.names)
+    assert set(first.names) & {FULL_MODEL, RIGID_REST}
 
 
 def test_what_it_leaves_out_and_what_it_keeps(advices: tuple[Advice, Told, Advice, Told]) -> None:
-    known = advices[2].known
-    good = {s.rung.name: s.good for s in known.steps}
+    findings = advices[2].findings
+    good = {t.simplification.name: t.acceptable for t in findings.trials}
     assert not good[RIGID_REST]
     assert not good["convection on body.left"]
     assert not good["conduction across the gap (gap)"]
     assert not good["thermal expansion of metal"]
     assert good["far radiation on body.left"]
     assert good["near radiation (gap)"]
-    assert {r.name for r in known.taken} >= {"far radiation on body.left", "near radiation (gap)"}
-    # It iterates at three times the half-solves of either: .375 K and .277 K off.
+    assert {r.name for r in findings.accepted} >= {"far radiation on body.left", "near radiation (gap)"}
+    # It iterates at three times the solver calls of either: .375 K and .277 K off.
     assert not good["scheme staggered"]
     assert good["scheme extrapolated"]
-    assert known.combined is not None
-    assert known.whole is not None
-    assert known.combined.half_solves < 0.5 * known.whole.half_solves
+    assert findings.combined is not None
+    assert findings.full is not None
+    assert findings.combined.solver_calls < 0.5 * findings.full.solver_calls
     # It has one cell a body, so it is tried on its own mesh, and longer windows than its own hold.
     assert "it has the scenario's own mesh and windows 4 times as long" in advices[2].lines
 
@@ -94,7 +95,7 @@ def test_the_advised_scenario_is_as_near_as_it_says(scene: Path, advices: tuple[
     off = np.abs(_on(full) - _on(cheap)).max()
     assert off <= 0.3
     # The last run of the combination is this very run.
-    assert off == pytest.approx(done.known.final["T"].largest, rel=0.05)
+    assert off == pytest.approx(done.findings.combined_error["T"].largest, rel=0.05)
 
 
 def _on(results: Results) -> np.ndarray:
@@ -107,12 +108,12 @@ def test_no_time(scene: Path, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "coupler.cli", "advise", str(scene), "-o", str(tmp_path / "a"),
                            "--limit", "1e-3"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "nothing is known: time is up\n"
+    assert done.stdout == "no result: time is up\n"
 
 
 def test_a_wrong_wish(scene: Path, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-m", "coupler.cli", "advise", str(scene), "-o", str(tmp_path / "a"),
                            "--for", "T"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "--for: what matters is PROBE=TOLERANCE" in done.stderr
+    assert "--for: a goal is PROBE=TOLERANCE" in done.stderr
     assert not (tmp_path / "a").exists()

@@ -15,7 +15,7 @@ from coupler.cli.cli import app
 from coupler.errors import HalfError
 from coupler.report import write_report
 from coupler.report.control import rules_that_fired
-from coupler.running.replay import replayed, words
+from coupler.running.replay import replayed, sentence
 from coupler.running.resume import resume
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -140,24 +140,24 @@ def test_which_rules_would_have_fired(tmp_path: Path) -> None:
 """, encoding="utf-8")
     soft, late, enough, cold, falls = replayed(load_scenario(later).rules, told)
     assert (soft.firings, soft.did) == ((), 1)
-    assert [row for row, _, _ in late.firings] == [10]
-    assert late.firings[0][1] == pytest.approx(9.0)
+    assert [f.row for f in late.firings] == [10]
+    assert late.firings[0].t == pytest.approx(9.0)
     assert enough.missing == ("thermal.heat_stored",)
     assert cold.firings == ()
     rate = np.diff(told.probe("T")[1]) / np.diff(told.t) < -0.2
     assert rate[:3].all()
-    assert falls.firings[0][0] == 2  # the second window taken
+    assert falls.firings[0].row == 2  # the second window taken
     T, t = told.probe("T")[1], told.t
-    assert falls.firings[0][2] == {"rate of T": pytest.approx((T[2] - T[1]) / (t[2] - t[1]), rel=1e-9)}
-    assert "has not recorded thermal.heat_stored" in words(enough, told)
-    assert words(cold, told) == "cold: never"
-    assert words(soft, told) == "soft start: never; it fired once in the run itself"
-    assert words(late, told).startswith("late: once, first in row 11 of the windows, t = 9 s (T 8")
+    assert falls.firings[0].values == {"rate of T": pytest.approx((T[2] - T[1]) / (t[2] - t[1]), rel=1e-9)}
+    assert "has not recorded thermal.heat_stored" in sentence(enough, told)
+    assert sentence(cold, told) == "cold: never"
+    assert sentence(soft, told) == "soft start: never; it fired once in the run itself"
+    assert sentence(late, told).startswith("late: once, first in row 11 of the windows, t = 9 s (T 8")
     shown = CliRunner().invoke(app, ["check", "--rules", str(told.path), str(later)])
     assert shown.exit_code == 0, shown.output
     lines = shown.output.splitlines()
     assert lines[0] == "run.h5: scenario, completed, 17 windows to t = 16 s. Of the rules of later.yaml:"
-    assert lines[1:] == [f"  {words(would, told)}" for would in (soft, late, enough, cold, falls)]
+    assert lines[1:] == [f"  {sentence(would, told)}" for would in (soft, late, enough, cold, falls)]
 
 
 def test_a_resumed_run_goes_on_with_what_its_rules_remember(tmp_path: Path) -> None:

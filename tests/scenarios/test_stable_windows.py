@@ -28,7 +28,7 @@ def test_the_prediction_at_rest_is_the_closed_form(tmp_path: Path, method: str) 
     file.write_text(LUMPED_GAP.format(T0=840, method=method, scheme="staggered", size=5, end=400), encoding="utf-8")
     found = pilot(load_scenario(file))
     assert found.method == method
-    assert limits(found.seen[-1], method).staggered == pytest.approx(E4["dt_c"][method], rel=CLOSE)
+    assert limits(found.feedbacks[-1], method).staggered == pytest.approx(E4["dt_c"][method], rel=CLOSE)
     said = CliRunner().invoke(app, ["check", str(file)]).output
     last = re.search(r"at t = 400 s: staggered up to ([\d.]+) s", said)
     assert last is not None

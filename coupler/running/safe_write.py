@@ -1,18 +1,20 @@
-"""Files that a command makes for its user: never over another, all of them or none."""
+"""Writes files whole or not at all: new ones never over another, results in place of an older one."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from coupler.errors import ScenarioError
+from coupler.errors import ResultsError, ScenarioError
+from coupler.record.paths import part_of
 
 ANOTHER = "Give another one with --out"
 
 
 def check_free(out: Path) -> None:
-    """Raises ScenarioError where a file stands already, or its folder does not exist."""
+    """Check that a file can be made.  Raises ScenarioError where it exists already, or its folder does not."""
     # fault: init: a file that is there is written over -> if False: | coupler/test_init
     if out.exists() or out.is_symlink():
         raise ScenarioError("this file is there already; it is left as it is", file=str(out), remedy=ANOTHER)
@@ -23,9 +25,9 @@ def check_free(out: Path) -> None:
 
 @contextmanager
 def new_files(texts: Mapping[Path, str]) -> Iterator[None]:
-    """Write them; they are taken away again where one cannot be written, or where the block they are made for raises.
+    """Write new files; remove them again where one cannot be written, or where the block raises.
 
-    Raises ScenarioError.
+    Raises ScenarioError for a file that cannot be written.
     """
     with ExitStack() as stack:
         for path, text in texts.items():
@@ -40,3 +42,14 @@ def new_files(texts: Mapping[Path, str]) -> Iterator[None]:
                                     remedy=ANOTHER) from exc
         yield
         stack.pop_all()
+
+
+def write_whole(path: Path, text: str) -> Path:
+    """Write a text in place of an older file, and return its path.  Raises ResultsError where it cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part_of(path).write_text(text, encoding="utf-8")
+        os.replace(part_of(path), path)
+    except OSError as exc:
+        raise ResultsError(f"{path}: cannot be written ({exc.strerror})") from exc
+    return path

@@ -1,0 +1,134 @@
+"""Finds the bodies of a deck: connected pieces of its mesh, each with the one material of its sections."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain, count
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from coupler.deck.keywords import Log
+from coupler.deck.lexer import DeckLine, number, wrong
+from coupler.deck.mesh import DeckMesh
+from coupler.deck.outline import Outline, named
+from coupler.scenario.document import did_you_mean
+
+MAX_BODIES = 200
+
+
+@dataclass(frozen=True)
+class DeckBody:
+    """A connected piece of the mesh.
+
+    name : in the scenario.  material : in the deck, in capitals.  cells, nodes : rows of the mesh.
+    thickness : of plane sections, as written.  row : the section's line.
+    """
+
+    name: str
+    material: str
+    cells: tuple[int, ...]
+    nodes: frozenset[int]
+    thickness: float
+    row: DeckLine
+
+
+@dataclass(frozen=True)
+class _Section:
+    label: str
+    material: str
+    thickness: float
+    row: DeckLine
+
+
+class Names:
+    """Gives each name of the scenario once.  taken : those given already."""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+        # Each begins where it ended: many of one name are not all counted from 2.
+        self._numbers: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
+
+    def free(self, wanted: str, suffix: str = "") -> str:
+        """Return `wanted` in letters the scenario takes; with the suffix, then a number, where that is taken."""
+        base = re.sub(r"[^A-Za-z0-9_-]", "_", wanted)[:50] or "_"
+        base = base if re.match(r"[A-Za-z_]", base) else f"_{base}"
+        numbered = (f"{base}{suffix}_{i}" for i in self._numbers[f"{base}{suffix}"])
+        name = next(name for name in chain((base, f"{base}{suffix}"), numbered) if name not in self.taken)
+        self.taken.add(name)
+        return name
+
+
+def bodies_of(outline: Outline, mesh: DeckMesh, names: Names, log: Log) -> list[DeckBody]:
+    """Find the bodies, in the order of their first cells.
+
+    Raises ScenarioError where a cell has no section, or a piece has sections of several materials.
+    """
+    section_of = _sections(outline, mesh, log)
+    for i, cell in enumerate(mesh.cells):
+        if i not in section_of:
+            raise wrong(cell.row, "this element has no section", "Put it in the set of a *SOLID SECTION.")
+    piece = _pieces(mesh)
+    pieces = [np.flatnonzero(piece == i) for i in range(int(piece.max()) + 1)]
+    if len(pieces) > MAX_BODIES:
+        raise wrong(mesh.cells[0].row, f"the mesh falls into {len(pieces)} pieces, more than {MAX_BODIES}",
+                    "Merge the nodes of cells that hang together.")
+    labels = Counter(section_of[int(cells[0])].label for cells in pieces)
+    out: list[DeckBody] = []
+    numbered: Counter[str] = Counter()
+    for cells in pieces:
+        first = section_of[int(cells[0])]
+        for other in (section_of[int(i)] for i in cells):
+            if other.material != first.material:
+                raise wrong(other.row, f"a piece of the mesh is of {first.material} and of {other.material}",
+                            "A body has one material: give each its own nodes along the seam, and a contact pair.")
+            if other.thickness != first.thickness:
+                raise wrong(other.row, "a piece of the mesh has two thicknesses", "A body has one.")
+        numbered[first.label] += 1
+        label = first.label if labels[first.label] == 1 else f"{first.label}_{numbered[first.label]}"
+        nodes = frozenset(n for i in cells for n in mesh.cells[int(i)].nodes)
+        out.append(DeckBody(names.free(label), first.material, tuple(int(i) for i in cells), nodes, first.thickness,
+                        first.row))
+    return out
+
+
+def _sections(outline: Outline, mesh: DeckMesh, log: Log) -> dict[int, _Section]:
+    section_of: dict[int, _Section] = {}
+    for scoped in outline.mesh:
+        block, part = scoped.block, scoped.part
+        if block.word != "SOLID SECTION":
+            continue
+        material = named(block, "MATERIAL")
+        if material not in outline.materials:
+            raise wrong(block.row, f"there is no *MATERIAL {material[:60]}",
+                        did_you_mean(material[:60], outline.materials))
+        thickness = number(block.data[0], 0, "the thickness", 1.0) if block.data else 1.0
+        if thickness <= 0.0:
+            raise wrong(block.data[0], "a thickness is greater than zero")
+        cells = mesh.cells_at(named(block, "ELSET"), block.row, part)
+        elset = block.option("ELSET")
+        label = outline.spelled[part] if part else mesh.spelled.get((part, elset), elset)
+        for i in cells:
+            if i in section_of and section_of[i].material != material:
+                raise wrong(block.row, "elements of this section have another section already")
+            section_of[i] = _Section(label, material, thickness, block.row)
+        if not cells:
+            log.miss(block, "the set has no elements")
+    return section_of
+
+
+def _pieces(mesh: DeckMesh) -> NDArray[np.int32]:
+    """Return the number of the piece each cell is in, (n_cells,), counted from the first cell on."""
+    pairs = np.array([(cell.nodes[0], n) for cell in mesh.cells for n in cell.nodes[1:]])
+    n = len(mesh.points)
+    graph = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, of_node = connected_components(graph, directed=False)
+    of_cell = of_node[[cell.nodes[0] for cell in mesh.cells]]
+    _, first, inverse = np.unique(of_cell, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    return order[inverse].astype(np.int32)
