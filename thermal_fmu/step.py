@@ -204,7 +204,7 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E_S.sum()
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)
-    # fault: entropy part at substep nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
+    # fault: entropy part at fixed nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
     #   terms) | thermal_fmu/test_thermal_entropy
     heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms)
     return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

@@ -77,7 +77,7 @@ def opened(at: Committed, plan: Plan) -> Committed:
     state = replace(state, past=(), memory=(), events=state.events + damped)
     if k in plan.schedule.kinks:
         # Not where contact opens and closes by turns: that may be the cycle itself.
-        # fault: halved windows stay halved past a kink -> control = replace(control, cycle=cycle.Watch(), ) |
+        # fault: halved windows stay halved past a kink -> control = replace(control, cycle=two_cycle.Watch()) |
         #   coupler/test_cycle_action
         control = replace(control, cycle=two_cycle.Watch(), settings=home(control.cycle, control.settings))
     control = replace(control, fresh=k, estimate=error_estimate.forgotten(control.estimate),

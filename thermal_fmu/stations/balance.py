@@ -113,8 +113,8 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     if problem.blur > 0.0:
         at = phase_change.blurred(scene.melting, at, s, problem.blur, scene.fixed)
     if stage.theta != 1.0:
-        # fault: stations see the boundary at the end of a stage only -> at = phase.between(problem.start, at, 1.0) |
-        #   thermal_fmu/test_lumped
+        # fault: stations see the boundary at the end of a stage only -> at = phase_change.between(problem.start, at,
+        #   1.0) | thermal_fmu/test_lumped
         at = phase_change.between(problem.start, at, stage.theta)
     band = np.zeros((3 * scene.stations.width + 1, scene.stations.n))
     S, stored = _store(problem, s, band)
