@@ -71,10 +71,10 @@ def test_model_json_says_what_the_interface_does_not(tmp_path: Path) -> None:
     assert full.models["thermal"]["pairs"]["face"]["friction"]["share"] == 0.25
     rounds = scene_of(tmp_path, augmented={"method": "uzawa"})
     assert rounds.models["mechanical"]["pairs"] == {"face": {"augmented": {"tolerance": 1e-3, "method": "uzawa"}}}
-    assert not parse_elastic(rounds.interface, rounds.models["mechanical"]).at_once
+    assert parse_elastic(rounds.interface, rounds.models["mechanical"]).enforcement == "uzawa"
     # What a scenario writes, the halves take.
     assert parse_elastic(full.interface, full.models["mechanical"]).augmented == {"face": 1e-5}
-    assert parse_elastic(full.interface, full.models["mechanical"]).at_once
+    assert parse_elastic(full.interface, full.models["mechanical"]).enforcement == "semi_smooth"
     assert ThermalHalf(full.interface, full.models["thermal"]).variables
     # Numbers that do not change in time make no kinks.
     assert full.coupling.kinks == scene_of(tmp_path).coupling.kinks
