@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.record.results import Results
+from coupler.record.results import Results, _ProbeSeries
 from coupler.record.tables import ERROR_FIELDS
 from coupler.report.control import EACH, every_window, stretches
 from coupler.report.curves import error_of, probe_pictures
@@ -96,6 +96,6 @@ def test_a_scene_speaks_for_itself(tmp_path: Path) -> None:
 def test_axes_of_a_round_scene_are_r_and_z(tmp_path: Path) -> None:
     results = write_run(tmp_path / "run.h5", Case(windows=4, frames=0))
     results.header["geometry"] = "axisymmetric"
-    results._probes["lift"] = (np.arange(5) * 1e-3, "m", "u_y")
+    results._probes["lift"] = _ProbeSeries(np.arange(5) * 1e-3, "m", "u_y")
     caption = next(p.caption for p in probe_pictures(results) if "lift" in p.caption)
     assert caption.startswith("Displacement u_z of")

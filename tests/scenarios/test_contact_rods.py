@@ -38,8 +38,7 @@ def clearance(folder: Path, scale: float, scheme: str) -> Results:
     """D9 with expansions and gaps `scale` times as large: the same temperatures."""
     d0 = 1e-3 * scale
     rod = Rod(gap=d0, hot=600.0, alpha=2e-5 * scale, k=10.0, E=2e9, rho=1000.0, c=1000.0, penalty=1e12)
-    law = {"conduction": {"closed": {"law": "constant", "h": 500.0},
-                          "open": {"law": "table", "x": [0.0, d0], "h": [500.0, 0.0]}}}
+    law = {"closed": {"law": "constant", "h": 500.0}, "open": {"law": "table", "x": [0.0, d0], "h": [500.0, 0.0]}}
     windows = [{"until": 20000, "first": 10, "last": 800}]
     return solve(folder, rod_scene(rod, law, {"scheme": scheme, "end": 20000, "windows": windows}))
 
@@ -72,8 +71,7 @@ def test_d9_with_strains_as_they_are(tmp_path: Path) -> None:
 def closing(**pair: object) -> Tree:
     rod = Rod(gap=60e-6, hot=500.0, alpha=1.2e-5, k=45.0, E=2e9, rho=7850.0, c=460.0, penalty=1e14, cells=40,
               grading=4.0)
-    law = {"conduction": {"closed": {"law": "power", "h0": 1000.0, "h1": 2e-4, "p0": 1.0, "exponent": 1.0},
-                          "open": None}}
+    law = {"closed": {"law": "power", "h0": 1000.0, "h1": 2e-4, "p0": 1.0, "exponent": 1.0}, "open": None}
     windows = [{"until": 30, "first": 0.5, "last": 1.5}, {"until": 50, "size": 1},
                {"until": 400, "first": 1, "last": 10}, {"until": 3000, "first": 10, "last": 300}]
     tree = rod_scene(rod, law, {"scheme": "extrapolated", "end": 3000, "windows": windows})
