@@ -60,7 +60,7 @@ class Cells:
 
     @property
     def dofs(self) -> NDArray[np.int64]:
-        """(n_e, 2 nn) degrees of freedom, 2 node + component."""
+        """Return (n_e, 2 nn) degrees of freedom, 2 node + component."""
         dofs = 2 * self.nodes[:, :, None].astype(np.int64) + np.arange(2)
         return dofs.reshape(len(self.nodes), -1)
 

@@ -20,7 +20,7 @@ class MeshContact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
 
     def on_slaves(self, pairs: Collection[str]) -> NDArray[np.bool_]:
-        """(n_s,) whether a surface node is on a slave side of these pairs."""
+        """Say, (n_s,), whether a surface node is on a slave side of these pairs."""
         sides = [side for pair in self.interface.pairs if pair.name in pairs
                  for side in ((pair.slave, pair.master) if pair.two_pass else (pair.slave,))]
         nodes = [self.interface.surfaces[side].ravel() for side in sides]
@@ -33,21 +33,21 @@ class MeshContact(ContactSurfaces):
 
     @cached_property
     def dofs(self) -> NDArray[np.intp]:
-        """(2 n_s,) degrees of freedom of the surface nodes, 2 node + component."""
+        """Return (2 n_s,) degrees of freedom of the surface nodes, 2 node + component."""
         return (2 * self.interface.contact_nodes[:, None] + np.arange(2)).ravel().astype(np.intp)
 
     def force(self, tractions: Tractions) -> Floats:
-        """(n_nodes, 2) [N] on the nodes of the mesh."""
+        """Put the contact forces on the nodes of the mesh: (n_nodes, 2) [N]."""
         f = np.zeros((len(self.interface.nodes), 2))
         f[self.interface.contact_nodes] = tractions.force
         return f
 
     def dense(self, tractions: Tractions) -> Floats:
-        """(2 n_s, 2 n_s) stiffness [N/m] of the touching points on the surface nodes."""
+        """Assemble the stiffness (2 n_s, 2 n_s) [N/m] of the touching points on the surface nodes."""
         return _rows(tractions, self.dofs.size).toarray()
 
     def matrix(self, tractions: Tractions) -> csr_matrix:
-        """The same on all degrees of freedom of the mesh."""
+        """Assemble the same on all degrees of freedom of the mesh, (2 n_nodes, 2 n_nodes) [N/m]."""
         K = _rows(tractions, self.dofs.size).tocoo()
         n = 2 * len(self.interface.nodes)
         return csr_matrix((K.data, (self.dofs[K.row], self.dofs[K.col])), shape=(n, n))

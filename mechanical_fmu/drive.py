@@ -69,7 +69,7 @@ def may_skip(system: System) -> bool:
 
 
 def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats) -> float:
-    """Estimate of max|du| [m] from the inputs last solved for to those of now, about u : (n, 2) [m]."""
+    """Estimate max|du| [m] from the inputs last solved for to those of now, about u : (n_nodes, 2) [m]."""
     moved = np.abs(now.target - solved.target).max(initial=0.0)
     L = np.array([np.ptp(system.interface.nodes[system.interface.node_body == b], axis=0).max()
                   for b in range(len(system.interface.bodies))])

@@ -43,14 +43,14 @@ def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Ine
 
 
 def free_flight(how: Dynamics, now: BodyMotion, dt: float) -> Floats:
-    """(n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
+    """Compute (n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
     # fault: Newmark's free flight without its acceleration -> return now.u + dt * now.v |
     #   mechanical_fmu/test_solution_dynamics
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 
 def motion_after(how: Dynamics, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
-    """The motion at the end of a step solved for."""
+    """Compute the motion at the end of a step solved for."""
     a = (found.u - inertia.origin) / (how.beta * dt * dt)
     v = now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a)
     return BodyMotion(found.u, v, a, found.r - inertia.force(found.u))

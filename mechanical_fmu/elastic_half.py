@@ -217,7 +217,7 @@ TOUCHING_AS_DRAWN = 1e-9
 
 
 def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
-    """The balance to begin with at u : (n, 2) [m], with its tangent.
+    """Compute the balance to begin with at u : (n_nodes, 2) [m], with its tangent.
 
     Where a body is loose, surfaces that touch as drawn count as closed, under a pressure that lasts for this one
     guess: it says where contact can hold, and the equilibrium found from it knows nothing of it.

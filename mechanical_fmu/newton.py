@@ -56,7 +56,7 @@ class Directions(Protocol):
     fresh: bool
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
-        """d : (2 n,) [m] at a balance."""
+        """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         ...
 
     def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
@@ -71,6 +71,7 @@ class Newton:
         self.system, self.loading, self.anchor, self.poor, self.fresh = system, loading, anchor, 0, False
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
+        """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         if self.anchor is not None and self.poor < MAX_POOR_ITERATIONS:
             return self.anchor.direction(balance, gap)
         self.fresh = True
@@ -98,6 +99,7 @@ class Modified:
         self.slow = 0
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
+        """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         if self.factor is None or self.slow >= MAX_SLOW_ITERATIONS:
             if self.loading.inertia is None:
                 refuse_loose(self.system, balance)
@@ -245,6 +247,7 @@ def line_search(system: System, loading: Loading, start: Iterate, d: Floats, flo
                 tolerance: float) -> Iterate:
     """Find balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
+    d : (2 n_nodes,) [m].  floor : (n_bodies,) [N] least force a residual is compared with.
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """
     balance, before = start.balance, start.error

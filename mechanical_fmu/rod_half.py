@@ -225,8 +225,9 @@ class MechanicalRod:
 
 
 def free_rod(body: RodBody, X: Floats, strain: Floats, T: Floats, t: float, side: int) -> FreeRod:
-    """A rod that meets nothing; X : (m,) reference places [m], strain, T [K] : (m,) at them.
+    """Compute the displacement of a rod that meets nothing.
 
+    X : (m,) [m] reference places.  strain : (m,) [1] free strain and T : (m,) [K] at them.
     t : [s], side : of a jump there, -1 before it, 1 after it.  Integrals by the trapezoidal rule, as heat is stored.
     Raises BadModulusError.
     """

@@ -52,7 +52,10 @@ def creep_number(law: CreepLaw) -> int:
 
 @inner
 def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
-    """R [Pa], not below 0, and dR/de at the plastic equivalent strain e >= 0."""
+    """Compute R [Pa], not below 0, and dR/de [Pa] at the plastic equivalent strain e >= 0.
+
+    tables : (n_t,) hardening curves of all materials, strains [1], stresses and slopes [Pa].
+    """
     R, slope = _flow_stress(p.hardening, p, tables, e)
     if R < 0.0:
         return 0.0, 0.0

@@ -71,6 +71,7 @@ class NortonLaw(CreepLaw):
     KERNELS: ClassVar = CreepKernels(relaxed, strain, exponent)
 
     def fill(self, p: Points, T: Floats) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K]."""
         with np.errstate(divide="ignore"):
             # A = 0 : log = -inf, which creeps nothing.
             # fault: Arrhenius with the wrong sign -> p["creep_log_factor"] = np.log(self.A(T)) + (self.Q /
@@ -79,6 +80,7 @@ class NortonLaw(CreepLaw):
         p["creep_exponent"], p["creep_heat"] = self.n, self.heat
 
     def refusal(self, T: Floats) -> str:
+        """Say what is wrong with the law at T : (n,) [K], or ""."""
         if (self.A(T) < 0.0).any():
             return f"the creep factor A is {lowest(self.A(T), T)}"
         return "its creep needs temperatures above 0 K" if self.Q and (T <= 0.0).any() else ""
