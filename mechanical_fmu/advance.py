@@ -100,7 +100,7 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> For
 
 def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,
               failed: ArithmeticError | None = None) -> StepResult:
-    """The step, halved where a piece cannot be solved, at most `cuts` times.
+    """Solve the step, halved where a piece cannot be solved, at most `cuts` times.
 
     failed : why the whole step was tried in vain, None if it was not tried.
     Raises PartWayError; its cause is the last, but a cell that failed tells more than forces out of balance.

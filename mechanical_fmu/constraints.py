@@ -55,7 +55,7 @@ class RigidBodies:
 
     @property
     def n_rows(self) -> int:
-        """Rows of the nodal arrays, reference rows included."""
+        """Count the rows of the nodal arrays, reference rows included."""
         return self.first + 2 * len(self.body)
 
     @cached_property
@@ -69,7 +69,7 @@ class RigidBodies:
         return (2 * self.nodes[:, None] + np.arange(2)).ravel()
 
     def extended(self, interface: Interface) -> Interface:
-        """The interface with the reference rows behind its nodes; the two rows of a body lie at its point."""
+        """Put the reference rows behind the nodes of the interface; the two rows of a body lie at its point."""
         return replace(interface, nodes=np.vstack([interface.nodes, np.repeat(self.reference, 2, axis=0)]))
 
     def turned(self, u: Floats) -> Floats:
@@ -147,7 +147,7 @@ class RigidBodies:
 
 
     def deformable(self, kinds: tuple[Cells, ...]) -> tuple[Cells, ...]:
-        """The cells of the other bodies."""
+        """Return the cells of the other bodies."""
         out = []
         for cells in kinds:
             keep = ~np.isin(cells.body, self.body)
@@ -168,7 +168,10 @@ def with_diagonal(K: csr_matrix) -> csr_matrix:
 
 def rigid_bodies(interface: Interface, reference: Mapping[int, tuple[float, float] | None],
                  kinds: tuple[Cells, ...]) -> RigidBodies:
-    """The rigid bodies of a scene.  reference : body -> its reference point [m], None for the centre of volume."""
+    """Make the rigid bodies of a scene.
+
+    reference : body -> its reference point [m], None for the centre of volume.
+    """
     points, sizes, nodes, owner = [], [], [], []
     for k, (body, given) in enumerate(reference.items()):
         here = np.flatnonzero(interface.node_body == body)

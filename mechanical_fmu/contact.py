@@ -28,7 +28,7 @@ class MeshContact(ContactSurfaces):
 
     @cached_property
     def slips(self) -> bool:
-        """Whether a pair has friction."""
+        """Say whether a pair has friction."""
         return any(pair.mu > 0.0 for pair in self.interface.pairs)
 
     @cached_property
@@ -58,7 +58,7 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
 
 
 def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
-    """What both mechanical halves say of contact; n_s : surface nodes.  slips : whether a pair has friction."""
+    """List the contact outputs of both mechanical halves; n_s : surface nodes, slips : whether a pair has friction."""
     variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0", on="contact_nodes"),
                  Variable("contact.gap", (n_s,), unit="m", description="normal gap", on="contact_nodes"),
                  Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced",
@@ -77,7 +77,7 @@ def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
 
 
 def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Value]:
-    """Their values."""
+    """Return the values of contact_variables."""
     outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
                                  "contact.covered": tractions.node_covered,
                                  "contact.touching": float(tractions.n_touching)}

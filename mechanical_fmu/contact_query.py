@@ -34,7 +34,7 @@ class ContactQuery:
         return self.contact.couplings(self.link, x, self.history)
 
     def with_multipliers(self, multipliers: Floats) -> ContactQuery:
-        """Replace the multipliers by multipliers : (n_s,) [Pa]."""
+        """Replace the multipliers of contact; multipliers : (n_s,) [Pa]."""
         return replace(self, history=replace(self.history, multipliers=multipliers))
 
 

@@ -28,7 +28,7 @@ class BodyMotion:
 
 
 def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Inertia:
-    """Inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
+    """Compute the inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
 
     With a_{n+1} = (u - u*)/(beta dt2), u* = u_n + dt v_n + dt2 (1/2 - beta) a_n, the balance of problem.py
     divided by 1 - alpha_f reads f_{n+1} + s M (u - u*) + (alpha_f f_n + alpha_m M a_n)/(1 - alpha_f) = 0 with
@@ -57,7 +57,7 @@ def motion_after(how: Dynamics, now: BodyMotion, found: ForceBalance, inertia: I
 
 
 def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotion:
-    """At rest but for the velocities of the bodies, Eq. (21), and accelerated by what is out of balance: M a = -f."""
+    """Compute the motion at the start: the bodies' own velocities, Eq. (21), and accelerations M a = -f."""
     v = np.zeros_like(found.u)
     for body, spec in enumerate(system.spec.bodies):
         here = system.interface.node_body == body

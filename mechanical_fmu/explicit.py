@@ -115,7 +115,7 @@ def stable_step(system: System, u: Floats, loading: Loading) -> float:
 
 
 def contact_rate(system: System) -> float:
-    """Bound of w2 [1/s2] of contact alone, all surfaces closed: of eps_N A/m, the largest on either side of a pair.
+    """Bound w2 [1/s2] of contact alone, all surfaces closed: eps_N A/m, the largest on either side of a pair.
 
     Open ones count too: they may close within the step, and a piece too long for that gains energy from nothing.
     """

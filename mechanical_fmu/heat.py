@@ -81,13 +81,13 @@ def _volumes(cells: Cells, u: Floats) -> Floats:
 # How far and how fast bodies have flown: the equivalent inelastic strain, as means over their reference volumes.
 
 def flowing_bodies(system: System) -> tuple[int, ...]:
-    """Bodies, by index, that can flow plastically or creep."""
+    """Find the bodies, by index, that can flow plastically or creep."""
     flows = [cells.body for cells in system.volume.kinds if _flows(cells)]
     return tuple(int(b) for b in np.unique(np.concatenate(flows))) if flows else ()
 
 
 def flow_variables(system: System) -> tuple[Variable, ...]:
-    """Outputs `flow.<body>` [1] and `flow_rate.<body>` [1/s] of bodies that can flow."""
+    """List the outputs `flow.<body>` [1] and `flow_rate.<body>` [1/s] of bodies that can flow."""
     names = [system.interface.bodies[b] for b in flowing_bodies(system)]
     return (*(Variable(f"flow.{n}", description="equivalent inelastic strain, mean over the body") for n in names),
             *(Variable(f"flow_rate.{n}", unit="1/s", description="its mean rate in the substep") for n in names))

@@ -23,7 +23,7 @@ TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 def driven(value: Signal, name: str, t: float, side: int, inputs: Values) -> float:
-    """value(t) load.<name> + bc.<name>, or value(t) where the condition has no name; side : of a jump at t.
+    """Compute value(t) load.<name> + bc.<name>, or value(t) where the condition has no name; side : of a jump at t.
 
     So the factor scales what the scenario says and the offset adds to it; a rule that wants to set the value alone
     drives the offset of a signal that is 0.

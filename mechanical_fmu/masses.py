@@ -32,7 +32,7 @@ class Masses:
 
     @property
     def n(self) -> int:
-        """Rows of the nodal arrays."""
+        """Count the rows of the nodal arrays."""
         return len(self.interface.nodes) if self.rigid is None else self.rigid.n_rows
 
     @property
@@ -108,7 +108,10 @@ class Masses:
 
 def masses_of(interface: Interface, spec: ElasticSpec, kinds: tuple[Cells, ...],
               rigid: RigidBodies | None) -> Masses:
-    """Raises ValueError where inertia is asked of a rigid body told of by another point than its centre."""
+    """Make the masses of a scene.
+
+    Raises ValueError where inertia is asked of a rigid body told of by another point than its centre.
+    """
     inert = spec.dynamics is not None or spec.method == "explicit"
     for name, body in zip(interface.bodies, spec.bodies, strict=True):
         if inert and body.reference is not None:

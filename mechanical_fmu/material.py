@@ -35,7 +35,7 @@ class PlasticFlow:
 
     @property
     def kind(self) -> int:
-        """What its points can do (laws/kinds.py)."""
+        """Return what its points can do (laws/kinds.py)."""
         return (PLASTIC + (KINEMATIC if self.kinematic else 0) + (OVERSTRESS if self.overstress else 0))
 
     def fill(self, p: Points, T: Floats, start: int) -> None:
@@ -70,7 +70,7 @@ class FlowLaws:
 
     @property
     def kind(self) -> int:
-        """What point.update is to do."""
+        """Return what point.update is to do."""
         return ((self.plastic.kind if self.plastic else 0) + (CREEP if self.creep else 0)
                 + (LIQUID if self.liquid else 0))
 
@@ -116,7 +116,7 @@ class SolidMaterial:
 
     @property
     def kind(self) -> int:
-        """What its points can do (laws/kinds.py); 0 : elastic, neo-Hookean."""
+        """Return what its points can do (laws/kinds.py); 0 : elastic, neo-Hookean."""
         return self.flow.kind
 
 

@@ -39,6 +39,7 @@ INVERTED, NO_MODES = -1, 101
 class CellShapes(NamedTuple):
     """Where the cells are.  B : (n_e, nq, nn + n_x, 2), N_over_R : (n_e, nq, nn + n_x) [1/m], modes behind the nodes.
 
+    nodes : (n_e, nn) node numbers.  weight : (n_e, nq) [m3] of each point.  volume : (n_e,) [m3].
     n_modes : numbers the modes have (n_x of them are vectors, but the last about an axis has one component).
     """
 
@@ -66,7 +67,13 @@ class Out(NamedTuple):
 
 
 class CellScratch(NamedTuple):
-    """Room for one cell.  u : nodes, then modes.  F, P : (nq, 5).  A : (nq, 5, 5).  K, r : all unknowns, then modes."""
+    """Room for one cell of n_m numbers of its modes.
+
+    u : (nn + n_x, 2) [m], nodes, then modes.  F : (nq, 5) [1].  J : (nq,) [1].  P : (nq, 5) [Pa].  A : (nq, 5, 5) [Pa].
+    K : (2 nn + n_m, 2 nn + n_m) [N/m] and r : (2 nn + n_m,) [N], nodes, then modes.  H : (n_m, n_m) [N/m] and
+    a : (n_m,) of the modes alone, [N] and once solved for [m].  d : (2 nn,) [m2] change of the cell's volume by its
+    displacements.  dJ : (5,) [1].
+    """
 
     u: Floats
     F: Floats

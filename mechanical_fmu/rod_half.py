@@ -156,7 +156,7 @@ class MechanicalRod:
         self.variables = _variables(self, self._melts)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[RodState, Mapping[str, Value]]:
-        """Positions at t, after a jump there.  Raises ContactRefusedError, BadModulusError."""
+        """Compute the positions at t, after a jump there.  Raises ContactRefusedError, BadModulusError."""
         strain = self._strain(inputs)
         poured = np.zeros(self.columns.count)
         for b, body in enumerate(self.spec.bodies):
@@ -167,7 +167,7 @@ class MechanicalRod:
         return state, self._outputs(state, inputs, t, 1, link)
 
     def step(self, state: RodState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """Positions at t + h, before a jump there."""
+        """Compute the positions at t + h, before a jump there."""
         try:
             return Done(state, self._outputs(state, inputs, t + h, -1, link))
         except (ContactRefusedError, BadModulusError) as exc:
@@ -275,5 +275,5 @@ def _variables(half: MechanicalRod, melts: bool) -> tuple[Variable, ...]:
 
 
 def load(interface: Interface, model: Mapping[str, Any]) -> MechanicalRod:
-    """The half `mechanical_rod` of an interface and a model.json.  Raises ValueError naming what is wrong."""
+    """Make the half `mechanical_rod` of an interface and a model.json.  Raises ValueError naming what is wrong."""
     return MechanicalRod(interface, model)

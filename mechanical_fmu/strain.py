@@ -32,7 +32,7 @@ SHORT_BELOW = 1e-3
 
 @inner
 def shape(y: float) -> tuple[float, float, float]:
-    """g(y) = atanh(sqrt y)/sqrt y, g'(y), g''(y) for 0 <= y < 1: the sum of y^k/(2k + 1)."""
+    """Compute g(y) = atanh(sqrt y)/sqrt y, g'(y), g''(y) for 0 <= y < 1: the sum of y^k/(2k + 1)."""
     if y >= SERIES_BELOW:
         root = np.sqrt(y)
         g = np.arctanh(root) / root
@@ -370,7 +370,7 @@ MAX_MODE_STRAIN, MIN_MODE_DAMPING = 0.3, 0.1
 
 
 def mode_count(axisymmetric: bool) -> int:
-    """Numbers a cell of enhanced strain carries."""
+    """Count the numbers a cell of enhanced strain carries."""
     return 5 if axisymmetric else 4
 
 

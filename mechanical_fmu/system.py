@@ -86,17 +86,19 @@ class System:
 
     @property
     def rigid(self) -> RigidBodies | None:
+        """Return the rigid bodies of the scene, None without any."""
         return self.constraints.rigid
 
     @cached_property
     def pattern(self) -> Pattern:
+        """Find the pattern of the stiffness matrix, (2 n_nodes, 2 n_nodes), of all cells."""
         # Where all bodies are rigid there is no cell at all.
         dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
         return pattern_of(2 * self.volume.n_nodes, *dofs)
 
     @cached_property
     def free_entries(self) -> FreeEntries:
-        """Those of the pattern."""
+        """Find the entries of free components in the pattern."""
         return free_entries(self.constraints.free, self.pattern)
 
     def start_history(self) -> Floats:
@@ -105,11 +107,12 @@ class System:
 
     @cached_property
     def can_be_loose(self) -> bool:
-        """Whether a body needs contact to be held."""
+        """Say whether a body needs contact to be held."""
         return bool(self.constraints.loose_motions(self.interface.nodes))
 
     @cached_property
     def loads(self) -> tuple[Pressure, ...]:
+        """Return the follower pressures."""
         return self.spec.pressures
 
     @cached_property
@@ -150,7 +153,7 @@ class System:
 
     @cached_property
     def melts(self) -> bool:
-        """Whether some cell can be liquid."""
+        """Say whether some cell can be liquid."""
         return any(cells.treatment.kind & LIQUID for cells in self.volume.kinds)
 
     def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> ForceBalance:
@@ -240,7 +243,7 @@ def free_entries(free: Floats, on: Pattern | csr_matrix) -> FreeEntries:
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:
-    """Everything about a scene that does not change while it runs.  Raises ValueError for a bad mesh or constraints.
+    """Make what of a scene does not change while it runs.  Raises ValueError for a bad mesh or constraints.
 
     With rigid bodies, the system's interface has their reference rows behind the nodes of the mesh.
     """

@@ -66,7 +66,7 @@ def stiffness(system: System, balance: ForceBalance, loading: Loading) -> csr_ma
 
 
 def symmetric(system: System, balance: ForceBalance, loading: Loading) -> bool | None:
-    """True where the stiffness is symmetric by its making; None where that must be looked at."""
+    """Return True where the stiffness is symmetric by its making; None where that must be looked at."""
     touches = balance.tractions is not None and len(balance.tractions.blocks) > 0
     if touches or any(loading.pressure) or balance.turning is not None or system.volume.skew:
         return None
@@ -104,6 +104,7 @@ class StiffnessAnchor:
 
     @cached_property
     def solve(self) -> Solve:
+        """Factor the anchor's stiffness with its springs; returns the solver of K d = b, b : (2 n_nodes,) [N]."""
         diagonal = np.zeros(self.matrix.shape[0])
         diagonal[self.system.contact.dofs] = self.springs
         K = self.matrix + diags_array(diagonal, format="csr") if diagonal.any() else self.matrix
@@ -164,7 +165,7 @@ class StiffnessAnchor:
 
 
 def refuse_loose(system: System, balance: ForceBalance) -> None:
-    """Raises SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
+    """Raise SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
     if not system.can_be_loose:
         return
     x = system.interface.nodes + balance.u
@@ -188,7 +189,7 @@ def _loose_text(system: System, body: int, motion: Floats) -> str:
 
 
 def refuse_unheld(system: System) -> None:
-    """Raises SingularMatrixError where a body is loose and in no contact pair that could hold it."""
+    """Raise SingularMatrixError where a body is loose and in no contact pair that could hold it."""
     interface = system.interface
     touching = {int(interface.node_body[node]) for node in interface.contact_nodes}
     for body, Z in system.constraints.loose_motions(interface.nodes):

@@ -70,22 +70,22 @@ class DeformableMesh:
 
     @property
     def n_cells(self) -> int:
-        """Cells of the mesh, those of rigid bodies (in no kind) too."""
+        """Count the cells of the mesh, those of rigid bodies (in no kind) too."""
         return self.all_cells or sum(len(cells.nodes) for cells in self.kinds)
 
     @property
     def elastic(self) -> bool:
-        """Whether forces follow from u and the temperature alone, without history."""
+        """Say whether forces follow from u and the temperature alone, without history."""
         return all(cells.fast for cells in self.kinds)
 
     @property
     def makes_heat(self) -> bool:
-        """Whether some point is inelastic."""
+        """Say whether some point is inelastic."""
         return any(cells.treatment.kind for cells in self.kinds)
 
     @property
     def skew(self) -> bool:
-        """Whether the tangent of some point is not symmetric."""
+        """Say whether the tangent of some point is not symmetric."""
         return any(has_skew_tangent(cells.treatment.kind) for cells in self.kinds)
 
     def start_history(self) -> Floats:
