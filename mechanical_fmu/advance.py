@@ -74,7 +74,7 @@ class PartWayError(ArithmeticError):
 
 
 def loading_of(system: System, task: Task, share: float, dt: float, history: Floats) -> Loading:
-    """The loading after a share of the step, dt [s] after history.  Raises MaterialRangeError."""
+    """Make the loading after a share of the step, dt [s] after history : (n_history,).  Raises MaterialRangeError."""
     drive = between(task.start, task.end, share)
     # fault: a given solid fraction is not heeded -> moduli = system.moduli(drive.T) |
     #   mechanical_fmu/test_solution_melting scenarios/test_freezing_column
@@ -86,7 +86,10 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
 
 
 def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> ForceBalance:
-    """Balance, with tangent if asked for, where driven bodies have moved by their mean prescribed increment."""
+    """Compute the balance where driven bodies have moved by their mean prescribed increment, with tangent if asked for.
+
+    u : (n_nodes, 2) [m] before they move.
+    """
     moved = system.constraints.moved(u, loading.target)
     fixed = system.constraints.fixed
     off = np.abs(moved.ravel()[fixed] - loading.target)
@@ -97,7 +100,7 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> For
 
 def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,
               failed: ArithmeticError | None = None) -> StepResult:
-    """The step, halved where a piece cannot be solved, at most `cuts` times.
+    """Solve the step, halved where a piece cannot be solved, at most `cuts` times.
 
     failed : why the whole step was tried in vain, None if it was not tried.
     Raises PartWayError; its cause is the last, but a cell that failed tells more than forces out of balance.

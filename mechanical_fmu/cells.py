@@ -60,34 +60,36 @@ class Cells:
 
     @property
     def dofs(self) -> NDArray[np.int64]:
-        """(n_e, 2 nn) degrees of freedom, 2 node + component."""
+        """Return (n_e, 2 nn) degrees of freedom, 2 node + component."""
         dofs = 2 * self.nodes[:, :, None].astype(np.int64) + np.arange(2)
         return dofs.reshape(len(self.nodes), -1)
 
     @property
     def fast(self) -> bool:
-        """Whether the loop of elastic_loop.py does: elastic, of mean dilatation."""
+        """Say whether the loop of elastic_loop.py does: elastic, of mean dilatation."""
         return self.treatment == ELASTIC
 
     @property
     def n_modes(self) -> int:
+        """Count the numbers the modes of a cell have, 0 without modes."""
         n = self.modes.hoop.shape[2]
         return mode_count(n == 3) if n else 0
 
     @property
     def n_row(self) -> int:
-        """Numbers that evolve in a cell: modes, then each point's history and, in plane stress, its ln F33."""
+        """Count numbers that evolve in a cell: modes, then each point's history and, in plane stress, its ln F33."""
         point = history_size(self.treatment.kind) + self.treatment.plane_stress
         return 0 if self.fast else self.n_modes + point * self.weight.shape[1]
 
     @cached_property
     def shape(self) -> CellShapes:
+        """Put what the loop of point_loop.py reads together, the modes behind the nodes in B and N_over_R."""
         B, N_over_R = (np.concatenate(parts, axis=2) for parts in zip((self.B, self.N_over_R), self.modes, strict=True))
         return CellShapes(self.nodes, B, N_over_R, self.weight, self.volume, self.n_modes)
 
 
 def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = None) -> tuple[Cells, ...]:
-    """The quads, then the triangles, of a mesh, each by treatment; a kind without cells is left out.
+    """Make the quads, then the triangles, of a mesh, each by treatment; a kind without cells is left out.
 
     treatments : one a body, None for elastic bodies only.
     Raises ValueError naming the cell (1-based) and its body where the mesh itself is inverted or left of the axis.

@@ -45,41 +45,41 @@ class RigidBodies:
 
     @property
     def point_rows(self) -> NDArray[np.intp]:
-        """(n_rigid,) row of each reference point's displacement."""
+        """Return (n_rigid,) row of each reference point's displacement."""
         return self.first + 2 * np.arange(len(self.body))
 
     @property
     def turn_rows(self) -> NDArray[np.intp]:
-        """(n_rigid,) row of each angle."""
+        """Return (n_rigid,) row of each angle."""
         return self.point_rows + 1
 
     @property
     def n_rows(self) -> int:
-        """Rows of the nodal arrays, reference rows included."""
+        """Count the rows of the nodal arrays, reference rows included."""
         return self.first + 2 * len(self.body)
 
     @cached_property
     def dofs(self) -> NDArray[np.intp]:
-        """(n_rigid, 3) degrees of freedom of u_x, u_y and the angle."""
+        """Return (n_rigid, 3) degrees of freedom of u_x, u_y and the angle."""
         return np.stack([2 * self.point_rows, 2 * self.point_rows + 1, 2 * self.turn_rows], axis=1)
 
     @cached_property
     def slaves(self) -> NDArray[np.intp]:
-        """(2 n_s,) degrees of freedom of the nodes that follow."""
+        """Return (2 n_s,) degrees of freedom of the nodes that follow."""
         return (2 * self.nodes[:, None] + np.arange(2)).ravel()
 
     def extended(self, interface: Interface) -> Interface:
-        """The interface with the reference rows behind its nodes; the two rows of a body lie at its point."""
+        """Put the reference rows behind the nodes of the interface; the two rows of a body lie at its point."""
         return replace(interface, nodes=np.vstack([interface.nodes, np.repeat(self.reference, 2, axis=0)]))
 
     def turned(self, u: Floats) -> Floats:
-        """(n_s, 2) R(theta) (X - X_ref) [m]."""
+        """Turn the arms: (n_s, 2) R(theta) (X - X_ref) [m] at u : (n_rows, 2) [m]."""
         theta = (u[self.turn_rows, 0] / self.size)[self.owner]
         c, s = np.cos(theta), np.sin(theta)
         return np.stack([c * self.arm[:, 0] - s * self.arm[:, 1], s * self.arm[:, 0] + c * self.arm[:, 1]], axis=1)
 
     def placed(self, u: Floats) -> Floats:
-        """u : (n_rows, 2) [m] with the nodes of rigid bodies where their reference rows put them."""
+        """Copy u : (n_rows, 2) [m] with the nodes of rigid bodies where their reference rows put them."""
         theta = (u[self.turn_rows, 0] / self.size)[self.owner]
         # cos - 1 by half angles: small turns keep their digits.
         c1, s = -2.0 * np.sin(0.5 * theta) ** 2, np.sin(theta)
@@ -91,7 +91,10 @@ class RigidBodies:
         return placed
 
     def reduced(self, f: Floats, u: Floats) -> Floats:
-        """G'f : (n_rows, 2) [N]: forces of rigid nodes gathered at their reference rows, 0 left behind."""
+        """Gather forces of rigid nodes at their reference rows: G'f : (n_rows, 2) [N], 0 left behind.
+
+        f : (n_rows, 2) [N].  u : (n_rows, 2) [m].
+        """
         arm, there = self.turned(u), f[self.nodes]
         out = f.copy()
         out[self.nodes] = 0.0
@@ -102,12 +105,18 @@ class RigidBodies:
         return out
 
     def turning_stiffness(self, f: Floats, u: Floats) -> Floats:
-        """(n_rigid,) f . d2x/dtheta2 / L2 [N/m], of nodal forces f : (n_rows, 2) [N] before they are reduced."""
+        """Compute (n_rigid,) f . d2x/dtheta2 / L2 [N/m], of nodal forces f : (n_rows, 2) [N] before they are reduced.
+
+        u : (n_rows, 2) [m].
+        """
         work = -(self.turned(u) * f[self.nodes]).sum(axis=1)
         return np.bincount(self.owner, weights=work, minlength=len(self.body)) / self.size**2
 
     def follow(self, u: Floats) -> csr_matrix:
-        """G : (2 n_rows, 2 n_rows), d(all displacements)/d(unknowns) at u; columns of rigid nodes are empty."""
+        """Assemble G : (2 n_rows, 2 n_rows) [1], d(all displacements)/d(unknowns) at u : (n_rows, 2) [m].
+
+        Columns of rigid nodes are empty.
+        """
         n, arm, owner = self.n_rows, self.turned(u), self.owner
         own = np.setdiff1d(np.arange(2 * n), self.slaves)
         point, turn = 2 * self.point_rows[owner], 2 * self.turn_rows[owner]
@@ -119,7 +128,10 @@ class RigidBodies:
                           shape=(2 * n, 2 * n))
 
     def condensed(self, K: csr_matrix, u: Floats, turning: Floats) -> csr_matrix:
-        """G'K G plus the turning stiffness; every diagonal entry is in the pattern, as holding unknowns wants."""
+        """Compute G'K G plus the turning stiffness; every diagonal entry is in the pattern, as holding unknowns wants.
+
+        K : (2 n_rows, 2 n_rows) [N/m], the result too.  u : (n_rows, 2) [m].  turning : (n_rigid,) [N/m].
+        """
         G = self.follow(u)
         product = G.T @ K @ G
         diagonal = np.zeros(K.shape[0])
@@ -127,12 +139,15 @@ class RigidBodies:
         return with_diagonal(csr_matrix(product + diags_array(diagonal, format="csr")))
 
     def spread(self, d: Floats, u: Floats) -> Floats:
-        """G d : (2 n_rows,) [m]: a direction with the nodes of rigid bodies following, to first order."""
+        """Compute G d, same shape as d: a direction with the nodes of rigid bodies following, to first order.
+
+        d : (2 n_rows,) or (2 n_rows, k) [m].  u : (n_rows, 2) [m].
+        """
         return np.asarray(self.follow(u) @ d)
 
 
     def deformable(self, kinds: tuple[Cells, ...]) -> tuple[Cells, ...]:
-        """The cells of the other bodies."""
+        """Return the cells of the other bodies."""
         out = []
         for cells in kinds:
             keep = ~np.isin(cells.body, self.body)
@@ -146,14 +161,17 @@ class RigidBodies:
 
 
 def with_diagonal(K: csr_matrix) -> csr_matrix:
-    """K with every diagonal entry in its pattern (a sum of sparse matrices drops exact zeros)."""
+    """Return K : (n, n) with every diagonal entry in its pattern (a sum of sparse matrices drops exact zeros)."""
     missing = np.where(K.diagonal() == 0.0, np.finfo(float).tiny, 0.0)
     return csr_matrix(K + diags_array(missing, format="csr"))
 
 
 def rigid_bodies(interface: Interface, reference: Mapping[int, tuple[float, float] | None],
                  kinds: tuple[Cells, ...]) -> RigidBodies:
-    """The rigid bodies of a scene.  reference : body -> its reference point [m], None for the centre of volume."""
+    """Make the rigid bodies of a scene.
+
+    reference : body -> its reference point [m], None for the centre of volume.
+    """
     points, sizes, nodes, owner = [], [], [], []
     for k, (body, given) in enumerate(reference.items()):
         here = np.flatnonzero(interface.node_body == body)
@@ -206,14 +224,15 @@ class Constraints:
     rigid: RigidBodies | None = None
 
     def values(self, t: float, side: int, inputs: Values) -> Floats:
-        """(n_fixed,) displacements [m] at time t, from the given side of a jump."""
+        """Compute (n_fixed,) prescribed displacements [m] at time t [s], from the given side of a jump."""
         numbers = [driven(s, n, t, side, inputs) * length
                    for s, n, length in zip(self.signals, self.names, self.scale, strict=True)]
         return np.array([*numbers, 0.0])[self.source]
 
     def moved(self, u: Floats, target: Floats) -> Floats:
-        """u with every driven body moved rigidly, by its mean prescribed increment in each component.
+        """Move every driven body rigidly, by its mean prescribed increment in each component.
 
+        u : (n_nodes, 2) [m], the result too.  target : (n_fixed,) [m] of the prescribed components.
         Without it a large sliding step would shear the driven row of cells flat before the first iteration.
         """
         increment = target - u.ravel()[self.fixed]
@@ -233,9 +252,10 @@ class Constraints:
         return self.rigid.placed(moved)
 
     def loose_motions(self, x: Floats) -> tuple[tuple[int, Floats], ...]:
-        """(body, Z) of bodies that could move rigidly: Z : (3, n_motions) combines moving along x, y and turning.
+        """Find bodies that could move rigidly; returns (body, Z) of each.
 
-        x : (n_nodes, 2) [m].  Turning is about the body's middle, by an angle of 1/size.
+        x : (n_nodes, 2) [m].  Z : (3, n_motions) [1] combines moving along x, y and turning.
+        Turning is about the body's middle, by an angle of 1/size.
         """
         loose = []
         for body in range(self.n_bodies):
@@ -249,7 +269,10 @@ class Constraints:
         return tuple(loose)
 
     def rigid_motions(self, x: Floats, body: int) -> Floats:
-        """(2 n_nodes, 3): moving along x, along y, turning; 0 on other bodies."""
+        """Compute (2 n_nodes, 3) [1]: moving along x, along y, turning by 1/size; 0 on other bodies.
+
+        x : (n_nodes, 2) [m].
+        """
         here = self.node_body == body
         offset = x - 0.5 * (x[here].max(axis=0) + x[here].min(axis=0))
         size = max(float(np.abs(offset[here]).max()), np.finfo(float).tiny)
@@ -266,7 +289,7 @@ class Constraints:
 
     @cached_property
     def holder(self) -> NDArray[np.int32]:
-        """(n_nodes,) the body a row belongs to, reference rows of rigid bodies too; -1 where none."""
+        """Return (n_nodes,) the body a row belongs to, reference rows of rigid bodies too; -1 where none."""
         if self.rigid is None:
             return self.node_body
         holder = self.node_body.copy()

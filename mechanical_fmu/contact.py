@@ -20,7 +20,7 @@ class MeshContact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
 
     def on_slaves(self, pairs: Collection[str]) -> NDArray[np.bool_]:
-        """(n_s,) whether a surface node is on a slave side of these pairs."""
+        """Say, (n_s,), whether a surface node is on a slave side of these pairs."""
         sides = [side for pair in self.interface.pairs if pair.name in pairs
                  for side in ((pair.slave, pair.master) if pair.two_pass else (pair.slave,))]
         nodes = [self.interface.surfaces[side].ravel() for side in sides]
@@ -28,26 +28,26 @@ class MeshContact(ContactSurfaces):
 
     @cached_property
     def slips(self) -> bool:
-        """Whether a pair has friction."""
+        """Say whether a pair has friction."""
         return any(pair.mu > 0.0 for pair in self.interface.pairs)
 
     @cached_property
     def dofs(self) -> NDArray[np.intp]:
-        """(2 n_s,) degrees of freedom of the surface nodes, 2 node + component."""
+        """Return (2 n_s,) degrees of freedom of the surface nodes, 2 node + component."""
         return (2 * self.interface.contact_nodes[:, None] + np.arange(2)).ravel().astype(np.intp)
 
     def force(self, tractions: Tractions) -> Floats:
-        """(n_nodes, 2) [N] on the nodes of the mesh."""
+        """Put the contact forces on the nodes of the mesh: (n_nodes, 2) [N]."""
         f = np.zeros((len(self.interface.nodes), 2))
         f[self.interface.contact_nodes] = tractions.force
         return f
 
     def dense(self, tractions: Tractions) -> Floats:
-        """(2 n_s, 2 n_s) stiffness [N/m] of the touching points on the surface nodes."""
+        """Assemble the stiffness (2 n_s, 2 n_s) [N/m] of the touching points on the surface nodes."""
         return _rows(tractions, self.dofs.size).toarray()
 
     def matrix(self, tractions: Tractions) -> csr_matrix:
-        """The same on all degrees of freedom of the mesh."""
+        """Assemble the same on all degrees of freedom of the mesh, (2 n_nodes, 2 n_nodes) [N/m]."""
         K = _rows(tractions, self.dofs.size).tocoo()
         n = 2 * len(self.interface.nodes)
         return csr_matrix((K.data, (self.dofs[K.row], self.dofs[K.col])), shape=(n, n))
@@ -58,7 +58,7 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
 
 
 def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
-    """What both mechanical halves say of contact; n_s : surface nodes.  slips : whether a pair has friction."""
+    """List the contact outputs of both mechanical halves; n_s : surface nodes, slips : whether a pair has friction."""
     variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0", on="contact_nodes"),
                  Variable("contact.gap", (n_s,), unit="m", description="normal gap", on="contact_nodes"),
                  Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced",
@@ -77,7 +77,7 @@ def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
 
 
 def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Value]:
-    """Their values."""
+    """Return the values of contact_variables."""
     outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
                                  "contact.covered": tractions.node_covered,
                                  "contact.touching": float(tractions.n_touching)}

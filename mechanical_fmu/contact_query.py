@@ -26,14 +26,15 @@ class ContactQuery:
     history: History
 
     def __call__(self, x: Floats) -> Tractions:
+        """Ask for the contact tractions at x : (n_nodes, 2) [m].  Raises ContactRefusedError."""
         return self.contact.tractions(self.link, x, self.history)
 
     def couplings(self, x: Floats) -> Couplings:
-        """How contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
+        """Ask how contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
         return self.contact.couplings(self.link, x, self.history)
 
     def with_multipliers(self, multipliers: Floats) -> ContactQuery:
-        """Replace the multipliers by others : (n_s,) [Pa]."""
+        """Replace the multipliers of contact; multipliers : (n_s,) [Pa]."""
         return replace(self, history=replace(self.history, multipliers=multipliers))
 
 
@@ -43,7 +44,10 @@ def contact_query(system: System, link: Link, history: History) -> Callable[[Flo
 
 
 def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]:
-    """By how much pressures still change, and where most; change : (n_s,) [Pa], of pressures up to largest [Pa]."""
+    """Say by how much pressures still change, and where most.
+
+    change : (n_s,) [Pa], of pressures up to largest [Pa].
+    """
     # fault: a node that does not settle misnamed -> worst = int(np.argmin(np.abs(change))) |
     #   mechanical_fmu/test_semi_smooth
     worst = int(np.argmax(np.abs(change)))

@@ -33,7 +33,7 @@ class StepDrive:
 
 
 def drive_of(system: System, inputs: Values, t: float, side: int) -> StepDrive:
-    """The drive at time t [s], from the given side of a jump (-1 before it, 1 after it)."""
+    """Compute the drive at time t [s], from the given side of a jump (-1 before it, 1 after it)."""
     spec = system.spec
     pressure = [driven(p.value, p.name, t, side, inputs) for p in spec.pressures]
     dead = [driven(d.value, d.name, t, side, inputs) for d in spec.dead]
@@ -42,7 +42,7 @@ def drive_of(system: System, inputs: Values, t: float, side: int) -> StepDrive:
 
 
 def between(a: StepDrive, b: StepDrive, share: float) -> StepDrive:
-    """The drive after a share of the way from a to b; b itself at its end."""
+    """Compute the drive after a share of the way from a to b; b itself at its end."""
     if share == 1.0:
         return b
     return StepDrive(*(x + share * (y - x) for x, y in
@@ -64,12 +64,12 @@ def _given(inputs: Values) -> Floats:
 # skipped adds up and never drifts.
 
 def may_skip(system: System) -> bool:
-    """Whether nothing moves while the inputs stand still: no creep, no flow in time."""
+    """Say whether nothing moves while the inputs stand still: no creep, no flow in time."""
     return not any(m.kind & (CREEP | OVERSTRESS | LIQUID) for m in system.spec.materials)
 
 
 def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats) -> float:
-    """Estimate of max|du| [m] from the inputs last solved for to those of now, about u : (n, 2) [m]."""
+    """Estimate max|du| [m] from the inputs last solved for to those of now, about u : (n_nodes, 2) [m]."""
     moved = np.abs(now.target - solved.target).max(initial=0.0)
     L = np.array([np.ptp(system.interface.nodes[system.interface.node_body == b], axis=0).max()
                   for b in range(len(system.interface.bodies))])

@@ -28,7 +28,7 @@ class BodyMotion:
 
 
 def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Inertia:
-    """Inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
+    """Compute the inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
 
     With a_{n+1} = (u - u*)/(beta dt2), u* = u_n + dt v_n + dt2 (1/2 - beta) a_n, the balance of problem.py
     divided by 1 - alpha_f reads f_{n+1} + s M (u - u*) + (alpha_f f_n + alpha_m M a_n)/(1 - alpha_f) = 0 with
@@ -43,21 +43,21 @@ def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Ine
 
 
 def free_flight(how: Dynamics, now: BodyMotion, dt: float) -> Floats:
-    """(n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
+    """Compute (n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
     # fault: Newmark's free flight without its acceleration -> return now.u + dt * now.v |
     #   mechanical_fmu/test_solution_dynamics
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 
 def motion_after(how: Dynamics, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
-    """The motion at the end of a step solved for."""
+    """Compute the motion at the end of a step solved for."""
     a = (found.u - inertia.origin) / (how.beta * dt * dt)
     v = now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a)
     return BodyMotion(found.u, v, a, found.r - inertia.force(found.u))
 
 
 def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotion:
-    """At rest but for the velocities of the bodies, Eq. (21), and accelerated by what is out of balance: M a = -f."""
+    """Compute the motion at the start: the bodies' own velocities, Eq. (21), and accelerations M a = -f."""
     v = np.zeros_like(found.u)
     for body, spec in enumerate(system.spec.bodies):
         here = system.interface.node_body == body

@@ -78,12 +78,12 @@ class Moved:
 
 
 def makes_heat(system: System) -> bool:
-    """Whether E_M can be anything but 0."""
+    """Say whether E_M can be anything but 0."""
     return system.volume.makes_heat or system.spec.thermoelastic_heat
 
 
 def elastic_variables(system: System) -> tuple[Variable, ...]:
-    """Inputs and outputs of the half; what the scene cannot make is not among them."""
+    """List the inputs and outputs of the half; what the scene cannot make is not among them."""
     interface, spec = system.interface, system.spec
     n, n_s, n_cells = mesh_nodes(system), interface.contact_nodes.size, system.volume.n_cells
     T_ref = np.array([m.T_ref for m in spec.materials])[spec.body_material]
@@ -124,12 +124,12 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
 
 
 def mesh_nodes(system: System) -> int:
-    """Nodes of the mesh, reference rows of rigid bodies apart."""
+    """Count the nodes of the mesh, reference rows of rigid bodies apart."""
     return len(system.interface.nodes) if system.rigid is None else system.rigid.first
 
 
 def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
-    """All outputs at the end of a step that was solved."""
+    """Compute all outputs at the end of a step that was solved."""
     balance, n = found.balance, mesh_nodes(system)
     sigma, sigma_v, increment = _stresses(system, found, moved)
     outputs: dict[str, Value] = {
@@ -217,7 +217,7 @@ TOUCHING_AS_DRAWN = 1e-9
 
 
 def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
-    """The balance to begin with at u : (n, 2) [m], with its tangent.
+    """Compute the balance to begin with at u : (n_nodes, 2) [m], with its tangent.
 
     Where a body is loose, surfaces that touch as drawn count as closed, under a pressure that lasts for this one
     guess: it says where contact can hold, and the equilibrium found from it knows nothing of it.
@@ -253,7 +253,7 @@ class ElasticHalf:
         self._anchors: dict[bytes, StiffnessAnchor] = {}
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ElasticState, Mapping[str, Value]]:
-        """Equilibrium at t from the reference, all at once; with inertia, the reference itself and its velocity.
+        """Find the equilibrium at t from the reference at once; with inertia, the reference itself and its velocity.
 
         Raises ArithmeticError where there is none, or nothing can hold a body.
         """
@@ -282,7 +282,7 @@ class ElasticHalf:
         return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """Equilibrium, or motion, at t + h."""
+        """Find the equilibrium, or the motion, at t + h."""
         method, mode = int(inputs.get("control.method", 0)), int(inputs.get("control.mode", ISOTHERMAL))
         if refusal := self._refusal(method, mode):
             return Discard(refusal)
@@ -429,7 +429,7 @@ class ElasticHalf:
 
 
 def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
-    """The elastic half of an interface and a model.json.  Raises ValueError naming what is wrong."""
+    """Make the elastic half of an interface and a model.json.  Raises ValueError naming what is wrong."""
     spec = parse_elastic(interface, model)
     return ElasticHalf(system_of(interface, spec), SolverSettings(spec.tolerance))
 

@@ -23,7 +23,11 @@ unrolls them and saves a fifth of their time."""
 
 @inner
 def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
-    """F = (F11, F12, F21, F22, F33) of one point from its cell's u : (nn, 2) [m]; returns J = det F."""
+    """Compute F = (F11, F12, F21, F22, F33) of one point from the displacements of its cell; returns J = det F.
+
+    B : (nn, 2) [1/m] gradients dN/dX.  N_over_R : (nn,) [1/m].  u : (nn, 2) [m].  F : (5,) [1], out.
+    nn counts modes of enhanced strain too, where there are some.
+    """
     F[0] = 1.0
     F[1] = 0.0
     F[2] = 0.0
@@ -40,7 +44,11 @@ def gradient(B: Floats, N_over_R: Floats, u: Floats, F: Floats) -> float:
 
 @inner
 def dilatation(B: Floats, N_over_R: Floats, weight: Floats, u: Floats, F: Floats, J: Floats) -> float:
-    """Fill F : (nq, 5) and J : (nq,) of one cell; returns its current volume v [m3], or -1 where a J or F_33 <= 0."""
+    """Fill F and J of one cell; returns its current volume v [m3], or -1 where a J or F_33 <= 0.
+
+    B : (nq, nn, 2) [1/m].  N_over_R : (nq, nn) [1/m].  weight : (nq,) [m3].  u : (nn, 2) [m].
+    F : (nq, 5) [1] and J : (nq,) [1], out.
+    """
     v = 0.0
     for q in range(weight.shape[0]):
         J[q] = gradient(B[q], N_over_R[q], u, F[q])
@@ -55,7 +63,9 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
                 e_th: Floats, u: Floats, tangent: bool, f: Floats, K: Floats, corners: Corners) -> int:
     """Add the internal forces to f : (n_nodes, 2) [N]; with tangent, fill K : (n_e, 2 nn, 2 nn) [N/m], symmetric.
 
-    u : (n_nodes, 2) [m].  mu, kappa : (n_e,) [Pa], e_th : (n_e,) thermal part of ln theta.
+    nodes : (n_e, nn) node numbers.  B : (n_e, nq, nn, 2) [1/m].  N_over_R : (n_e, nq, nn) [1/m].
+    weight : (n_e, nq) [m3].  volume : (n_e,) [m3].  mu, kappa : (n_e,) [Pa].
+    e_th : (n_e,) [1] thermal part of ln theta.  u : (n_nodes, 2) [m].
     Returns the number of the first cell turned inside out, or -1.
     """
     n_e, nq, nn = B.shape[0], len(corners), len(corners)
@@ -118,7 +128,11 @@ def cell_forces(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume
 @inner
 def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: float, g: Floats, h: Floats,
                 k: Floats, K: Floats, corners: Corners) -> None:
-    """Add one point's lower triangle: c dF:dF - 2c/3 (h k' + k h') + n h h' + m (F^-T dF' F^-T):dF."""
+    """Add one point's lower triangle: c dF:dF - 2c/3 (h k' + k h') + n h h' + m (F^-T dF' F^-T):dF.
+
+    B : (nn, 2) [1/m].  N_over_R : (nn,) [1/m].  c, m, n : [J].  K : (2 nn, 2 nn) [N/m] of the cell.
+    g : (nn, 2) [1/m] gradients by x.  h, k : (nn, 2) [1/m], F^-T : dF and F : dF of every unit displacement.
+    """
     c3 = 2.0 / 3.0 * c
     for b in range(len(corners)):
         B0, B1, hoop = c * B[b, 0], c * B[b, 1], c * N_over_R[b]
@@ -137,7 +151,10 @@ def add_tangent(B: Floats, N_over_R: Floats, F33: float, c: float, m: float, n: 
 
 @inner
 def close_tangent(factor: float, d: Floats, K: Floats, corners: Corners) -> None:
-    """Add factor d d' and mirror the lower triangle."""
+    """Add factor d d' and mirror the lower triangle.
+
+    factor : [Pa/m3].  d : (nn, 2) [m2] change of the cell's volume by its displacements.  K : (2 nn, 2 nn) [N/m].
+    """
     for a in range(len(corners)):
         for i in range(2):
             row = 2 * a + i
@@ -152,7 +169,14 @@ def close_tangent(factor: float, d: Floats, K: Floats, corners: Corners) -> None
 @kernel
 def cell_stress(nodes: Ints, B: Floats, N_over_R: Floats, weight: Floats, volume: Floats, mu: Floats, kappa: Floats,
                 e_th: Floats, u: Floats, stress: Floats, strain: Floats) -> None:
-    """Fill stress : (n_e, nq, 4) Cauchy (11, 22, 12, 33) [Pa] and strain : (n_e, nq, 4) Green-Lagrange, same order."""
+    """Fill the stress and strain of every point.
+
+    nodes : (n_e, nn) node numbers.  B : (n_e, nq, nn, 2) [1/m].  N_over_R : (n_e, nq, nn) [1/m].
+    weight : (n_e, nq) [m3].  volume : (n_e,) [m3].  mu, kappa : (n_e,) [Pa].
+    e_th : (n_e,) [1] thermal part of ln theta.  u : (n_nodes, 2) [m].
+    stress : (n_e, nq, 4) [Pa], out, Cauchy, components (11, 22, 12, 33).
+    strain : (n_e, nq, 4) [1], out, Green-Lagrange, same order.
+    """
     nn, nq = B.shape[2], B.shape[1]
     ue, F, J = np.empty((nn, 2)), np.empty((nq, 5)), np.empty(nq)
     for e in range(B.shape[0]):

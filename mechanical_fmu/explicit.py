@@ -51,8 +51,9 @@ class Flight:
 
 def fly(system: System, start: BodyMotion, history: Floats, dt: float,
         loading_at: Callable[[float, float, Floats], Loading]) -> Flight:
-    """The motion dt [s] later.  loading_at : (share of the step, piece [s], history) -> loading.
+    """Compute the motion dt [s] later.  loading_at : (share of the step, piece [s], history) -> loading.
 
+    history : (n_history,) of points and cells at the start.
     Raises NoEquilibriumError where the energies part or the pieces are too many.
     """
     now, heat, share, pieces = start, np.empty(0), 0.0, 0
@@ -96,7 +97,7 @@ def _piece(system: System, now: BodyMotion, loading: Loading, h: float) -> tuple
 
 
 def stable_step(system: System, u: Floats, loading: Loading) -> float:
-    """2/w [s] at u : (n, 2) [m]."""
+    """Compute the stable step 2/w [s] at u : (n_nodes, 2) [m]."""
     balance = system.balance(u, loading, tangent=True)
     assert balance.entries is not None
     largest, start = 0.0, 0
@@ -114,7 +115,7 @@ def stable_step(system: System, u: Floats, loading: Loading) -> float:
 
 
 def contact_rate(system: System) -> float:
-    """Bound of w2 [1/s2] of contact alone, all surfaces closed: of eps_N A/m, the largest on either side of a pair.
+    """Bound w2 [1/s2] of contact alone, all surfaces closed: eps_N A/m, the largest on either side of a pair.
 
     Open ones count too: they may close within the step, and a piece too long for that gains energy from nothing.
     """

@@ -25,14 +25,14 @@ Floats = NDArray[np.float64]
 
 
 def log_dilatation(system: System, u: Floats) -> tuple[Floats, ...]:
-    """ln theta of every cell at u : (n, 2) [m], (n_e,) for each kind."""
+    """Compute ln theta [1] of every cell at u : (n_nodes, 2) [m], (n_e,) for each kind."""
     return tuple(np.log(_volumes(cells, u) / cells.volume) for cells in system.volume.kinds)
 
 
 def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -> Floats:
-    """(n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.
+    """Compute (n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.
 
-    T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.
+    T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.  u_n, u : (n_nodes, 2) [m].
     """
     out = np.zeros(system.volume.n_cells)
     before, after = log_dilatation(system, u_n), log_dilatation(system, u)
@@ -47,7 +47,10 @@ def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -
 
 
 def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats, u_n: Floats) -> tuple[Moduli, ...]:
-    """The moduli of a step in which no heat flows, from u_n : (n, 2) [m], at nodal temperatures T : (n_nodes,) [K]."""
+    """Compute the moduli of a step in which no heat flows.
+
+    T : (n_nodes,) [K] nodal temperatures.  u_n : (n_nodes, 2) [m] at the start.
+    """
     out, spec = [], system.spec
     means, before = system.volume.means(T), log_dilatation(system, u_n)
     for cells, m, mean, start in zip(system.volume.kinds, moduli, means, before, strict=True):
@@ -78,21 +81,22 @@ def _volumes(cells: Cells, u: Floats) -> Floats:
 # How far and how fast bodies have flown: the equivalent inelastic strain, as means over their reference volumes.
 
 def flowing_bodies(system: System) -> tuple[int, ...]:
-    """Bodies, by index, that can flow plastically or creep."""
+    """Find the bodies, by index, that can flow plastically or creep."""
     flows = [cells.body for cells in system.volume.kinds if _flows(cells)]
     return tuple(int(b) for b in np.unique(np.concatenate(flows))) if flows else ()
 
 
 def flow_variables(system: System) -> tuple[Variable, ...]:
-    """Outputs `flow.<body>` [1] and `flow_rate.<body>` [1/s] of bodies that can flow."""
+    """List the outputs `flow.<body>` [1] and `flow_rate.<body>` [1/s] of bodies that can flow."""
     names = [system.interface.bodies[b] for b in flowing_bodies(system)]
     return (*(Variable(f"flow.{n}", description="equivalent inelastic strain, mean over the body") for n in names),
             *(Variable(f"flow_rate.{n}", unit="1/s", description="its mean rate in the substep") for n in names))
 
 
 def flow_outputs(system: System, before: PointStep, history: Floats) -> dict[str, Value]:
-    """The outputs of flow_variables.  before : the step's length and the history it began with; history : at its end.
+    """Compute the outputs of flow_variables.
 
+    before : the step's length and the history it began with.  history : (n_history,) at its end.
     flow = int e dV / int dV with e = int sqrt(2/3 de_in:de_in), plastic and creep.  What solidifies begins at 0 again.
     Where no time passed the rate is 0.
     """

@@ -23,7 +23,7 @@ TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 def driven(value: Signal, name: str, t: float, side: int, inputs: Values) -> float:
-    """value(t) load.<name> + bc.<name>, or value(t) where the condition has no name; side : of a jump at t.
+    """Compute value(t) load.<name> + bc.<name>, or value(t) where the condition has no name; side : of a jump at t.
 
     So the factor scales what the scenario says and the offset adds to it; a rule that wants to set the value alone
     drives the offset of a signal that is 0.
@@ -38,8 +38,9 @@ def driven(value: Signal, name: str, t: float, side: int, inputs: Values) -> flo
 
 
 def pressure_forces(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Floats:
-    """Nodal forces (n_edges, 2, 2) [N] of pressures p : (n_edges,) [Pa] on edges of a mesh at x : (n_nodes, 2) [m].
+    """Compute the nodal forces (n_edges, 2, 2) [N] of pressures p : (n_edges,) [Pa] on edges of a mesh.
 
+    x : (n_nodes, 2) [m].  edges : (n_edges, 2) node numbers.  The result is by edge, node of the edge and component:
     f_a = -p n int N_a (2 pi r) ds, exact for straight edges.
     """
     m, _ = edge_weights(x[edges][:, :, 0], axisymmetric)
@@ -50,7 +51,10 @@ def pressure_forces(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Fl
 
 
 def pressure_blocks(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Floats:
-    """Stiffness -d(force)/dx : (n_edges, 4, 4) [N/m] on (node, component), of pressure_forces; not symmetric."""
+    """Compute the stiffness -d(force)/dx of pressure_forces, (n_edges, 4, 4) [N/m] on (node, component); not symmetric.
+
+    x : (n_nodes, 2) [m].  edges : (n_edges, 2) node numbers.  p : (n_edges,) [Pa].
+    """
     m, dm = edge_weights(x[edges][:, :, 0], axisymmetric)
     n = (x[edges[:, 1]] - x[edges[:, 0]]) @ TURN.T
     # fault: follower pressure does not turn in the tangent -> dn = 0.0 * np.stack([-TURN, TURN]) |
@@ -62,7 +66,11 @@ def pressure_blocks(x: Floats, edges: Ints, p: Floats, axisymmetric: bool) -> Fl
 
 
 def edge_weights(r: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
-    """m : (n_edges, 2) = int N_a (2 pi r) dxi over the unit edge, and its constant derivative by r : (2, 2)."""
+    """Integrate the shape functions over the unit edge; returns m = int N_a (2 pi r) dxi and its derivative by r.
+
+    r : (n_edges, 2) [m] of the edges' nodes.  m : (n_edges, 2) [m] when axisymmetric, else 1/2 [1].
+    dm : (2, 2) [1], constant, 0 unless axisymmetric.
+    """
     if not axisymmetric:
         return np.full(r.shape, 0.5), np.zeros((2, 2))
     dm = 2.0 * np.pi * np.array([[1.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 3.0]])
@@ -81,7 +89,7 @@ class DeadForces:
     unit: csr_matrix
 
     def at(self, magnitudes: Floats) -> Floats:
-        """(n, 2) [N] of magnitudes : (n_loads,)."""
+        """Compute the nodal forces (n, 2) [N] of magnitudes : (n_loads,), in the unit of each load."""
         return np.asarray(self.unit @ magnitudes).reshape(-1, 2)
 
 
@@ -126,7 +134,7 @@ def dead_forces(interface: Interface, loads: Sequence[DeadLoad], shares: NodalSh
 
 
 def nodal_shares(interface: Interface, kinds: Sequence[Cells], n: int) -> Floats:
-    """(n_bodies, n) [m3]: int N_a dV0 of every node over each body."""
+    """Integrate the volume (n_bodies, n) [m3] of every node in each body: int N_a dV0."""
     shares = np.zeros((len(interface.bodies), n))
     for cells in kinds:
         here = np.einsum("eq,qa->ea", cells.weight, cells.N)
@@ -135,7 +143,10 @@ def nodal_shares(interface: Interface, kinds: Sequence[Cells], n: int) -> Floats
 
 
 def edge_shares(interface: Interface, edges: Ints) -> Floats:
-    """(n_edges, 2) [m2]: int N_a (2 pi R) dS."""
+    """Compute (n_edges, 2) [m2]: int N_a (2 pi R) dS, when plane per metre of depth.
+
+    edges : (n_edges, 2) node numbers.
+    """
     X = interface.nodes[edges]
     length = np.linalg.norm(X[:, 1] - X[:, 0], axis=1)
     # fault: traction shared over the edge as if it were flat about the axis -> return length[:, None] *

@@ -32,22 +32,22 @@ class Masses:
 
     @property
     def n(self) -> int:
-        """Rows of the nodal arrays."""
+        """Count the rows of the nodal arrays."""
         return len(self.interface.nodes) if self.rigid is None else self.rigid.n_rows
 
     @property
     def density(self) -> Floats:
-        """(n_bodies,) rho0 [kg/m3], 0 where not said."""
+        """Return (n_bodies,) rho0 [kg/m3], 0 where not said."""
         return np.nan_to_num(self.spec.rho)[self.spec.body_material]
 
     @cached_property
     def volume(self) -> Floats:
-        """(n_bodies, n) [m3] share of every node in every body."""
+        """Compute (n_bodies, n) [m3], the share of every node in every body."""
         return nodal_shares(self.interface, self.kinds, self.n)
 
     @cached_property
     def dead(self) -> DeadForces:
-        """The patterns of the dead loads."""
+        """Make the patterns of the dead loads."""
         rows = np.empty((0, 3), np.intp) if self.rigid is None else self.rigid.dofs
         per_moment = np.empty(0) if self.rigid is None else 1.0 / self.rigid.size
         shares = NodalShares(self.density[:, None] * self.volume, self.volume)
@@ -55,17 +55,17 @@ class Masses:
 
     @cached_property
     def lumped(self) -> Floats:
-        """(2 n,) [kg] rows of the mass matrix summed; a rigid body's at its reference rows."""
+        """Sum the rows of the mass matrix: (2 n,) [kg]; a rigid body's at its reference rows."""
         m = np.repeat((self.density[:, None] * self.volume).sum(axis=0), 2)
         return m if self.rigid is None else self._gathered(m)
 
     def matrix(self, lumped: bool) -> csr_matrix:
-        """M : (2 n, 2 n) [kg], consistent or lumped."""
+        """Return M : (2 n, 2 n) [kg], consistent or lumped."""
         return csr_matrix(diags_array(self.lumped, format="csr")) if lumped else self.consistent
 
     @cached_property
     def consistent(self) -> csr_matrix:
-        """(2 n, 2 n) [kg] int rho0 N_a N_b dV0; a rigid body's at its reference rows."""
+        """Assemble (2 n, 2 n) [kg] int rho0 N_a N_b dV0; a rigid body's at its reference rows."""
         rows, columns, values = [], [], []
         for cells in self.kinds:
             rho = self.density[cells.body]
@@ -108,7 +108,10 @@ class Masses:
 
 def masses_of(interface: Interface, spec: ElasticSpec, kinds: tuple[Cells, ...],
               rigid: RigidBodies | None) -> Masses:
-    """Raises ValueError where inertia is asked of a rigid body told of by another point than its centre."""
+    """Make the masses of a scene.
+
+    Raises ValueError where inertia is asked of a rigid body told of by another point than its centre.
+    """
     inert = spec.dynamics is not None or spec.method == "explicit"
     for name, body in zip(interface.bodies, spec.bodies, strict=True):
         if inert and body.reference is not None:
@@ -131,5 +134,5 @@ class Inertia:
     constant: Floats
 
     def force(self, u: Floats) -> Floats:
-        """(n, 2) [N] at u : (n, 2) [m]."""
+        """Compute the inertia forces (n, 2) [N] at u : (n, 2) [m]."""
         return np.asarray(self.matrix @ (u - self.origin).ravel()).reshape(u.shape) + self.constant

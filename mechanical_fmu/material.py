@@ -35,7 +35,7 @@ class PlasticFlow:
 
     @property
     def kind(self) -> int:
-        """What its points can do (laws/kinds.py)."""
+        """Return what its points can do (laws/kinds.py)."""
         return (PLASTIC + (KINEMATIC if self.kinematic else 0) + (OVERSTRESS if self.overstress else 0))
 
     def fill(self, p: Points, T: Floats, start: int) -> None:
@@ -70,13 +70,13 @@ class FlowLaws:
 
     @property
     def kind(self) -> int:
-        """What point.update is to do."""
+        """Return what point.update is to do."""
         return ((self.plastic.kind if self.plastic else 0) + (CREEP if self.creep else 0)
                 + (LIQUID if self.liquid else 0))
 
     @property
     def data(self) -> Floats:
-        """(n_t,) numbers of its hardening curves."""
+        """Return (n_t,) numbers of its hardening curves: strains [1], stresses and slopes [Pa]."""
         return self.plastic.hardening.data if self.plastic else np.empty(0)
 
     def fill(self, p: Points, T: Floats, start: int) -> None:
@@ -116,7 +116,7 @@ class SolidMaterial:
 
     @property
     def kind(self) -> int:
-        """What its points can do (laws/kinds.py); 0 : elastic, neo-Hookean."""
+        """Return what its points can do (laws/kinds.py); 0 : elastic, neo-Hookean."""
         return self.flow.kind
 
 
@@ -140,7 +140,7 @@ class MaterialRangeError(ArithmeticError):
 
 
 def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, f_s: Floats | None = None) -> Moduli:
-    """Moduli of cells at their mean temperature T : (n_e,) [K] and solid fraction f_s : (n_e,).
+    """Compute the moduli of cells at their mean temperature T : (n_e,) [K] and solid fraction f_s : (n_e,) [1].
 
     f_s : None : each melting material takes it from T.  material_of : (n_e,) index into materials.
     Raises MaterialRangeError naming material and temperature.
@@ -164,10 +164,11 @@ def moduli(materials: tuple[SolidMaterial, ...], material_of: Index, T: Floats, 
 
 def thermoelastic_heat(materials: Sequence[SolidMaterial], material_of: Index, T: Floats, kappa: Floats,
                        change: Floats) -> Floats:
-    """Heat of a step [J/m3 of reference volume]: - kappa T (de_th/dT) d(ln theta), so that compression heats.
+    """Compute the heat of a step [J/m3 of reference volume]: - kappa T (de_th/dT) d(ln theta); compression heats.
 
-    T : (n_e,) [K], kappa : (n_e,) [Pa], change : (n_e,) of ln theta over the step.  The share in the elastic
-    entropy of moduli that change with temperature, and what pressure does to melting, are left out.
+    material_of : (n_e,) index into materials.  T : (n_e,) [K].  kappa : (n_e,) [Pa].  change : (n_e,) [1] of ln theta
+    over the step.  The result is (n_e,).  The share in the elastic entropy of moduli that change with temperature, and
+    what pressure does to melting, are left out.
     """
     rate = np.empty_like(T)
     for i, material in enumerate(materials):

@@ -56,11 +56,11 @@ class Directions(Protocol):
     fresh: bool
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
-        """d : (2 n,) [m] at a balance."""
+        """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         ...
 
     def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
-        """What the last direction led to.  errors : relative residual before and after it."""
+        """Take note of what the last direction led to.  errors : relative residual before and after it."""
         ...
 
 
@@ -71,12 +71,14 @@ class Newton:
         self.system, self.loading, self.anchor, self.poor, self.fresh = system, loading, anchor, 0, False
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
+        """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         if self.anchor is not None and self.poor < MAX_POOR_ITERATIONS:
             return self.anchor.direction(balance, gap)
         self.fresh = True
         return fresh_direction(self.system, with_tangent(self.system, balance, self.loading), self.loading, gap)
 
     def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
+        """Count the iterations that reduced the residual too little.  errors : as in Directions."""
         self.poor += errors[1] > POOR_REDUCTION * errors[0]
 
 
@@ -98,6 +100,7 @@ class Modified:
         self.slow = 0
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
+        """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
         if self.factor is None or self.slow >= MAX_SLOW_ITERATIONS:
             if self.loading.inertia is None:
                 refuse_loose(self.system, balance)
@@ -113,6 +116,7 @@ class Modified:
         return finish(self.system, balance, self._corrected(solve, -balance.r.ravel()), gap)
 
     def learn(self, before: ForceBalance, after: ForceBalance, errors: tuple[float, float]) -> None:
+        """Keep the pair of this iteration for BFGS and count slow ones.  errors : as in Directions."""
         self.slow = self.slow + 1 if errors[1] > SLOW_REDUCTION * errors[0] else 0
         free = self.system.constraints.free
         s = (after.u - before.u).ravel() * free
@@ -138,14 +142,14 @@ class Modified:
 
 
 def directions(method: str, system: System, loading: Loading, anchor: StiffnessAnchor | None) -> Directions:
-    """The search of a step by a method of METHODS."""
+    """Make the search of a step by a method of METHODS."""
     if method == "newton":
         return Newton(system, loading, anchor)
     return Modified(system, loading, MAX_BFGS_PAIRS if method == "bfgs" else 0)
 
 
 def with_tangent(system: System, balance: ForceBalance, loading: Loading) -> ForceBalance:
-    """The balance with the entries of its tangent."""
+    """Return the balance with the entries of its tangent."""
     return balance if balance.entries is not None else system.balance(balance.u, loading, tangent=True)
 
 
@@ -176,7 +180,7 @@ class SolverSettings:
 
     @property
     def most(self) -> int:
-        """Iterations a step may take."""
+        """Return how many iterations a step may take."""
         return self.max_iterations if self.method == "newton" else OLD_TANGENT_FACTOR * self.max_iterations
 
 
@@ -194,6 +198,7 @@ class Equilibrium:
 
     @property
     def iterations(self) -> int:
+        """Count the directions computed."""
         return len(self.history) - 1
 
 
@@ -233,7 +238,7 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
 
 
 def jumps_text(system: System) -> str:
-    """What may be why, where pairs have one point a node: there may be no equilibrium where a node's force ends."""
+    """Say what may be why, where pairs have one point a node: no equilibrium may lie where a node's force ends."""
     # fault: a failure does not name one point a node -> pairs = [pair.name for pair in system.interface.pairs if False]
     #   | mechanical_fmu/test_semi_smooth
     pairs = [pair.name for pair in system.interface.pairs if pair.by_node]
@@ -245,6 +250,7 @@ def line_search(system: System, loading: Loading, start: Iterate, d: Floats, flo
                 tolerance: float) -> Iterate:
     """Find balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
+    d : (2 n_nodes,) [m].  floor : (n_bodies,) [N] least force a residual is compared with.
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """
     balance, before = start.balance, start.error

@@ -93,15 +93,16 @@ class TrialState(NamedTuple):
 
 @inner
 def dot(a: Floats, b: Floats) -> float:
-    """a : b of two tensors (11, 22, 12, 33)."""
+    """Compute a : b of two tensors, a, b : (4,) = (11, 22, 12, 33), in any unit."""
     return a[0] * b[0] + a[1] * b[1] + 2.0 * a[2] * b[2] + a[3] * b[3]
 
 
 @inner
 def flow(kind: int, p: Point, tables: Floats, dt: float, h: Floats, S: Floats, D: Floats) -> tuple[int, float]:
-    """One step of the solid: code and heat [J/m3].
+    """Compute one step of the solid; returns the code and the heat [J/m3].
 
-    S : in the trial stress 2 G (e - Ei), out s.  h : in the history at the start, out at the end.  D : out.
+    tables : (n_t,) as at the head of this file.  h : (n_h,) in the history at the start, out at the end.
+    S : (4,) [Pa] in the trial stress 2 G (e - Ei), out s.  D : (4, 4) [Pa], out.
     """
     G, X = p.shear_modulus, h[H_BACK:H_BACK + 4]
     code, made = _increment(kind, p, tables, dt, h, S)
@@ -205,7 +206,10 @@ def _close(kind: int, p: Point, made: Increment, h: Floats, S: Floats) -> float:
 
 @inner
 def resistance(kind: int, p: Point, tables: Floats, dt: float, e_p: float, dp: float) -> tuple[float, float]:
-    """q [Pa] that flow by dp > 0 in dt takes, and its slope."""
+    """Compute q [Pa] that flow by dp > 0 in dt takes, and its slope dq/d(dp) [Pa].
+
+    tables : (n_t,) as at the head of this file.
+    """
     q, slope = flow_stress(p, tables, e_p + dp)
     if kind & OVERSTRESS:
         over, steeper = overstress(p, dp, dt)
@@ -220,6 +224,7 @@ def plastic_strain(kind: int, p: Point, tables: Floats, dt: float, e_p: float,
     """Solve the scalar equation for dp > 0; returns -1 where it does not converge.
 
     Written as rise(dp) = excess with a rise that grows from 0, by Newton's method between brackets.
+    tables : (n_t,) as at the head of this file.
     """
     R_n, R_slope, aa, ab, bb = start.R, start.slope, start.aa, start.ab, start.bb
     G, C, gamma, creeps = p.shear_modulus, p.backstress_modulus, p.backstress_recall, kind & CREEP
@@ -272,7 +277,7 @@ def plastic_strain(kind: int, p: Point, tables: Floats, dt: float, e_p: float,
 
 @inner
 def elastic(G: float, D: Floats) -> None:
-    """Fill D with 2 G times the deviatoric projection."""
+    """Fill D : (4, 4) [Pa] with 2 G times the deviatoric projection."""
     D[:, :] = 0.0
     for i in (0, 1, 3):
         for j in (0, 1, 3):
@@ -283,7 +288,7 @@ def elastic(G: float, D: Floats) -> None:
 
 @inner
 def deviator(E: Floats, e: Floats) -> None:
-    """Fill e : (4,) with the deviator of E : (4,)."""
+    """Fill e : (4,) with the deviator of E : (4,), strains [1]."""
     third = (E[0] + E[1] + E[3]) / 3.0
     e[0] = E[0] - third
     e[1] = E[1] - third
@@ -294,7 +299,11 @@ def deviator(E: Floats, e: Floats) -> None:
 @inner
 def update(kind: int, p: Point, tables: Floats, E: Floats, dt: float, h_n: Floats, h: Floats, S: Floats,
            D: Floats) -> tuple[int, float]:
-    """One step of a point, as written at the head of this file."""
+    """Compute one step of a point, as written at the head of this file; returns the code and the heat [J/m3].
+
+    tables : (n_t,) hardening curves.  E : (4,) [1] strain.  S : (4,) [Pa] and D : (4, 4) [Pa], out.
+    h_n, h : (n_h,) history at the start and, out, at the end (laws/kinds.py): strains [1] and backstress [Pa].
+    """
     deviator(E, S)
     if kind == 0:
         for i in range(4):

@@ -39,6 +39,7 @@ INVERTED, NO_MODES = -1, 101
 class CellShapes(NamedTuple):
     """Where the cells are.  B : (n_e, nq, nn + n_x, 2), N_over_R : (n_e, nq, nn + n_x) [1/m], modes behind the nodes.
 
+    nodes : (n_e, nn) node numbers.  weight : (n_e, nq) [m3] of each point.  volume : (n_e,) [m3].
     n_modes : numbers the modes have (n_x of them are vectors, but the last about an axis has one component).
     """
 
@@ -66,7 +67,13 @@ class Out(NamedTuple):
 
 
 class CellScratch(NamedTuple):
-    """Room for one cell.  u : nodes, then modes.  F, P : (nq, 5).  A : (nq, 5, 5).  K, r : all unknowns, then modes."""
+    """Room for one cell of n_m numbers of its modes.
+
+    u : (nn + n_x, 2) [m], nodes, then modes.  F : (nq, 5) [1].  J : (nq,) [1].  P : (nq, 5) [Pa].  A : (nq, 5, 5) [Pa].
+    K : (2 nn + n_m, 2 nn + n_m) [N/m] and r : (2 nn + n_m,) [N], nodes, then modes.  H : (n_m, n_m) [N/m] and
+    a : (n_m,) of the modes alone, [N] and once solved for [m].  d : (2 nn,) [m2] change of the cell's volume by its
+    displacements.  dJ : (5,) [1].
+    """
 
     u: Floats
     F: Floats
@@ -85,6 +92,7 @@ class CellScratch(NamedTuple):
 def cell_points(shape: CellShapes, law: CellMaterials, u: Floats, history_n: Floats, out: Out) -> tuple[int, int]:
     """Fill out at u : (n_nodes, 2) [m].  Returns (cell, code) of the first cell that fails, or (-1, 0).
 
+    history_n : (n_e, n_row) at the start of the step: modes [m], then of each point its history and ln F33 [1].
     code : INVERTED, NO_MODES where the modes are not found, NO_THICKNESS or one of points.CODES.
     """
     n_e, nq, n_all = shape.B.shape[0], shape.B.shape[1], shape.B.shape[2]
@@ -116,7 +124,11 @@ def cell_points(shape: CellShapes, law: CellMaterials, u: Floats, history_n: Flo
 @inner
 def settle(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, work: PointScratch, h_n: Floats,
            h: Floats) -> tuple[int, float]:
-    """Points of cell e at its nodes' u, with modes in balance: fills F, J, P, A and h.  Returns (code, heat [J])."""
+    """Solve for the modes of cell e in balance at its nodes' u: fills F, J, P, A and h.  Returns (code, heat [J]).
+
+    h_n, h : (n_row,) the cell's row of history at the start and at the end: modes [m], then its points.  The modes
+    of the result are in cell.u, not in h.
+    """
     nn, nm = shape.nodes.shape[1], shape.n_modes
     before, share = np.inf, 1.0
     for _ in range(MAX_MODE_ITERATIONS):
@@ -151,7 +163,10 @@ def settle(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, wor
 @inner
 def at_points(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch, work: PointScratch, h_n: Floats,
               h: Floats) -> tuple[int, float]:
-    """F, J, P, A and h of the points of cell e at cell.u.  Returns (code, heat [J])."""
+    """Compute F, J, P, A and h of the points of cell e at cell.u.  Returns (code, heat [J]).
+
+    h_n, h : (n_row,) the cell's row of history at the start and at the end.
+    """
     nq = shape.weight.shape[1]
     if dilatation(shape.B[e], shape.N_over_R[e], shape.weight[e], cell.u, cell.F, cell.J) <= 0.0:
         return INVERTED, 0.0
@@ -208,7 +223,11 @@ def close_cell(shape: CellShapes, law: CellMaterials, e: int, cell: CellScratch,
 
 @inner
 def add_forces(B: Floats, N_over_R: Floats, w: float, P: Floats, r: Floats) -> None:
-    """r += w P : dF of the unit displacements; r : (n,), as many of them as it has room for."""
+    """Add w P : dF of the unit displacements to r : (n,) [N], as many of them as it has room for.
+
+    B : (n_a, 2) [1/m] and N_over_R : (n_a,) [1/m] of nodes or modes, 2 n_a >= n.  w : [m3].
+    P : (5,) [Pa]; with dJ/dF [1] in its place r is the change of volume [m2].
+    """
     for a in range((r.shape[0] + 1) // 2):
         r[2 * a] += w * (P[0] * B[a, 0] + P[1] * B[a, 1] + P[4] * N_over_R[a])
         if 2 * a + 1 < r.shape[0]:
@@ -217,7 +236,10 @@ def add_forces(B: Floats, N_over_R: Floats, w: float, P: Floats, r: Floats) -> N
 
 @inner
 def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -> None:
-    """K += w dF : A : dF of the unit displacements; K : (n, n), as many of them as it has room for."""
+    """Add w dF : A : dF of the unit displacements to K : (n, n) [N/m], as many of them as it has room for.
+
+    B : (n_a, 2) [1/m] and N_over_R : (n_a,) [1/m] of nodes or modes, 2 n_a >= n.  w : [m3].  A : (5, 5) [Pa].
+    """
     n = K.shape[0]
     for b in range((n + 1) // 2):
         B0, B1, hoop = w * B[b, 0], w * B[b, 1], w * N_over_R[b]
@@ -239,7 +261,7 @@ def add_stiffness(B: Floats, N_over_R: Floats, w: float, A: Floats, K: Floats) -
 
 @inner
 def measure(cell: CellScratch, stress: Floats, strain: Floats) -> None:
-    """Fill stress, strain : (nq, 4) of a closed cell."""
+    """Fill stress : (nq, 4) [Pa] and strain : (nq, 4) [1] of a closed cell, Cauchy and Green-Lagrange."""
     for q in range(stress.shape[0]):
         F, P = cell.F[q], cell.P[q]
         J = (F[0] * F[3] - F[1] * F[2]) * F[4]

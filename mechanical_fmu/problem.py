@@ -149,18 +149,18 @@ class ElasticSpec:
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the inputs load.<name> and bc.<name>, each once, in the order of the file."""
+        """List the names of the inputs load.<name> and bc.<name>, each once, in the order of the file."""
         boundary: tuple[Displacement | Pressure | DeadLoad, ...] = (*self.displacements, *self.pressures, *self.dead)
         return tuple(dict.fromkeys(b.name for b in boundary if b.name))
 
     @property
     def rigid(self) -> dict[int, tuple[float, float] | None]:
-        """Rigid bodies: index -> reference point."""
+        """Return the rigid bodies: index -> reference point [m]."""
         return {i: b.reference for i, b in enumerate(self.bodies) if b.rigid}
 
     @property
     def inert(self) -> bool:
-        """Whether mass matters."""
+        """Say whether mass matters."""
         return self.dynamics is not None or self.method == "explicit"
 
 
@@ -232,7 +232,7 @@ def _dynamics(spec: mechanical.Dynamics) -> Dynamics:
 
 
 def damped_by_radius(rho_inf: float, lumped: bool) -> Dynamics:
-    """The method whose spectral radius at infinite frequency is rho_inf; order 2 whatever it is."""
+    """Make the method whose spectral radius at infinite frequency is rho_inf; order 2 whatever it is."""
     alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
     return Dynamics(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
 

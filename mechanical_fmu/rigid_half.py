@@ -50,11 +50,11 @@ class RigidHalf:
         self.variables = (x, *(contact_variables(n_s) if n_s else ()))
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[RigidState, Mapping[str, Value]]:
-        """Positions at t, after a jump there.  Raises ContactRefusedError."""
+        """Compute the positions at t, after a jump there.  Raises ContactRefusedError."""
         return RigidState(t), self._outputs(t, 1, link)
 
     def step(self, state: RigidState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """Positions at t + h, before a jump there."""
+        """Compute the positions at t + h, before a jump there."""
         try:
             return Done(RigidState(t + h), self._outputs(t + h, -1, link))
         except ContactRefusedError as exc:
@@ -84,7 +84,7 @@ class RigidHalf:
 
 
 def load(interface: Interface, model: Mapping[str, Any]) -> RigidHalf:
-    """The rigid half of an interface and a model.json.  Raises ValueError naming what is wrong."""
+    """Make the rigid half of an interface and a model.json.  Raises ValueError naming what is wrong."""
     return RigidHalf(interface, parse_rigid(interface, model))
 
 

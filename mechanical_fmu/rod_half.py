@@ -156,7 +156,7 @@ class MechanicalRod:
         self.variables = _variables(self, self._melts)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[RodState, Mapping[str, Value]]:
-        """Positions at t, after a jump there.  Raises ContactRefusedError, BadModulusError."""
+        """Compute the positions at t, after a jump there.  Raises ContactRefusedError, BadModulusError."""
         strain = self._strain(inputs)
         poured = np.zeros(self.columns.count)
         for b, body in enumerate(self.spec.bodies):
@@ -167,7 +167,7 @@ class MechanicalRod:
         return state, self._outputs(state, inputs, t, 1, link)
 
     def step(self, state: RodState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
-        """Positions at t + h, before a jump there."""
+        """Compute the positions at t + h, before a jump there."""
         try:
             return Done(state, self._outputs(state, inputs, t + h, -1, link))
         except (ContactRefusedError, BadModulusError) as exc:
@@ -225,8 +225,9 @@ class MechanicalRod:
 
 
 def free_rod(body: RodBody, X: Floats, strain: Floats, T: Floats, t: float, side: int) -> FreeRod:
-    """A rod that meets nothing; X : (m,) reference places [m], strain, T [K] : (m,) at them.
+    """Compute the displacement of a rod that meets nothing.
 
+    X : (m,) [m] reference places.  strain : (m,) [1] free strain and T : (m,) [K] at them.
     t : [s], side : of a jump there, -1 before it, 1 after it.  Integrals by the trapezoidal rule, as heat is stored.
     Raises BadModulusError.
     """
@@ -274,5 +275,5 @@ def _variables(half: MechanicalRod, melts: bool) -> tuple[Variable, ...]:
 
 
 def load(interface: Interface, model: Mapping[str, Any]) -> MechanicalRod:
-    """The half `mechanical_rod` of an interface and a model.json.  Raises ValueError naming what is wrong."""
+    """Make the half `mechanical_rod` of an interface and a model.json.  Raises ValueError naming what is wrong."""
     return MechanicalRod(interface, model)

@@ -122,7 +122,9 @@ def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floa
               augmented: NDArray[np.bool_]) -> Direction:
     """Solve for the change of displacements and multipliers.
 
-    anchor : whose factor to use, None for a fresh tangent.  Raises SingularMatrixError, ContactRefusedError.
+    gap : (n_fixed,) [m] still to go to the prescribed displacements.  anchor : whose factor to use, None for a fresh
+    tangent.  augmented : (n_s,) whether a surface node is on a slave side of an augmented pair.
+    Raises SingularMatrixError, ContactRefusedError.
     """
     query = _query(loading)
     old, a = query.history.multipliers, answer_of(system, query, balance, augmented)
@@ -138,7 +140,7 @@ def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floa
 
 def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
               augmented: NDArray[np.bool_]) -> MultiplierEquations:
-    """What the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
+    """Assemble what the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
     c = query.couplings(system.interface.nodes + balance.u)
     wanted = augmented & (c.weight > 0.0)
     ends = c.nodes[:, ENDS]

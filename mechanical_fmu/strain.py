@@ -32,7 +32,7 @@ SHORT_BELOW = 1e-3
 
 @inner
 def shape(y: float) -> tuple[float, float, float]:
-    """g(y) = atanh(sqrt y)/sqrt y, g'(y), g''(y) for 0 <= y < 1: the sum of y^k/(2k + 1)."""
+    """Compute g(y) = atanh(sqrt y)/sqrt y, g'(y), g''(y) for 0 <= y < 1: the sum of y^k/(2k + 1)."""
     if y >= SERIES_BELOW:
         root = np.sqrt(y)
         g = np.arctanh(root) / root
@@ -55,7 +55,7 @@ def shape(y: float) -> tuple[float, float, float]:
 
 @inner
 def log_strain(F: Floats, E: Floats) -> None:
-    """Fill E : (4,) = (11, 22, 12, 33) of F : (5,) with J > 0 in the plane and F33 > 0."""
+    """Fill E : (4,) [1] = (11, 22, 12, 33) of F : (5,) [1] with J > 0 in the plane and F33 > 0."""
     J = F[0] * F[3] - F[1] * F[2]
     C11, C22, c = F[0] * F[0] + F[2] * F[2], F[1] * F[1] + F[3] * F[3], F[0] * F[1] + F[2] * F[3]
     m, d = 0.5 * (C11 + C22), 0.5 * (C11 - C22)
@@ -69,7 +69,7 @@ def log_strain(F: Floats, E: Floats) -> None:
 
 @inner
 def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
-    """Fill E : (4,) and L : (4, 5) = dE/dF."""
+    """Fill E : (4,) and L : (4, 5) = dE/dF of F : (5,), all [1]."""
     J = F[0] * F[3] - F[1] * F[2]
     C11, C22, c = F[0] * F[0] + F[2] * F[2], F[1] * F[1] + F[3] * F[3], F[0] * F[1] + F[2] * F[3]
     m, d = 0.5 * (C11 + C22), 0.5 * (C11 - C22)
@@ -96,7 +96,7 @@ def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
 
 @inner
 def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
-    """Fill H : (5, 5) = S : d2E/dFdF of S : (4,), symmetric [Pa]."""
+    """Fill H : (5, 5) [Pa] = S : d2E/dFdF, symmetric, of F : (5,) [1] and S : (4,) [Pa]."""
     J = F[0] * F[3] - F[1] * F[2]
     C11, C22, c = F[0] * F[0] + F[2] * F[2], F[1] * F[1] + F[3] * F[3], F[0] * F[1] + F[2] * F[3]
     m, d = 0.5 * (C11 + C22), 0.5 * (C11 - C22)
@@ -140,14 +140,17 @@ def log_strain_curvature(F: Floats, S: Floats, H: Floats) -> None:
 
 @inner
 def piola(L: Floats, S: Floats, P: Floats) -> None:
-    """Fill P : (5,) = S : dE/dF [Pa], conjugate to F."""
+    """Fill P : (5,) [Pa] = S : dE/dF, conjugate to F, of L : (4, 5) [1] = dE/dF and S : (4,) [Pa]."""
     for i in range(5):
         P[i] = S[0] * L[0, i] + S[1] * L[1, i] + 2.0 * S[2] * L[2, i] + S[3] * L[3, i]
 
 
 @inner
 def piola_tangent(F: Floats, L: Floats, S: Floats, D: Floats, A: Floats) -> None:
-    """Fill A : (5, 5) = dP/dF [Pa] of S : (4,) and D : (4, 4) = dS/dE (plain components on both sides)."""
+    """Fill A : (5, 5) [Pa] = dP/dF.
+
+    F : (5,) [1].  L : (4, 5) [1] = dE/dF.  S : (4,) [Pa].  D : (4, 4) [Pa] = dS/dE (plain components on both sides).
+    """
     log_strain_curvature(F, S, A)
     # L is 3 x 4 in the plane and one number along 33: nothing else is multiplied.
     out = L[3, 4]
@@ -211,7 +214,7 @@ class PointScratch(NamedTuple):
 
 @inner
 def dilatation_gradient(F: Floats, dJ: Floats) -> float:
-    """Fill dJ : (5,) = dJ/dF; returns J."""
+    """Fill dJ : (5,) [1] = dJ/dF of F : (5,) [1]; returns J."""
     plane = F[0] * F[3] - F[1] * F[2]
     dJ[0] = F[3] * F[4]
     dJ[1] = -F[2] * F[4]
@@ -223,7 +226,7 @@ def dilatation_gradient(F: Floats, dJ: Floats) -> float:
 
 @inner
 def add_dilatation_curvature(p: float, F: Floats, A: Floats) -> None:
-    """A += p d2J/dFdF, A : (5, 5)."""
+    """Add p d2J/dFdF to A : (5, 5) [Pa]; p : [Pa], F : (5,) [1]."""
     A[0, 3] += p * F[4]
     A[3, 0] += p * F[4]
     A[1, 2] -= p * F[4]
@@ -236,7 +239,10 @@ def add_dilatation_curvature(p: float, F: Floats, A: Floats) -> None:
 
 @inner
 def neo_hooke(mu: float, kappa: float, e_th: float, F: Floats, P: Floats, A: Floats) -> None:
-    """Fill P and A of mu/2 (J^(-2/3) F:F - 3) + kappa/2 (ln J - e_th)^2."""
+    """Fill P and A of the energy mu/2 (J^(-2/3) F:F - 3) + kappa/2 (ln J - e_th)^2.
+
+    F : (5,) [1].  P : (5,) [Pa] and A : (5, 5) [Pa] = dP/dF, out.
+    """
     # P holds h = F^-T until it is filled.
     h = P
     J = dilatation_gradient(F, h)
@@ -263,6 +269,7 @@ def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Fl
             work: PointScratch) -> tuple[int, float]:
     """Fill P, A and the history of a point of cell e at F; returns (code, heat) of points.update.
 
+    F : (5,) [1].  h_n, h : (n_h,) history at the start and at the end.  P : (5,) [Pa].  A : (5, 5) [Pa].
     In plane stress F33 is found first, from the ln F33 that ends h_n, and ends h and F.
     """
     if law.kind == 0:
@@ -307,7 +314,10 @@ def respond(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Fl
 
 @inner
 def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, P: Floats, A: Floats) -> int:
-    """`respond` of kind 0; returns the code."""
+    """Fill P, A and h as `respond` does, of kind 0; returns the code.
+
+    F : (5,) [1].  h_n, h : (1,) ln F33 in plane stress, else (0,).  P : (5,) [Pa].  A : (5, 5) [Pa].
+    """
     kappa = 0.0 if law.mean else law.kappa[e]
     if not law.plane_stress:
         neo_hooke(law.mu[e], kappa, law.e_th[e], F, P, A)
@@ -330,7 +340,7 @@ def hyperelastic(law: CellMaterials, e: int, F: Floats, h_n: Floats, h: Floats, 
 
 @inner
 def condense(A: Floats) -> None:
-    """A of P33 = 0 in the plane."""
+    """Condense A : (5, 5) [Pa] in place to that of P33 = 0 in the plane."""
     for i in range(4):
         for j in range(4):
             # fault: thickness not condensed from the tangent -> A[i, j] -= 0.0 * A[4, 4] |
@@ -360,7 +370,7 @@ MAX_MODE_STRAIN, MIN_MODE_DAMPING = 0.3, 0.1
 
 
 def mode_count(axisymmetric: bool) -> int:
-    """Numbers a cell of enhanced strain carries."""
+    """Count the numbers a cell of enhanced strain carries."""
     return 5 if axisymmetric else 4
 
 
@@ -398,6 +408,7 @@ def mode_gradients(X: Floats, N: Floats, det: Floats, axisymmetric: bool) -> Mod
 def eliminate(K: Floats, r: Floats, n: int, m: int) -> bool:
     """Eliminate rows n to n + m of K and r in place, pivoting; False where they are singular.
 
+    K : (n + m, n + m) [N/m].  r : (n + m,) [N].
     Then rows r[:n], K[:n, :n] are condensed, and `back` finds the eliminated unknowns.
     """
     total = n + m
@@ -423,7 +434,10 @@ def eliminate(K: Floats, r: Floats, n: int, m: int) -> bool:
 
 @inner
 def back(K: Floats, r: Floats, n: int, m: int) -> None:
-    """After `eliminate` with n = 0: r becomes the solution of K x = r, m unknowns."""
+    """Substitute back after `eliminate` with n = 0: r becomes the solution [m] of K x = r, m unknowns.
+
+    K : (m, m) [N/m] and r : (m,) [N] as `eliminate` left them.
+    """
     for k in range(n, n + m):
         for j in range(n, k):
             r[k] -= K[k, j] * r[j]

@@ -86,35 +86,38 @@ class System:
 
     @property
     def rigid(self) -> RigidBodies | None:
+        """Return the rigid bodies of the scene, None without any."""
         return self.constraints.rigid
 
     @cached_property
     def pattern(self) -> Pattern:
+        """Find the pattern of the stiffness matrix, (2 n_nodes, 2 n_nodes), of all cells."""
         # Where all bodies are rigid there is no cell at all.
         dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
         return pattern_of(2 * self.volume.n_nodes, *dofs)
 
     @cached_property
     def free_entries(self) -> FreeEntries:
-        """Those of the pattern."""
+        """Find the entries of free components in the pattern."""
         return free_entries(self.constraints.free, self.pattern)
 
     def start_history(self) -> Floats:
-        """(n_history,) of virgin points, for the PointStep of a first Loading."""
+        """Return (n_history,) of virgin points, for the PointStep of a first Loading."""
         return self.volume.start_history()
 
     @cached_property
     def can_be_loose(self) -> bool:
-        """Whether a body needs contact to be held."""
+        """Say whether a body needs contact to be held."""
         return bool(self.constraints.loose_motions(self.interface.nodes))
 
     @cached_property
     def loads(self) -> tuple[Pressure, ...]:
+        """Return the follower pressures."""
         return self.spec.pressures
 
     @cached_property
     def size(self) -> Floats:
-        """(n_bodies,) L [m], or 2 pi r L [m2] when axisymmetric: what makes a force of a stress, roughly."""
+        """Compute (n_bodies,) L [m], or 2 pi r L [m2] when axisymmetric: what makes a force of a stress, roughly."""
         sizes = []
         for body in range(len(self.interface.bodies)):
             X = self.interface.nodes[self.interface.node_body == body]
@@ -123,9 +126,9 @@ class System:
         return np.array(sizes)
 
     def moduli(self, T: Floats, f_s: Floats | None = None) -> tuple[Moduli, ...]:
-        """Moduli of all cells at nodal temperatures T : (n_nodes,) [K].  Raises MaterialRangeError.
+        """Compute the moduli of all cells at nodal temperatures T : (n_nodes,) [K].  Raises MaterialRangeError.
 
-        f_s : (n_nodes,) solid fraction; None or (0,): what melts takes it from T.
+        f_s : (n_nodes,) [1] solid fraction; None or (0,): what melts takes it from T.
         """
         kinds = self.volume.kinds
         solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
@@ -150,11 +153,11 @@ class System:
 
     @cached_property
     def melts(self) -> bool:
-        """Whether some cell can be liquid."""
+        """Say whether some cell can be liquid."""
         return any(cells.treatment.kind & LIQUID for cells in self.volume.kinds)
 
     def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> ForceBalance:
-        """Forces at u.  Raises CellInversionError, CellError, ContactRefusedError."""
+        """Compute the forces at u : (n_nodes, 2) [m].  Raises CellInversionError, CellError, ContactRefusedError."""
         internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
         external = np.zeros_like(u)
@@ -179,7 +182,7 @@ class System:
         return ForceBalance(u, r, external, tractions, internal.entries, internal.history, internal.heat, turning)
 
     def load_matrix(self, u: Floats, loading: Loading) -> csr_matrix:
-        """Stiffness of the follower pressures."""
+        """Assemble the stiffness (2 n_nodes, 2 n_nodes) [N/m] of the follower pressures at u : (n_nodes, 2) [m]."""
         n = 2 * self.volume.n_nodes
         total = csr_matrix((n, n))
         for load, p in zip(self.loads, loading.pressure, strict=True):
@@ -192,7 +195,7 @@ class System:
         return total
 
     def floor(self, loading: Loading, tolerance: float) -> Floats:
-        """(n_bodies,) [N]: the least force a residual is compared with."""
+        """Compute (n_bodies,) [N]: the least force a residual is compared with."""
         n = len(self.interface.bodies)
         E, kappa = np.zeros(n), np.zeros(n)
         for cells, m in zip(self.volume.kinds, loading.moduli, strict=True):
@@ -204,7 +207,10 @@ class System:
         return np.where(floor > 0.0, floor, soft.min() if soft.size else np.finfo(float).tiny)
 
     def error(self, balance: ForceBalance, floor: Floats) -> Floats:
-        """(n_bodies,) norm of the out-of-balance force of each body, relative to the forces on it (at least floor)."""
+        """Compute (n_bodies,) [1] norm of the out-of-balance force of each body, relative to the forces on it.
+
+        floor : (n_bodies,) [N] least force it is compared with.
+        """
         free = self.constraints.free.reshape(-1, 2)
         norms = [self._body_norms(f) for f in (balance.r * free, balance.r * (1.0 - free), balance.external)]
         return norms[0] / np.maximum(np.maximum(norms[1], norms[2]), floor)
@@ -237,7 +243,7 @@ def free_entries(free: Floats, on: Pattern | csr_matrix) -> FreeEntries:
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:
-    """Everything about a scene that does not change while it runs.  Raises ValueError for a bad mesh or constraints.
+    """Make what of a scene does not change while it runs.  Raises ValueError for a bad mesh or constraints.
 
     With rigid bodies, the system's interface has their reference rows behind the nodes of the mesh.
     """

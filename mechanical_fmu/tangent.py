@@ -34,8 +34,9 @@ MOTIONS = ("moving along x", "moving along y", "turning")
 
 
 def fresh_direction(system: System, balance: ForceBalance, loading: Loading, gap: Floats) -> Floats:
-    """d : (2 n_nodes,) [m] with the whole tangent at balance.u; d = gap on prescribed components.
+    """Solve for d : (2 n_nodes,) [m] with the whole tangent at balance.u; d = gap on prescribed components.
 
+    gap : (n_fixed,) [m] still to go to the prescribed displacements.
     balance must hold entries.  Raises SingularMatrixError, naming body and motion where one is loose.
     """
     assert balance.entries is not None
@@ -47,7 +48,10 @@ def fresh_direction(system: System, balance: ForceBalance, loading: Loading, gap
 
 
 def stiffness(system: System, balance: ForceBalance, loading: Loading) -> csr_matrix:
-    """dr/du of everything at balance.u, with entries; rigid bodies condensed to their reference rows."""
+    """Assemble dr/du : (2 n_nodes, 2 n_nodes) [N/m] of everything at balance.u, with entries.
+
+    Rigid bodies are condensed to their reference rows.
+    """
     assert balance.entries is not None
     K = system.pattern.matrix(balance.entries)
     if any(loading.pressure):
@@ -62,7 +66,7 @@ def stiffness(system: System, balance: ForceBalance, loading: Loading) -> csr_ma
 
 
 def symmetric(system: System, balance: ForceBalance, loading: Loading) -> bool | None:
-    """True where the stiffness is symmetric by its making; None where that must be looked at."""
+    """Return True where the stiffness is symmetric by its making; None where that must be looked at."""
     touches = balance.tractions is not None and len(balance.tractions.blocks) > 0
     if touches or any(loading.pressure) or balance.turning is not None or system.volume.skew:
         return None
@@ -79,15 +83,20 @@ class StiffnessAnchor:
 
     @cached_property
     def entries(self) -> Floats:
+        """Compute (n_entries,) [N/m], the flat entries of the bodies' stiffness at the anchor."""
         return self.system.volume.tangent(self.u, self.moduli)[1]
 
     @cached_property
     def matrix(self) -> csr_matrix:
+        """Assemble the bodies' stiffness (2 n_nodes, 2 n_nodes) [N/m] at the anchor."""
         return self.system.pattern.matrix(self.entries)
 
     @cached_property
     def springs(self) -> Floats:
-        """(2 n_s,) D [N/m]: the own stiffness of surface nodes of bodies that prescribed displacements do not hold."""
+        """Find D [N/m]: the own stiffness of surface nodes of bodies that prescribed displacements do not hold.
+
+        D : (2 n_s,), 0 on other bodies.
+        """
         dofs = self.system.contact.dofs
         loose = [body for body, _ in self.system.constraints.loose_motions(self.system.interface.nodes)]
         held_by_contact = np.isin(self.system.constraints.node_body[dofs // 2], loose)
@@ -95,6 +104,7 @@ class StiffnessAnchor:
 
     @cached_property
     def solve(self) -> Solve:
+        """Factor the anchor's stiffness with its springs; returns the solver of K d = b, b : (2 n_nodes,) [N]."""
         diagonal = np.zeros(self.matrix.shape[0])
         diagonal[self.system.contact.dofs] = self.springs
         K = self.matrix + diags_array(diagonal, format="csr") if diagonal.any() else self.matrix
@@ -102,7 +112,7 @@ class StiffnessAnchor:
 
     @cached_property
     def compliance(self) -> Floats:
-        """S : (2 n_s, 2 n_s) [m/N]."""
+        """Compute S : (2 n_s, 2 n_s) [m/N]."""
         dofs = self.system.contact.dofs
         S = np.empty((dofs.size, dofs.size))
         for start in range(0, dofs.size, RIGHT_SIDES):
@@ -112,7 +122,10 @@ class StiffnessAnchor:
         return S
 
     def drift(self, entries: Floats) -> float:
-        """Largest change of a cell's stiffness since the anchor, relative to that cell's largest entry."""
+        """Compute the largest change of a cell's stiffness since the anchor, relative to that cell's largest entry [1].
+
+        entries : (n_entries,) [N/m] of today's tangent, flat, as a ForceBalance has them.
+        """
         worst, start = 0.0, 0
         for cells in self.system.volume.kinds:
             size = (2 * cells.nodes.shape[1]) ** 2
@@ -123,8 +136,9 @@ class StiffnessAnchor:
         return worst
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
-        """d : (2 n_nodes,) [m] with the bodies' stiffness of the anchor and the contact of today.
+        """Solve for d : (2 n_nodes,) [m] with the bodies' stiffness of the anchor and the contact of today.
 
+        gap : (n_fixed,) [m] still to go to the prescribed displacements, which d is there.
         Raises SingularMatrixError, naming body and motion where one is loose.
         """
         refuse_loose(self.system, balance)
@@ -141,7 +155,7 @@ class StiffnessAnchor:
         return finish(self.system, balance, d, gap)
 
     def surface_change(self, tractions: Tractions | None) -> Floats:
-        """E : (2 n_s, 2 n_s) [N/m], what contact and springs change in the anchor's stiffness."""
+        """Assemble E : (2 n_s, 2 n_s) [N/m], what contact and springs change in the anchor's stiffness."""
         free = self.system.constraints.free[self.system.contact.dofs]
         # fault: springs never taken out again -> E = np.diag(0.0 * self.springs) | mechanical_fmu/test_elastic_contact
         E = np.diag(-self.springs)
@@ -151,7 +165,7 @@ class StiffnessAnchor:
 
 
 def refuse_loose(system: System, balance: ForceBalance) -> None:
-    """Raises SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
+    """Raise SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
     if not system.can_be_loose:
         return
     x = system.interface.nodes + balance.u
@@ -175,7 +189,7 @@ def _loose_text(system: System, body: int, motion: Floats) -> str:
 
 
 def refuse_unheld(system: System) -> None:
-    """Raises SingularMatrixError where a body is loose and in no contact pair that could hold it."""
+    """Raise SingularMatrixError where a body is loose and in no contact pair that could hold it."""
     interface = system.interface
     touching = {int(interface.node_body[node]) for node in interface.contact_nodes}
     for body, Z in system.constraints.loose_motions(interface.nodes):
@@ -185,7 +199,11 @@ def refuse_unheld(system: System) -> None:
 
 def right_side(system: System, balance: ForceBalance, K: csr_matrix, gap: Floats,
                 tractions: Tractions | None = None) -> Floats:
-    """-r - K gap on free components; `tractions`: contact not in K, whose share of K gap is added."""
+    """Compute -r - K gap : (2 n_nodes,) [N] on free components, 0 on the others.
+
+    K : (2 n_nodes, 2 n_nodes) [N/m].  gap : (n_fixed,) [m].
+    tractions : contact not in K, whose share of K gap is added.
+    """
     b = -balance.r.ravel()
     if gap.any():
         moved = np.zeros_like(b)
@@ -197,7 +215,10 @@ def right_side(system: System, balance: ForceBalance, K: csr_matrix, gap: Floats
 
 
 def constrained(system: System, K: csr_matrix) -> csr_matrix:
-    """Replace the rows and columns of prescribed components in K by those of a diagonal."""
+    """Replace the rows and columns of prescribed components by those of a diagonal.
+
+    K : (2 n_nodes, 2 n_nodes) [N/m], or a mass matrix [kg].
+    """
     # A matrix made on the pattern has views of its arrays.
     known = K.nnz == system.pattern.indices.size and np.may_share_memory(K.indices, system.pattern.indices)
     entries = system.free_entries if known else free_entries(system.constraints.free, K)
@@ -208,6 +229,10 @@ def constrained(system: System, K: csr_matrix) -> csr_matrix:
 
 
 def finish(system: System, balance: ForceBalance, d: Floats, gap: Floats) -> Floats:
+    """Set d : (2 n_nodes,) [m] to gap : (n_fixed,) [m] on prescribed components, let rigid nodes follow and return it.
+
+    Raises SingularMatrixError where d is not finite.
+    """
     if not np.isfinite(d).all():
         raise SingularMatrixError("the stiffness matrix is singular")
     d[system.constraints.fixed] = gap

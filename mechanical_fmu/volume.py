@@ -70,44 +70,44 @@ class DeformableMesh:
 
     @property
     def n_cells(self) -> int:
-        """Cells of the mesh, those of rigid bodies (in no kind) too."""
+        """Count the cells of the mesh, those of rigid bodies (in no kind) too."""
         return self.all_cells or sum(len(cells.nodes) for cells in self.kinds)
 
     @property
     def elastic(self) -> bool:
-        """Whether forces follow from u and the temperature alone, without history."""
+        """Say whether forces follow from u and the temperature alone, without history."""
         return all(cells.fast for cells in self.kinds)
 
     @property
     def makes_heat(self) -> bool:
-        """Whether some point is inelastic."""
+        """Say whether some point is inelastic."""
         return any(cells.treatment.kind for cells in self.kinds)
 
     @property
     def skew(self) -> bool:
-        """Whether the tangent of some point is not symmetric."""
+        """Say whether the tangent of some point is not symmetric."""
         return any(has_skew_tangent(cells.treatment.kind) for cells in self.kinds)
 
     def start_history(self) -> Floats:
-        """(n_history,) of virgin points."""
+        """Return (n_history,) of virgin points."""
         return np.zeros(sum(len(cells.nodes) * cells.n_row for cells in self.kinds))
 
     def _history(self, step: PointStep) -> Floats:
         return step.history if step.history.size else self.start_history()
 
     def means(self, nodal: Floats) -> tuple[Floats, ...]:
-        """Volume mean of a nodal field in every cell, one array a kind."""
+        """Compute the volume mean of nodal : (n_nodes,), any unit, in every cell: (n_e,) for each kind, same unit."""
         return tuple(np.einsum("ea,ea->e", cells.mean, nodal[cells.nodes]) for cells in self.kinds)
 
     def in_order(self, of_kinds: Sequence[Floats]) -> Floats:
-        """(n_cells, ...) in interface order of arrays (n_e, ...), one a kind."""
+        """Put arrays of_kinds : (n_e, ...), one a kind, into interface order: (n_cells, ...), same unit."""
         out = np.empty((self.n_cells, *of_kinds[0].shape[1:]))
         for cells, values in zip(self.kinds, of_kinds, strict=True):
             out[cells.number] = values
         return out
 
     def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep, tangent: bool = False) -> Internal:
-        """Forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.
+        """Compute the forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.
 
         Raises CellInversionError, CellError.
         """
@@ -137,19 +137,27 @@ class DeformableMesh:
         return Internal(f, entries if tangent else None, history, heat)
 
     def forces(self, u: Floats, moduli: tuple[Moduli, ...]) -> Floats:
-        """f_int : (n_nodes, 2) [N] of bodies without a past.  Raises CellInversionError, CellError."""
+        """Compute f_int : (n_nodes, 2) [N] of bodies without a past.
+
+        u : (n_nodes, 2) [m].  Raises CellInversionError.
+        """
         return self.evaluate(u, moduli, PointStep()).f
 
     def tangent(self, u: Floats, moduli: tuple[Moduli, ...]) -> tuple[Floats, Floats]:
-        """f_int of bodies without a past and the entries of its derivative.  Raises CellInversionError, CellError."""
+        """Compute f_int of bodies without a past and the entries of its derivative.
+
+        u : (n_nodes, 2) [m].  f_int : (n_nodes, 2) [N].  entries : (n_entries,) [N/m], flat, in the order of kinds.
+        Raises CellInversionError, CellError.
+        """
         found = self.evaluate(u, moduli, PointStep(), tangent=True)
         assert found.entries is not None
         return found.f, found.entries
 
     def stress(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep = PointStep()
                ) -> tuple[tuple[Floats, Floats], ...]:
-        """(stress, strain) of every kind, each (n_e, nq, 4): Cauchy [Pa] and Green-Lagrange, (11, 22, 12, 33).
+        """Compute (stress, strain) of every kind at u : (n_nodes, 2) [m].
 
+        Each is (n_e, nq, 4), components (11, 22, 12, 33): Cauchy stress [Pa] and Green-Lagrange strain [1].
         step : the one that ended at u.
         """
         out, at = [], 0
@@ -189,7 +197,7 @@ def _points(cells: Cells, m: Moduli, u: Floats, dt: float, before: Floats, out: 
 
 
 def von_mises(stress: Floats) -> Floats:
-    """Von Mises stress [Pa] of stress : (..., 4) = (11, 22, 12, 33)."""
+    """Compute the von Mises stress [Pa] of stress : (..., 4) [Pa] = (11, 22, 12, 33); the result is (...,)."""
     s11, s22, s12, s33 = np.moveaxis(stress, -1, 0)
     squares = (s11 - s22) ** 2 + (s22 - s33) ** 2 + (s33 - s11) ** 2
     return np.sqrt(0.5 * squares + 3.0 * s12**2)

@@ -52,7 +52,10 @@ def creep_number(law: CreepLaw) -> int:
 
 @inner
 def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
-    """R [Pa], not below 0, and dR/de at the plastic equivalent strain e >= 0."""
+    """Compute R [Pa], not below 0, and dR/de [Pa] at the plastic equivalent strain e >= 0.
+
+    tables : (n_t,) hardening curves of all materials, strains [1], stresses and slopes [Pa].
+    """
     R, slope = _flow_stress(p.hardening, p, tables, e)
     if R < 0.0:
         return 0.0, 0.0
@@ -61,17 +64,17 @@ def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
 
 @inner
 def creep_relaxed(p: Point, Q: float, dt: float) -> tuple[float, float]:
-    """q [Pa] at the end of a step of dt [s] and the creep strain made in it, from the trial stress Q > 0 [Pa]."""
+    """Compute q [Pa] at the end of a step of dt [s] and the creep strain made, from the trial stress Q > 0 [Pa]."""
     return _relaxed(p.creep, p, Q, dt)
 
 
 @inner
 def creep_strain(p: Point, q: float, dt: float) -> float:
-    """Creep strain of a step of dt [s] that ends at q [Pa]."""
+    """Compute the creep strain of a step of dt [s] that ends at q [Pa]."""
     return _strain(p.creep, p, q, dt)
 
 
 @inner
 def creep_exponent(p: Point, q: float) -> float:
-    """d ln(creep rate) / d ln(q) at q [Pa]."""
+    """Compute d ln(creep rate) / d ln(q) at q [Pa]."""
     return _exponent(p.creep, p, q)

@@ -27,7 +27,7 @@ MAX_EXPONENT = 700.0
 
 @inner
 def relaxed(p: Point, Q: float, dt: float) -> tuple[float, float]:
-    """q [Pa] at the end of a step of dt [s] and the creep strain made in it, from the trial stress Q > 0 [Pa]."""
+    """Compute q [Pa] at the end of a step of dt [s] and the creep strain made, from the trial stress Q > 0 [Pa]."""
     G, n = p.shear_modulus, p.creep_exponent
     # fault: creep strain of a whole step at twice the rate -> lc = np.log(6.0 * G) + np.log(dt) + p.creep_log_factor +
     #   (n - 1.0) * np.log(Q) | mechanical_fmu/test_points_flow mechanical_fmu/test_points_verification
@@ -46,7 +46,7 @@ def relaxed(p: Point, Q: float, dt: float) -> tuple[float, float]:
 
 @inner
 def strain(p: Point, q: float, dt: float) -> float:
-    """Creep strain of a step of dt [s] that ends at q [Pa]."""
+    """Compute the creep strain of a step of dt [s] that ends at q [Pa]."""
     if q <= 0.0 or dt <= 0.0:
         return 0.0
     return np.exp(min(np.log(dt) + p.creep_log_factor + p.creep_exponent * np.log(q), MAX_EXPONENT))
@@ -54,7 +54,7 @@ def strain(p: Point, q: float, dt: float) -> float:
 
 @inner
 def exponent(p: Point, q: float) -> float:
-    """d ln(rate) / d ln(q), q : [Pa]."""
+    """Return d ln(rate) / d ln(q) at q [Pa], the same at any q."""
     return p.creep_exponent
 
 
@@ -71,6 +71,7 @@ class NortonLaw(CreepLaw):
     KERNELS: ClassVar = CreepKernels(relaxed, strain, exponent)
 
     def fill(self, p: Points, T: Floats) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K]."""
         with np.errstate(divide="ignore"):
             # A = 0 : log = -inf, which creeps nothing.
             # fault: Arrhenius with the wrong sign -> p["creep_log_factor"] = np.log(self.A(T)) + (self.Q /
@@ -79,6 +80,7 @@ class NortonLaw(CreepLaw):
         p["creep_exponent"], p["creep_heat"] = self.n, self.heat
 
     def refusal(self, T: Floats) -> str:
+        """Say what is wrong with the law at T : (n,) [K], or ""."""
         if (self.A(T) < 0.0).any():
             return f"the creep factor A is {lowest(self.A(T), T)}"
         return "its creep needs temperatures above 0 K" if self.Q and (T <= 0.0).any() else ""

@@ -24,9 +24,11 @@ class PowerLaw(CreepLaw):
     KERNELS: ClassVar = NortonLaw.KERNELS
 
     def fill(self, p: Points, T: Floats) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K]."""
         p["creep_log_factor"], p["creep_exponent"] = -np.log(self.K(T)) / self.m, 1.0 / self.m
         p["creep_heat"] = self.heat
 
     def refusal(self, T: Floats) -> str:
+        """Say what is wrong with the law at T : (n,) [K], or ""."""
         low = self.K(T)
         return f"the factor K of its flow is {lowest(low, T)}" if (low <= 0.0).any() else ""

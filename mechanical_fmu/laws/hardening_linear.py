@@ -12,7 +12,7 @@ from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening,
 
 @inner
 def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
-    """R [Pa] and dR/de at e >= 0."""
+    """Compute R [Pa] and dR/de [Pa] at e >= 0; tables : (n_t,), not read by this law."""
     return p.yield_stress + p.hardening_modulus * e, p.hardening_modulus
 
 
@@ -28,16 +28,19 @@ class LinearLaw(IsotropicHardening):
     FLOW_STRESS: ClassVar = flow_stress
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1]."""
         p["yield_stress"], p["hardening_modulus"] = self.yield_stress(T) * factor, self.H(T) * factor
 
     def refusal(self, T: Floats) -> str:
+        """Say what is wrong with the law at T : (n,) [K], or ""."""
         return refused_yield(self.yield_stress, T)
 
     def softens(self, T: Floats) -> bool:
+        """Say whether R falls with e somewhere, at T : (n,) [K]."""
         return bool((self.H(T) < 0.0).any())
 
 
 def refused_yield(yield_stress: Property, T: Floats) -> str:
-    """Say where the yield stress is not positive, or ""."""
+    """Say where the yield stress is not positive at T : (n,) [K], or ""."""
     value = yield_stress(T)
     return f"the yield stress is {lowest(value, T, ' Pa')}" if (value <= 0.0).any() else ""

@@ -20,7 +20,7 @@ CUBIC, SLOPED = 1, 2
 
 @inner
 def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
-    """R [Pa] and dR/de at e >= 0."""
+    """Compute R [Pa] and dR/de [Pa] at e >= 0; tables : (n_t,), read from where p says."""
     n, row = p.table_knots, p.table_row
     R, slope = curve(tables, p.table_start, row, n, p.table_form, e)
     if p.table_next > 0.0:
@@ -32,7 +32,10 @@ def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
 
 @inner
 def curve(tables: Floats, strains: int, row: int, n: int, form: int, e: float) -> tuple[float, float]:
-    """Stress [Pa] and slope of one curve at e; strains, row : where its strains, and its stresses, begin."""
+    """Interpolate the stress [Pa] and slope [Pa] of one curve at e.
+
+    tables : (n_t,) of all materials; strains, row : where in it its strains, and its stresses, begin.
+    """
     if e >= tables[strains + n - 1]:
         slope = tables[row + 2 * n - 1] if form & SLOPED else 0.0
         return tables[row + n - 1] + slope * (e - tables[strains + n - 1]), slope
@@ -79,9 +82,14 @@ class TableLaw(IsotropicHardening):
 
     @property
     def data(self) -> Floats:
+        """Return (n + 2 n n_T,) numbers: strains [1], then stresses and slopes [Pa] of every temperature."""
         return np.concatenate([self.strain, np.concatenate([self.stress, self.slope], axis=1).ravel()])
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1].
+
+        start : where `data` stands in the tables of all materials.
+        """
         n, last = self.strain.size, len(self.T) - 1
         row = np.clip(np.searchsorted(self.T, T, side="right") - 1, 0, max(last - 1, 0))
         if last > 0:
@@ -90,7 +98,9 @@ class TableLaw(IsotropicHardening):
         p["table_row"] = start + n + 2 * n * row
 
     def refusal(self, T: Floats) -> str:
+        """Return "", whatever T : (n,) [K]: the curves were checked when read."""
         return ""
 
     def softens(self, T: Floats) -> bool:
+        """Say whether a curve falls with e somewhere, whatever T : (n,) [K]."""
         return bool((np.diff(self.stress, axis=1) < 0.0).any())

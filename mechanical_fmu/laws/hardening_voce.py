@@ -15,7 +15,7 @@ from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening,
 
 @inner
 def flow_stress(p: Point, tables: Floats, e: float) -> tuple[float, float]:
-    """R [Pa] and dR/de at e >= 0."""
+    """Compute R [Pa] and dR/de [Pa] at e >= 0; tables : (n_t,), not read by this law."""
     Q, b, H = p.saturation_stress, p.saturation_rate, p.hardening_modulus
     fade = Q * np.exp(-b * e) if Q != 0.0 else 0.0
     return p.yield_stress + Q - fade + H * e, b * fade + H
@@ -36,12 +36,15 @@ class VoceLaw(IsotropicHardening):
     FLOW_STRESS: ClassVar = flow_stress
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1]."""
         p["yield_stress"], p["saturation_stress"] = self.yield_stress(T) * factor, self.Q(T) * factor
         p["saturation_rate"], p["hardening_modulus"] = self.b, self.H(T) * factor
 
     def refusal(self, T: Floats) -> str:
+        """Say what is wrong with the law at T : (n,) [K], or ""."""
         return refused_yield(self.yield_stress, T)
 
     def softens(self, T: Floats) -> bool:
+        """Say whether R falls with e somewhere, at T : (n,) [K]."""
         H = self.H(T)
         return bool((np.minimum(H, H + self.b * self.Q(T)) < 0.0).any())

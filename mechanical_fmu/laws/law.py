@@ -38,7 +38,7 @@ class IsotropicHardening(ABC):
 
     @abstractmethod
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
-        """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,).
+        """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1].
 
         start : where `data` stands in the tables of all materials.
         """
@@ -49,11 +49,11 @@ class IsotropicHardening(ABC):
 
     @abstractmethod
     def softens(self, T: Floats) -> bool:
-        """Say whether R falls with e somewhere."""
+        """Say whether R falls with e somewhere, at T : (n,) [K]."""
 
     @property
     def data(self) -> Floats:
-        """(n_t,) numbers the kernel reads from `tables`; none unless a law has some."""
+        """Return (n_t,) numbers the kernel reads from `tables`; none unless a law has some."""
         return np.empty(0)
 
 
@@ -90,5 +90,5 @@ class CreepLaw(ABC):
 
 
 def lowest(value: Floats, T: Floats, unit: str = "") -> str:
-    """Write the least of value : (n,) and its temperature; unit : with a blank before it."""
+    """Write the least of value : (n,) and its temperature, T : (n,) [K]; unit : with a blank before it."""
     return f"{value.min():.6g}{unit} at {T[int(np.argmin(value))]:.6g} K"

@@ -22,7 +22,10 @@ from mechanical_fmu.laws.law import Fields, Floats, Point, Points, lowest
 
 @inner
 def solidify(p: Point, h_n: Floats, h: Floats) -> None:
-    """Turn h, a copy of h_n, into the history the solid at the end of the step begins it with."""
+    """Turn h, a copy of h_n, into the history the solid at the end of the step begins it with.
+
+    h_n, h : (15,) history of a melting point (laws/kinds.py), strains [1], backstress [Pa], solid fraction [1].
+    """
     f, f_n = p.solid_fraction, h_n[H_SOLID]
     # fault: what solidifies inherits the strain of the liquid -> w = 1.0 | mechanical_fmu/test_points_melting
     w = 0.0 if f <= 0.0 else min(1.0, f_n / f)
@@ -38,7 +41,8 @@ def mix(p: Point, e: tuple[float, float, float, float], dt: float, h_n: Floats, 
         D: Floats) -> float:
     """Mix the liquid into S and D of the solid and close h; returns the heat of the liquid [J/m3].
 
-    e : deviator of E.  In no time (dt = 0) a liquid cannot flow: it answers as an elastic solid would.
+    e : deviator of E.  h_n, h : (15,) history at the start and at the end.  S : (4,) [Pa].  D : (4, 4) [Pa].
+    In no time (dt = 0) a liquid cannot flow: it answers as an elastic solid would.
     """
     f = p.solid_fraction
     # fault: a liquid that resists by its strain -> twice = 2.0 * p.viscosity | mechanical_fmu/test_points_melting
@@ -75,7 +79,7 @@ class LiquidLaw:
     FIELDS: ClassVar[Fields] = {"viscosity": float, "liquid_heat": float}
 
     def solid_fraction(self, T: Floats) -> Floats:
-        """f_s : 1 up to T_s, 0 from T_l, linear between."""
+        """Compute f_s : same shape as T, 1 up to T_s, 0 from T_l, linear between; T : (n,) [K]."""
         if self.T_l == self.T_s:
             return np.where(self.T_s > T, 1.0, 0.0)
         return np.clip((self.T_l - T) / (self.T_l - self.T_s), 0.0, 1.0)

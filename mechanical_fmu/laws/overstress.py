@@ -14,14 +14,14 @@ from mechanical_fmu.laws.law import Fields, Floats, Point, Points, lowest
 
 @inner
 def overstress(p: Point, dp: float, dt: float) -> tuple[float, float]:
-    """Stress [Pa] beyond yield of a plastic strain dp > 0 made in dt > 0 [s], and its slope by dp."""
+    """Compute the stress [Pa] beyond yield of a plastic strain dp > 0 made in dt > 0 [s], and its slope by dp [Pa]."""
     over = p.overstress_factor * (dp / dt) ** p.overstress_exponent
     return over, p.overstress_exponent * over / dp
 
 
 @inner
 def overstress_strain(p: Point, excess: float, dt: float) -> float:
-    """Plastic strain that an excess > 0 [Pa] makes in dt [s]; infinite where the rate costs nothing."""
+    """Compute the plastic strain an excess > 0 [Pa] makes in dt [s]; infinite where the rate costs nothing."""
     if not p.overstress_factor > 0.0:
         return np.inf
     return dt * np.exp(np.log(excess / p.overstress_factor) / p.overstress_exponent)
