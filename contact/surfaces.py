@@ -98,7 +98,10 @@ def _integers(name: str, value: object, shape: tuple[int, ...]) -> Ints:
 
 
 def checked_reals(name: str, value: object, shape: tuple[int, ...]) -> Floats:
-    """Return value as a C-ordered float64 array.  Raises ValueError: other shape or dtype, NaN, beyond LIMIT."""
+    """Return value as a C-ordered float64 array of the shape asked for; its unit stays.
+
+    Raises ValueError: other shape or dtype, NaN, beyond LIMIT.
+    """
     a = np.asarray(value)
     if a.shape != shape:
         raise ValueError(f"{name} has shape {a.shape}, expected {shape}")

@@ -79,7 +79,10 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
 
 @kernel
 def added_up(n: int, nodes: Ints, values: Floats) -> Floats:
-    """Sum values : (n_pieces, m, 2) at nodes : (n_pieces, m); return (n, 2)."""
+    """Sum what pieces give to nodes; return (n, 2) in the unit of the values.
+
+    nodes : (n_pieces, m) numbers from 0 to n - 1.  values : (n_pieces, m, 2), for example forces [N].
+    """
     total = np.zeros((n, 2))
     for p in range(nodes.shape[0]):
         for i in range(nodes.shape[1]):
@@ -259,9 +262,10 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
 
 @kernel
 def slipping_fractions(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
-    """Return (n_nodes,) sum(A N of what slips)/sum(A N of what touches), of slave nodes; 0 where nothing touches.
+    """Return sum(A N of what slips)/sum(A N of what touches) (n_nodes,) [1] of slave nodes; 0 where nothing touches.
 
-    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  doing : (n_p,).
+    edges : (n_edges, 2) nodes.  met : (n_p, 2) slave and master edge.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area,
+    area_m [m2].  doing : (n_p,) open, sticks or slips.
     """
     slips, touches = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):

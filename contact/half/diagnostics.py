@@ -168,7 +168,7 @@ class ContactMonitor:
 
     @cached_property
     def sides(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Pair -> indices s of the nodes of its slave and of its master."""
+        """Return pair -> contact nodes s (n,) of its slave and (m,) of its master, ascending, each once."""
         s = self.interface.contact_nodes
         surfaces = self.interface.surfaces
         return {p.name: (np.searchsorted(s, np.unique(surfaces[p.slave])),

@@ -209,7 +209,10 @@ class Results:
 
     @property
     def monitors(self) -> dict[str, Array]:
-        """Name -> value at each of `t` : (n,); those that rules of the run look at, nan where one was not known."""
+        """Return name -> value (n,) in SI at each of `t`; nan where one was not known.
+
+        These are the monitors that rules of the run look at.
+        """
         return dict(self._monitors)
 
     @property

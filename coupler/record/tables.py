@@ -86,9 +86,9 @@ def _pieces(edges: Ints) -> list[Ints]:
 
 def contact_row(found: Sequence[ContactLine], now: Level,
                 friction: Mapping[str, Array]) -> dict[str, NDArray[np.float32]]:
-    """t_N, gap and what there is of FRICTION, (n_s,) each, at the nodes of the lines, line after line.
+    """Return t_N [Pa], gap [m] and what there is of FRICTION, (n,) each, at the n nodes of the lines, line after line.
 
-    Single precision will do.
+    friction : (n_s,) each of t_T [Pa] and slip_share [1], those that are told.  Single precision will do.
     """
     if not found:
         return {}

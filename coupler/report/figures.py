@@ -281,7 +281,10 @@ def draw_kinks(ax: Axes, kinks: Sequence[float]) -> None:
 
 
 def spread(at: NDArray[np.float64], gap: float) -> NDArray[np.float64]:
-    """Places in [0, 1] near ascending `at`, at least `gap` apart."""
+    """Return places (n,) [1] near those given, at least `gap` apart and not beyond 1; too many begin below 0.
+
+    at : (n,) in [0, 1], shares of an axis, ascending [1].  gap : a share too [1].
+    """
     places = at.copy()
     for i in range(1, len(places)):
         places[i] = max(places[i], places[i - 1] + gap)
@@ -299,7 +302,7 @@ TIME_COUNTS = 0.25  # weight of plain time against change: a long rest deserves 
 
 
 def progress(file: FieldReader) -> Array:
-    """(n_frames,) how far the story has gone at each frame: change of T and of place, and a little time."""
+    """Return how far the story has gone at each frame, (n_frames,) [1]: change of T and of place, and a little time."""
     n = len(file.times)
     T, x = file.point_field("T", 0), file.points(0)
     size, warmth = float(np.ptp(x, axis=0).max()) or 1.0, 0.0
