@@ -199,11 +199,9 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts:
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,),
-    ascending
-    from 0 to 1, and spans : (>= count, 2), the range of xi in which each candidate can be met; near : (n_s,) [m], the
-    gaps of
-    those nodes, is updated.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,) [1],
+    ascending from 0 to 1, and spans : (>= count, 2) [1], the range of xi in which each candidate can be met;
+    near : (n_s,) [m], the gaps of those nodes, is updated.
     """
     cuts[0], n = 0.0, 1
     for k in range(count):
@@ -243,7 +241,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Flo
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
     """Find the nearest master edge that the middle ray of each piece of a slave edge meets.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,).  spans : (>= count, 2).
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,) [1].  spans : (>= count, 2) [1].
     Fills met : (>= n_cuts - 1,), -1: none, and met_gap : (>= n_cuts - 1,) [m].
     """
     slack = END_TOLERANCE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
@@ -301,7 +299,8 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
           axisymmetric: bool, values: Floats, i: int) -> None:
     """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5).  length_s, length_m : of the edges [m].
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
+    length_s, length_m : of the edges [m].
     """
     r_1, r_2 = x[edges[m, 0], 0], x[edges[m, 1], 0]
     for k in range(4):  # the two points, then the two ends, whose columns are put in order below
@@ -348,9 +347,8 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints
     """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
 
     So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).
-    back, ahead : reach of the ray [m].  met_edges : (capacity, 2) and values : (capacity, 5) are filled.  Returns False
-    where
-    the node faces nothing.
+    back, ahead : reach of the ray [m].  Fills met_edges : (capacity, 2), the master edge, and values : (capacity, 5)
+    xi_s, xi_m [1], gap [m], area, area_m [m2].  Returns False where the node faces nothing.
     """
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):

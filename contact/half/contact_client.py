@@ -63,7 +63,7 @@ class ContactSurfaces:
 
     @cached_property
     def edges(self) -> Ints:
-        """(n_edges, 2) nodes of the mesh, of every edge as registered."""
+        """Return the nodes of the mesh (n_edges, 2) of every edge as registered."""
         return self.interface.contact_nodes[self.message.edges].reshape(-1, 2)
 
     @cached_property

@@ -182,7 +182,7 @@ def resolve(level: Level, shapes: Floats | None) -> float | Floats:
     """Return the values of a field : (n,), or one number where it is uniform, in the unit of the field.
 
     level : the number, or (n_terms,) factors of the terms at a time.  shapes : (n_terms, n) products of the profiles at
-    n places, None where the field is uniform.
+    n places, None where the field is uniform.  Each product of the two is in the unit of the field.
     """
     return level if shapes is None else np.asarray(level @ shapes, dtype=np.float64)
 

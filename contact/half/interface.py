@@ -219,7 +219,10 @@ class Columns:
         return np.arange(self.first[body], self.first[body + 1])
 
     def mean(self, values: Floats) -> Floats:
-        """Return the means (n_columns,) over columns, in the unit of the nodal values : (n_nodes,)."""
+        """Return the means over the nodes of each column, (n_columns,), in the unit of the values.
+
+        values : (n_nodes,), in any unit.
+        """
         return np.asarray(np.bincount(self.of_node, weights=values, minlength=self.count) / self.size)
 
     def heights(self, x: Floats) -> Floats:

@@ -44,7 +44,10 @@ class Pattern:
     slots: NDArray[np.intp]
 
     def matrix(self, entries: Floats) -> csr_matrix:
-        """Sum the entries : (n_entries,) of all blocks (flat, in order) into the matrix."""
+        """Sum the entries of all blocks into the matrix (n, n), in their unit.
+
+        entries : (n_entries,) of the blocks, flat, in order, all in the same unit (a stiffness: [N/m]).
+        """
         data = np.bincount(self.slots, weights=entries, minlength=self.indices.size)
         return csr_matrix((data, self.indices, self.indptr), shape=(self.n, self.n))
 
@@ -288,9 +291,10 @@ class Factored:
         return handle
 
     def __call__(self, b: Floats) -> Floats:
-        """Solve A x = b for b : (n,) or (n, m); return x in its shape.
+        """Solve A x = b; return x in the shape of b, in its unit over that of A.
 
-        Raises SingularMatrixError where the factors do not solve the matrix they were made of.
+        b : (n,) or (n, m), in any unit.  Raises SingularMatrixError where the factors do not solve the matrix they were
+        made of.
         """
         rhs = np.asfortranarray(b, dtype=np.float64)
         x = np.zeros_like(rhs)

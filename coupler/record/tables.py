@@ -46,7 +46,7 @@ def contact_lines(interface: Interface) -> tuple[ContactLine, ...]:
 
 
 def unrolled(edges: Ints, X: Array) -> tuple[Ints, Array]:
-    """(n,) the nodes of a surface one after the other, (n,) [m] the length from its start to each.
+    """Return the nodes of a surface one after the other (n,), and the length from its start to each (n,) [m].
 
     edges : (n_edges, 2) node numbers, X : (n_nodes, 2) [m].  It begins at the end with the smaller X_1 (X_2 where the
     surface stands upright).  A closed surface ends with the node it begins with; a surface in pieces goes on in the

@@ -164,8 +164,8 @@ def _in_space(value: Array) -> Array:
 def in_plane(value: Array, components: int) -> Array:
     """Return a field as it was before it was written for ParaView: (n,) or (n, components), in its unit.
 
-    value : (n,), (n, 3) for 2 components, (n, 6) = XX, YY, ZZ, XY, YZ, XZ for 4 = XX, YY, XY, ZZ, else (n, components).
-    components : columns it had.
+    value : (n,), (n, 3) of 2 components, (n, 6) = XX, YY, ZZ, XY, YZ, XZ of 4 = XX, YY, XY, ZZ, else (n, components),
+    in the unit of the field.  components : columns it had.
     """
     if components == 4:
         return np.asarray(value[:, [0, 1, 3, 2]])

@@ -205,6 +205,10 @@ class Shown:
     unit: str
 
     def __call__(self, value: Array) -> Array:
+        """Return the values in `unit`, same shape.
+
+        value : any shape, in the SI unit.
+        """
         return (np.asarray(value, dtype=float) + self.shift) * self.factor
 
     def text(self, value: float, digits: int = 4) -> str:
@@ -319,9 +323,9 @@ def progress(file: FieldReader) -> Array:
 
 
 def choose(times: Array, told: Array, marks: Sequence[float], most: int = AT_MOST) -> list[int]:
-    """Numbers of the frames to show: first, last, those nearest to the marks [s], then where most is left untold.
+    """Return the numbers of the frames to show: first, last, the nearest to the marks, then where most is left untold.
 
-    times, told : (n,), ascending; told as from `progress`.
+    times : (n,) [s], ascending.  told : (n,) [1], ascending, as from `progress`.  marks : times [s].
     """
     n = len(times)
     picks = {0, n - 1} | {int(np.abs(times - m).argmin()) for m in marks if times[0] <= m <= times[-1]}

@@ -364,7 +364,7 @@ NEWTON_STEPS = 30
 
 
 def locate(interface: Interface, body: str, at: Floats) -> tuple[Ints, Floats] | None:
-    """Nodes and weights of a point of a body's reference mesh; None where it is off the mesh.
+    """Return the nodes (n,) and weights (n,) [1] of a point of a body's reference mesh; None where it is off the mesh.
 
     at : (2,) [m].  Weights are the cell's shape functions there; nodes with weight 0 are left out.
     """

@@ -60,14 +60,14 @@ class Probe:
     def of(self, values: Floats) -> float:
         """Return the probe's value, in the unit of its quantity.
 
-        values : (n_nodes,), the quantity at all nodes.
+        values : (n_nodes,) in that unit, the quantity at all nodes.
         """
         return self._reduced(values[self.nodes], self.weights)
 
     def of_cells(self, values: Floats) -> float:
         """Return the probe's value, in the unit of its quantity.
 
-        values : (n_cells,), the quantity in all cells, quads first.
+        values : (n_cells,) in that unit, the quantity in all cells, quads first.
         """
         return self._reduced(values[self.cells], self.cell_weights)
 

@@ -83,7 +83,7 @@ def exchanged(level: Level) -> dict[str, Array]:
 def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str, Array]:
     """Return T [K], and f_s [1] where the thermal half gives it to the other, (n_nodes,) each, linear within a window.
 
-    end : (n_nodes,) each, the same at the end of the window, known or guessed.  fraction : of the window, 0 to 1.
+    end : (n_nodes,) each [K] and [1], the same at the end of the window, known or guessed.  fraction : 0 to 1, of it.
     """
     found = {"T": _linear(start.T, end["T"], fraction)}
     if "f_s" in end:
