@@ -93,10 +93,8 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
     """Put into hits the edges of a box tree that the rays of a slave edge may reach, and that face it; return how many.
 
     boxes : (2 P, 4) [m] over the chain masters : (m,).  normal : (n_edges, 3, 2) [1].  back, ahead : reach of the rays
-    [m].
-    hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding box or
-    its
-    projection on the edge's direction.
+    [m].  hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding
+    box or its projection on the edge's direction.
     """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     tx, ty = x2 - x1, y2 - y1
@@ -373,11 +371,9 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int
     """Search one pass; return how many points there are, which may be more than the capacity.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
-    first and
-    last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.  by_node :
-    one
-    point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5), xi_s, xi_m [1],
-    gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
+    first and last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.
+    by_node : one point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5),
+    xi_s, xi_m [1], gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
     """
     boxes, longest = box_tree(x, edges, masters), 0.0
     for m in masters:

@@ -207,8 +207,7 @@ def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tupl
     """Compute lengths (n_edges,) [m] and outward unit normals (n_edges, 3, 2) [1] of edges.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  The normals are those of the edge
-    itself, at
-    its first and at its second node.
+    itself, at its first and at its second node.
     """
     n = edges.shape[0]
     length, normal = np.empty(n), np.empty((n, 3, 2))

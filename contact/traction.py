@@ -145,9 +145,9 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
 
 def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats,
                                                                                          Floats]:
-    """Check the arrays of a request.  Raises ValueError.
+    """Check the arrays of a request; return x, multipliers, x_before and shear.
 
-    Returns x (n_s, 2) [m], multipliers (n_s,) [Pa], x_before (n_s, 2) [m] and shear (n_s,) [Pa].
+    They are (n_s, 2) [m], (n_s,) [Pa], (n_s, 2) [m] and (n_s,) [Pa].  Raises ValueError.
     """
     n = surfaces.register.n_nodes
     multipliers = checked_reals("multipliers", request.multipliers, (n,))

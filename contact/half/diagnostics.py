@@ -234,9 +234,7 @@ def _nodes(n: int) -> str:
 
 
 def behind(edges: Floats, points: Floats) -> tuple[Floats, Flags]:
-    """Measure how far points lie behind a surface (n,) [m] (< 0: before it), and whether (n,) they lie beyond an end of
-
-    it.
+    """Measure how far points lie behind a surface (n,) [m], < 0: before it, and whether (n,) beyond an end of it.
 
     edges : (n_edges, 2, 2) [m], the body on the left.  points : (n, 2) [m].  Each against its nearest edge.
     """

@@ -308,9 +308,9 @@ class Property:
 def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) -> Property:
     """Make a Property of what stands at a key, or of its form in model.json.
 
-    A number, {"T": [...], "value": [...], "form": "linear" | "cubic"} (left out: linear) or {"polynomial": [a0, a1,
-                                                                                                             ...],
-    "T_ref": K}, which is a0 + a1 (T - T_ref) + ...  Raises ValueError where it is none of them.
+    A number, {"T": [...], "value": [...], "form": "linear" | "cubic"} (left out: linear), or
+    {"polynomial": [a0, a1, ...], "T_ref": K}, which is a0 + a1 (T - T_ref) + ...  Raises ValueError where it is none of
+    them.
     """
     if isinstance(spec, Mapping):
         return property_from(made(Polynomial, spec) if "polynomial" in spec else made(PropertyTable, spec))

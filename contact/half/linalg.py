@@ -34,8 +34,7 @@ class Pattern:
     """Where element blocks land in a symmetric-pattern CSR matrix of n rows.
 
     indptr : (n + 1,).  indices : (nnz,).  slots : (n_entries,) place in `data` of every block entry, blocks in the
-    order
-    given to `pattern_of`, row-major.
+    order given to `pattern_of`, row-major.
     """
 
     n: int
@@ -207,7 +206,7 @@ class _Pattern:
 
     @cached_property
     def mirrored(self) -> Ints | None:
-        """(nnz,) the place of (j, i) for the entry at (i, j); None where the pattern lacks symmetry or a diagonal."""
+        """Return the place (nnz,) of (j, i) for the entry at (i, j); None where it lacks symmetry or a diagonal."""
         n = self.indptr.size - 1
         places = np.arange(self.indices.size, dtype=np.int32)
         turned = csr_matrix((places, self.indices, self.indptr), shape=(n, n)).tocsc()
@@ -217,7 +216,7 @@ class _Pattern:
 
     @cached_property
     def upper(self) -> tuple[Ints, Ints, NDArray[np.intp]]:
-        """indptr (n + 1,) and indices (m,) of the upper triangle, and the places (m,) of its entries."""
+        """Return indptr (n + 1,) and indices (m,) of the upper triangle, and the places (m,) of its entries."""
         rows = np.repeat(np.arange(self.indptr.size - 1), np.diff(self.indptr))
         places = np.flatnonzero(self.indices >= rows)
         counts = np.bincount(rows[places], minlength=self.indptr.size - 1)
