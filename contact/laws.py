@@ -25,7 +25,10 @@ class Law(Protocol):
     law: Any
 
     def conductance(self, p: Array, g: Array, T: Array) -> tuple[Array, Array]:
-        """Return h [W/m2K] and dh/dT at p_N >= 0 [Pa], g_N >= 0 [m], T [K], all of one shape."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         ...
 
 
@@ -44,13 +47,19 @@ def parse_law(spec: Mapping[str, Any]) -> Law:
 
 
 def closed_conductance(law: Law, p: ArrayLike, T_mean: ArrayLike) -> tuple[Array, Array]:
-    """Touching: (h, dh/dT) from pressure p : (n,) [Pa] and T_mean = (T_a + T_b)/2 : (n,) [K].  Eq. (9)."""
+    """Return h [W/m2K] and dh/dT [W/m2K2] of touching points, (n,) each.  Eq. (9).
+
+    p : (n,) pressure [Pa]; a negative one reads as 0.  T_mean : (n,) mean temperature (T_a + T_b)/2 [K].
+    """
     p_, T = np.broadcast_arrays(np.asarray(p, dtype=float), np.asarray(T_mean, dtype=float))
     return law.conductance(np.maximum(p_, 0.0), np.zeros(p_.shape), T)
 
 
 def open_conductance(law: Law, g: ArrayLike, T_mean: ArrayLike) -> tuple[Array, Array]:
-    """Apart: (h, dh/dT) from gap g : (n,) [m] and T_mean : (n,) [K]; a negative gap reads as 0.  Eq. (10)."""
+    """Return h [W/m2K] and dh/dT [W/m2K2] of points apart, (n,) each.  Eq. (10).
+
+    g : (n,) gap [m]; a negative one reads as 0.  T_mean : (n,) mean temperature (T_a + T_b)/2 [K].
+    """
     g_, T = np.broadcast_arrays(np.asarray(g, dtype=float), np.asarray(T_mean, dtype=float))
     # fault: negative gaps reach the law -> return law.conductance(np.zeros(g_.shape), g_, T) | contact/test_laws
     return law.conductance(np.zeros(g_.shape), np.maximum(g_, 0.0), T)
@@ -64,8 +73,9 @@ def branch_jump(closed: Law, opened: Law, T: float) -> float:
 
 
 def gap_factor(g: ArrayLike, d_cut: float, d_full: float) -> Array:
-    """kappa = clip((g - d_cut)/(d_full - d_cut), 0, 1) of convection in a gap g : (n,) [m].  Eq. (7), mended.
+    """Return kappa = clip((g - d_cut)/(d_full - d_cut), 0, 1) of convection, (n,) [1].  Eq. (7), mended.
 
+    g : (n,) gap [m].  d_cut, d_full : gaps [m] at which it is 0 and 1.
     Raises ValueError unless 0 <= d_cut < d_full.
     """
     if not 0.0 <= d_cut < d_full:

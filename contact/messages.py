@@ -23,8 +23,7 @@ class Passes:
 
     Arrays of (n_passes,).  pair : number of the pair.  slave, master : surface numbers, the same one for a surface
     that may fold onto itself.  weight : part of the area that counts [1].  by_node : 0 for points on pieces of edges
-    cut
-    at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
+    cut at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
     faced [m].  eps_N, eps_T : penalties [Pa/m].  mu : Coulomb's coefficient [1].
     """
 

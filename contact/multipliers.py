@@ -49,9 +49,10 @@ def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
 
 @kernel
 def balances(edges: Ints, met: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tuple[Floats, Floats]:
-    """Compute R and W : (n_s,) [N] and [m2], of both sides.
+    """Compute R [N] and W [m2] of the nodes of both sides, (n_s,) each.
 
-    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].
+    edges : (n_edges, 2) nodes.  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].
     """
     residual, weight = np.zeros(multipliers.size), np.zeros(multipliers.size)
     for i in range(met.shape[0]):
@@ -70,8 +71,9 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
                    multipliers: Floats) -> tuple[Ints, Floats]:
     """Compute nodes (n_b, 6) and values (n_b, 6, 4, 5), as in Couplings, of pieces that touch or have a multiplier.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2).  values : (n_p, 5).
-    normal : (n_edges, 3, 2) [1].  by_node : (n_p,).  c : (n_p, N_CONSTANTS).  doing : (n_p,).  p_N : (n_p,) [Pa].
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].  by_node : (n_p,).
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].  p_N : (n_p,) [Pa].
     multipliers : (n_s,) [Pa].
     """
     n_blocks = 0
@@ -111,13 +113,12 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
 def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
                  points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, nodes: Ints,
                  scratch: Floats, out: Floats) -> None:
-    """Add both points of a piece to out : (6, 4, 5).
+    """Add both points of a piece to out : (6, 4, 5) [m2, N/m, m2], the values of Couplings.
 
-    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves, ends : (2,).  points : (n_p, >= 4).  c : (n_p,
-    N_CONSTANTS).
-    doing : (n_p,).  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].  nodes : (6,).  scratch : (6, 12).  Their meaning is
-    that
-    of contact.piece.piece_stiffness.
+    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) nodes or FIXED [1].  ends : (2,) cuts [1].
+    points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].
+    doing : (n_p,) state [1].  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].  nodes : (6,).
+    scratch : (6, 12) [1/m], its last row [m].  Their meaning is that of contact.piece.piece_stiffness.
     """
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
     frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
@@ -140,9 +141,9 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
              nodes: Ints, d_phi: Floats, d_xi: Floats, d_area: Floats, out: Floats) -> None:
     """Add the derivative of A N_j (lambda_j + p_N) by coordinate k of node i to out[i, j, 2 + k] [N/m].
 
-    x : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4).  c : (n_p, N_CONSTANTS).  doing : (n_p,).
-    multipliers : (n_s,) [Pa].  nodes : (6,).  d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].  d_area : (12,) [m].
-    out : (6, 4, 5).
+    x : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].  doing : (n_p,) state [1].  multipliers : (n_s,) [Pa].  nodes : (6,).
+    d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].  d_area : (12,) [m].  out : (6, 4, 5) [m2, N/m, m2].
     """
     xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
@@ -171,7 +172,8 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
 def by_multiplier(n: Floats, points: Floats, c: Floats, doing: Floats, q: int, out: Floats) -> None:
     """Add what the multipliers of the slave's two nodes do at a touching point: to forces out[..., :2] [m2], and to R.
 
-    n : (2, 2) [1].  points : (n_p, >= 4).  c : (n_p, N_CONSTANTS).  doing : (n_p,).  out : (6, 4, 5).
+    n : (2, 2) [1].  points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].
+    doing : (n_p,) state [1].  out : (6, 4, 5) [m2, N/m, m2], the values of Couplings.
     """
     xi, eta, area = points[q, 0], points[q, 1], points[q, 3]
     nx, ny = field_normal(n, xi)[:2]

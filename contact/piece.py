@@ -92,8 +92,8 @@ def frame_change(x: Floats, n: Floats, smooth: Flags, moves: Floats, ends: Float
                  d_cut: Floats) -> None:
     """Fill how the normals turn, d_phi, and the cuts of a piece move, d_cut, both (2, 12) [1/m].
 
-    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) the node each cut follows.  ends : (2,) the cuts [1].
-    d_phi, d_cut : (2, 12) [1/m].
+    x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) the node each cut follows, or FIXED [1].
+    ends : (2,) the cuts [1].  d_phi, d_cut : (2, 12) [1/m].
     """
     turns(x, smooth, d_phi)
     for k in range(2):
@@ -109,10 +109,11 @@ def piece_stiffness(x: Floats, n: Floats, before: Floats, smooth: Flags, by_node
                     force: Floats, block: Floats) -> None:
     """Fill force : (6, 2) [N] and block : (12, 12) [N/m] = -d(force)/dx of a piece whose nodes are at x : (6, 2) [m].
 
-    n : (2, 2) the normals at the slave's nodes, and smooth : (2,) whether the neighbouring edge turns them.  before :
-    (6, 2) [m], where the nodes were when the shear tractions were those of c.  ends : (2,) the cuts, and moves : (2,)
-    the node each follows.  points : (n_p, >= 4) xi, eta, gap, area, c : (n_p, N_CONSTANTS) and doing : (n_p,), the
-    piece's two points in rows first, first + 1.  by_node : the points are the edge's ends, uncut.  scratch : (6, 12).
+    n : (2, 2) the normals at the slave's nodes [1], and smooth : (2,) whether the neighbouring edge turns them.
+    before : (6, 2) [m], where the nodes were when the shear tractions were those of c.  ends : (2,) the cuts [1], and
+    moves : (2,) the node each follows, or FIXED [1].  points : (n_p, >= 4) xi, eta [1], gap [m], area [m2],
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] and doing : (n_p,) state [1], the piece's two points in rows first, first + 1.
+    by_node : the points are the edge's ends, uncut.  scratch : (6, 12) [1/m], its last row [m], overwritten.
     """
     force[:] = 0.0
     block[:] = 0.0
@@ -157,8 +158,9 @@ def add_point(x: Floats, n: Floats, before: Floats, points: Floats, c: Floats, d
               d_xi: Floats, d_area: Floats, force: Floats, block: Floats) -> None:
     """Add the forces of point q to force : (6, 2) [N] and their derivative to block : (12, 12) [N/m].
 
-    x, before : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4).  c : (n_p, N_CONSTANTS).  doing : (n_p,).
-    d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].  d_area : (12,) [m].
+    x, before : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].  doing : (n_p,) state [1].  d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].
+    d_area : (12,) [m].
     """
     xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)

@@ -93,10 +93,8 @@ def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back:
     """Put into hits the edges of a box tree that the rays of a slave edge may reach, and that face it; return how many.
 
     boxes : (2 P, 4) [m] over the chain masters : (m,).  normal : (n_edges, 3, 2) [1].  back, ahead : reach of the rays
-    [m].
-    hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding box or
-    its
-    projection on the edge's direction.
+    [m].  hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding
+    box or its projection on the edge's direction.
     """
     x1, y1, x2, y2, u1, v1, u2, v2 = frame
     tx, ty = x2 - x1, y2 - y1
@@ -199,11 +197,9 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts:
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,),
-    ascending
-    from 0 to 1, and spans : (>= count, 2), the range of xi in which each candidate can be met; near : (n_s,) [m], the
-    gaps of
-    those nodes, is updated.
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,) [1],
+    ascending from 0 to 1, and spans : (>= count, 2) [1], the range of xi in which each candidate can be met;
+    near : (n_s,) [m], the gaps of those nodes, is updated.
     """
     cuts[0], n = 0.0, 1
     for k in range(count):
@@ -243,7 +239,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Flo
          spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
     """Find the nearest master edge that the middle ray of each piece of a slave edge meets.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,).  spans : (>= count, 2).
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,) [1].  spans : (>= count, 2) [1].
     Fills met : (>= n_cuts - 1,), -1: none, and met_gap : (>= n_cuts - 1,) [m].
     """
     slack = END_TOLERANCE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
@@ -301,7 +297,8 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
           axisymmetric: bool, values: Floats, i: int) -> None:
     """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5).  length_s, length_m : of the edges [m].
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
+    length_s, length_m : of the edges [m].
     """
     r_1, r_2 = x[edges[m, 0], 0], x[edges[m, 1], 0]
     for k in range(4):  # the two points, then the two ends, whose columns are put in order below
@@ -348,9 +345,8 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints
     """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
 
     So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).
-    back, ahead : reach of the ray [m].  met_edges : (capacity, 2) and values : (capacity, 5) are filled.  Returns False
-    where
-    the node faces nothing.
+    back, ahead : reach of the ray [m].  Fills met_edges : (capacity, 2), the master edge, and values : (capacity, 5)
+    xi_s, xi_m [1], gap [m], area, area_m [m2].  Returns False where the node faces nothing.
     """
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
@@ -375,11 +371,9 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int
     """Search one pass; return how many points there are, which may be more than the capacity.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
-    first and
-    last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.  by_node :
-    one
-    point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5), xi_s, xi_m [1],
-    gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
+    first and last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.
+    by_node : one point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5),
+    xi_s, xi_m [1], gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
     """
     boxes, longest = box_tree(x, edges, masters), 0.0
     for m in masters:

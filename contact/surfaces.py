@@ -98,7 +98,10 @@ def _integers(name: str, value: object, shape: tuple[int, ...]) -> Ints:
 
 
 def checked_reals(name: str, value: object, shape: tuple[int, ...]) -> Floats:
-    """Return value as a C-ordered float64 array.  Raises ValueError: other shape or dtype, NaN, beyond LIMIT."""
+    """Return value as a C-ordered float64 array of the shape asked for; its unit stays.
+
+    Raises ValueError: other shape or dtype, NaN, beyond LIMIT.
+    """
     a = np.asarray(value)
     if a.shape != shape:
         raise ValueError(f"{name} has shape {a.shape}, expected {shape}")
@@ -204,8 +207,7 @@ def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tupl
     """Compute lengths (n_edges,) [m] and outward unit normals (n_edges, 3, 2) [1] of edges.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  The normals are those of the edge
-    itself, at
-    its first and at its second node.
+    itself, at its first and at its second node.
     """
     n = edges.shape[0]
     length, normal = np.empty(n), np.empty((n, 3, 2))

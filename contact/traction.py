@@ -44,8 +44,7 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
 
     nodes : (n_pieces, m), the same node perhaps twice.  blocks : (n_pieces, 2 m, 2 m) [N/m].  Returns starts (n + 1,),
     columns (n_b,), ascending in each row, and sums (n_b, 2, 2) [N/m]: a third of the bytes of blocks, and ready to be
-    put
-    into a matrix.
+    put into a matrix.
     """
     n_pieces, m = nodes.shape
     room = np.zeros(n + 1, dtype=np.int64)
@@ -79,7 +78,10 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
 
 @kernel
 def added_up(n: int, nodes: Ints, values: Floats) -> Floats:
-    """Sum values : (n_pieces, m, 2) at nodes : (n_pieces, m); return (n, 2)."""
+    """Sum what pieces give to nodes; return (n, 2) in the unit of the values.
+
+    nodes : (n_pieces, m) numbers from 0 to n - 1.  values : (n_pieces, m, 2), for example forces [N].
+    """
     total = np.zeros((n, 2))
     for p in range(nodes.shape[0]):
         for i in range(nodes.shape[1]):
@@ -143,9 +145,9 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
 
 def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats,
                                                                                          Floats]:
-    """Check the arrays of a request.  Raises ValueError.
+    """Check the arrays of a request; return x, multipliers, x_before and shear.
 
-    Returns x (n_s, 2) [m], multipliers (n_s,) [Pa], x_before (n_s, 2) [m] and shear (n_s,) [Pa].
+    They are (n_s, 2) [m], (n_s,) [Pa], (n_s, 2) [m] and (n_s,) [Pa].  Raises ValueError.
     """
     n = surfaces.register.n_nodes
     multipliers = checked_reals("multipliers", request.multipliers, (n,))
@@ -179,14 +181,14 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, x: Floats, before: Floats,
 def evaluate_points(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats,
                     doing: Floats,
                     p_N: Floats, tau: Floats, heat: Floats) -> None:
-    """Fill the state of every point: doing, p_N [Pa], tau [Pa], and the heat of its slip [J], each (n_p,).
+    """Fill the state of every point: doing [1], p_N [Pa], tau [Pa], and the heat of its slip [J], each (n_p,).
 
-    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  normal : (n_edges, 3, 2) [1].
-    c : (n_p, N_CONSTANTS).  doing, p_N, tau, heat : (n_p,).  Slip is how far the slave's point has moved along t past
-    the
-    point it faces, since `before`: the two material points are those that face each other now, so a motion of both
-    together
-    is none.
+    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].  p_N, tau : (n_p,) [Pa].
+    heat : (n_p,) [J].
+    Slip is how far the slave's point has moved along t past the point it faces, since `before`: the two material points
+    are those that face each other now, so a motion of both together is none.
     """
     for i in range(met.shape[0]):
         xi, eta, area = values[i, 0], values[i, 1], values[i, 3]
@@ -225,14 +227,12 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
                 before: Floats) -> tuple[Floats, Floats, Floats]:
     """Average pressure and shear to the nodes: t_N (n_s,) [Pa], shear (n_s,) [Pa] and E_friction (n_s,) [J].
 
-    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  c : (n_p, N_CONSTANTS).  p_N, tau : (n_p,) [Pa].
-    heat : (n_p,) [J].  before : (n_s,) [Pa].  t_N = -sum(A N p_N)/sum(A N) over what each node faces, both sides; the
-    others
-    are of slave nodes: shear as before plus the mean of its change over what it touches.  Of the change, not of tau
-    itself:
-    a mean of what was interpolated is smoother than what it came from, and a surface at rest would lose its shear, and
-    make
-    heat, with every step.
+    edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
+    contact.piece.  p_N, tau : (n_p,) [Pa].  heat : (n_p,) [J].  before : (n_s,) [Pa].
+    t_N = -sum(A N p_N)/sum(A N) over what each node faces, both sides; the others are of slave nodes: shear as before
+    plus the mean of its change over what it touches.  Of the change, not of tau itself: a mean of what was interpolated
+    is smoother than what it came from, and a surface at rest would lose its shear, and make heat, with every step.
     """
     n_nodes = before.size
     pushed, faced, dragged = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
@@ -259,9 +259,10 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
 
 @kernel
 def slipping_fractions(n_nodes: int, edges: Ints, met: Ints, values: Floats, doing: Floats) -> Floats:
-    """Return (n_nodes,) sum(A N of what slips)/sum(A N of what touches), of slave nodes; 0 where nothing touches.
+    """Return sum(A N of what slips)/sum(A N of what touches) (n_nodes,) [1] of slave nodes; 0 where nothing touches.
 
-    edges : (n_edges, 2).  met : (n_p, 2).  values : (n_p, 5).  doing : (n_p,).
+    edges : (n_edges, 2) nodes.  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  doing : (n_p,) state: open, sticks or slips [1].
     """
     slips, touches = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):
@@ -285,9 +286,9 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
            doing: Floats) -> tuple[Ints, Floats, Floats]:
     """Compute nodes (n_b, 6), forces (n_b, 6, 2) [N] and blocks (n_b, 12, 12) [N/m] of the touching pieces.
 
-    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2).  values : (n_p,
-    5).
-    normal : (n_edges, 3, 2) [1].  by_node : (n_p,).  c : (n_p, N_CONSTANTS).  doing : (n_p,).
+    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master
+    edge.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].
+    by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
     """
     n_blocks = 0
     for i in range(0, met.shape[0], 2):
@@ -342,7 +343,7 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
 def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
     """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows.
 
-    here : (6, 2) coordinates of its nodes [m].  ends : (2,) cuts [1], out.  moves : (2,) nodes or FIXED, out.
+    here : (6, 2) coordinates of its nodes [m].  ends : (2,) cuts [1], out.  moves : (2,) nodes or FIXED [1], out.
     """
     half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
     ends[0], ends[1] = (0.0, 1.0) if uncut else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)

@@ -43,7 +43,10 @@ class Phased:
         return self.is_one and self.solid.is_constant
 
     def __call__(self, T: Floats, f_s: Floats | None = None) -> Floats:
-        """Value at T : any shape [K] and f_s : same shape (None: solid)."""
+        """Return the value, same shape as T, in the unit of the property.
+
+        T : any shape [K].  f_s : same shape, solid fraction [1]; None: solid.
+        """
         if self.is_one or f_s is None:
             return self.solid(T)
         # fault: the liquid conducts like the solid -> return self.solid(T) |
@@ -51,13 +54,19 @@ class Phased:
         return f_s * self.solid(T) + (1.0 - f_s) * self.liquid(T)
 
     def slope(self, T: Floats, f_s: Floats | None = None) -> Floats:
-        """Derivative by T."""
+        """Return the derivative by temperature, same shape as T [unit of the property per K].
+
+        T : any shape [K].  f_s : same shape, solid fraction [1]; None: solid.
+        """
         if self.is_one or f_s is None:
             return self.solid.slope(T)
         return f_s * self.solid.slope(T) + (1.0 - f_s) * self.liquid.slope(T)
 
     def phase_slope(self, T: Floats) -> Floats:
-        """Derivative by f_s."""
+        """Return the derivative by the solid fraction, same shape as T, in the unit of the property.
+
+        T : any shape [K].
+        """
         return np.zeros(np.shape(T)) if self.is_one else self.solid(T) - self.liquid(T)
 
 
@@ -97,7 +106,10 @@ class Material:
     phase: PhaseChange | None = None
 
     def effusivity(self, T: Floats, f_s: Floats | None = None) -> Floats:
-        """sqrt(k rho c) [J/(m2 K s^1/2)] at T : any shape [K]; k is the mean of the axes."""
+        """Return the effusivity sqrt(k rho c), same shape as T [J/(m2 K s^1/2)]; k is the mean of the axes.
+
+        T : any shape [K].  f_s : same shape, solid fraction [1]; None: solid.
+        """
         k = self.k.k_1(T, f_s)
         if self.k.k_2 is not None:
             k = 0.5 * (k + self.k.k_2(T, f_s))
@@ -370,7 +382,7 @@ def _condition(interface: Interface, b: thermal.ThermalBoundary) -> Prescribed |
 
 
 def nodes_of(interface: Interface, b: boundary.Supported) -> Ints:
-    """Return the nodes a condition stands on, ascending, each once."""
+    """Return the nodes (n,) a condition stands on, numbers of the mesh, ascending, each once."""
     sets = interface.surfaces if b.on is not None else interface.node_sets
     return np.unique(sets[b.where]).astype(np.int32)
 

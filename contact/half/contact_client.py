@@ -48,8 +48,7 @@ class ContactSurfaces:
     """The surfaces of the pairs of an interface file, as the contact service numbers them.
 
     Their name at the service is cached here and is in no state: it is a hash of their content, the same from every
-    service,
-    so it changes no bit of an answer.
+    service, so it changes no bit of an answer.
     """
 
     def __init__(self, interface: Interface) -> None:
@@ -63,7 +62,7 @@ class ContactSurfaces:
 
     @cached_property
     def edges(self) -> Ints:
-        """(n_edges, 2) nodes of the mesh, of every edge as registered."""
+        """Return the nodes of the mesh (n_edges, 2) of every edge as registered."""
         return self.interface.contact_nodes[self.message.edges].reshape(-1, 2)
 
     @cached_property
@@ -92,9 +91,9 @@ class ContactSurfaces:
         return reply
 
     def couplings(self, link: Link, x: Floats, history: History) -> Couplings:
-        """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].  Raises ContactRefusedError,
+        """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].
 
-        LinkError.
+        Raises ContactRefusedError, LinkError.
         """
         at = self._at_surfaces(x)
         reply = self._ask(link, lambda name: Coupling(name, at, history.multipliers, history.x, history.shear))

@@ -168,7 +168,7 @@ class ContactMonitor:
 
     @cached_property
     def sides(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Pair -> indices s of the nodes of its slave and of its master."""
+        """Return pair -> contact nodes s (n,) of its slave and (m,) of its master, ascending, each once."""
         s = self.interface.contact_nodes
         surfaces = self.interface.surfaces
         return {p.name: (np.searchsorted(s, np.unique(surfaces[p.slave])),
@@ -234,9 +234,7 @@ def _nodes(n: int) -> str:
 
 
 def behind(edges: Floats, points: Floats) -> tuple[Floats, Flags]:
-    """Measure how far points lie behind a surface (n,) [m] (< 0: before it), and whether (n,) they lie beyond an end of
-
-    it.
+    """Measure how far points lie behind a surface (n,) [m], < 0: before it, and whether (n,) beyond an end of it.
 
     edges : (n_edges, 2, 2) [m], the body on the left.  points : (n, 2) [m].  Each against its nearest edge.
     """

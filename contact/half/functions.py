@@ -62,7 +62,7 @@ class Signal:
 
     @property
     def kinks(self) -> NDArray[np.float64]:
-        """Times [s] at which the signal jumps or changes its slope."""
+        """Return the times (n,) [s], ascending, at which the signal jumps or changes its slope."""
         return np.unique(self.t) if self.t.size > 1 else np.empty(0)
 
 
@@ -107,7 +107,7 @@ class Profile:
             raise ValueError(f"the places `at` of a profile must increase, not {self.at.tolist()}")
 
     def __call__(self, s: Floats) -> Floats:
-        """Values at s : any shape [m]."""
+        """Return the values at s : any shape [m], same shape, in the unit of the profile."""
         if self.at is None:
             return np.asarray(np.polynomial.polynomial.polyval(s, self.value), dtype=np.float64)
         return np.interp(s, self.at, self.value)
@@ -154,7 +154,7 @@ class Field:
         return first.at(t, side) if len(self.terms) == 1 else float(sum(s.at(t, side) for s in self.signals))
 
     def shapes(self, x: Floats) -> Floats | None:
-        """(n_terms, n) products of the profiles at coordinates x : (n, 2) [m]; None where it is uniform."""
+        """Return the products of the profiles (n_terms, n) at coordinates x : (n, 2) [m]; None where it is uniform."""
         if self.is_uniform:
             return None
         out = np.ones((len(self.terms), len(x)))
@@ -166,7 +166,7 @@ class Field:
         return out
 
     def at(self, x: Floats, t: float, side: int = 1) -> Floats:
-        """(n,) values at coordinates x : (n, 2) [m] and time t [s]."""
+        """Return the values (n,), in the unit of the field, at coordinates x : (n, 2) [m] and time t [s]."""
         return np.broadcast_to(resolve(self.level(t, side), self.shapes(x)), (len(x),)).copy()
 
     @cached_property
@@ -179,7 +179,11 @@ class Field:
 
 
 def resolve(level: Level, shapes: Floats | None) -> float | Floats:
-    """A field's values from its level at a time and its shapes (n_terms, n): (n,), or one number where uniform."""
+    """Return the values of a field : (n,), or one number where it is uniform, in the unit of the field.
+
+    level : the number, or (n_terms,) factors of the terms at a time.  shapes : (n_terms, n) products of the profiles at
+    n places, None where the field is uniform.  Each product of the two is in the unit of the field.
+    """
     return level if shapes is None else np.asarray(level @ shapes, dtype=np.float64)
 
 
@@ -247,21 +251,25 @@ class Property:
     high: float = np.inf
 
     def __call__(self, T: Array) -> Array:
-        """Value at T : any shape [K]."""
+        """Return the value at T : any shape [K], same shape, in the unit of the property."""
         if self.curve is None:
             return np.full(np.shape(T), self.constant)
         return np.asarray(self.curve(np.clip(T, self.low, self.high)))
 
     def slope(self, T: Array) -> Array:
-        """Derivative by temperature at T : any shape [K]; 0 beyond a table."""
+        """Return the derivative by temperature, same shape as T [unit of the property per K]; 0 beyond a table.
+
+        T : any shape [K].
+        """
         if self.curve is None:
             return np.zeros(np.shape(T))
         inside = (self.low <= T) & (self.high >= T)
         return np.where(inside, self._derivative(np.clip(T, self.low, self.high)), 0.0)
 
     def increase(self, T0: Array, T: Array) -> Array:
-        """Exact integral over temperature from T0 to T : same shape [K].
+        """Return the exact integral over temperature from T0 to T, same shape [unit of the property times K].
 
+        T0 : any shape [K].  T : same shape [K].
         One antiderivative serves every temperature, so the increases of a path add up to that of its ends.  For a
         constant the difference is taken before the product: no round-off of large temperatures.
         """
@@ -300,9 +308,9 @@ class Property:
 def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) -> Property:
     """Make a Property of what stands at a key, or of its form in model.json.
 
-    A number, {"T": [...], "value": [...], "form": "linear" | "cubic"} (left out: linear) or {"polynomial": [a0, a1,
-                                                                                                             ...],
-    "T_ref": K}, which is a0 + a1 (T - T_ref) + ...  Raises ValueError where it is none of them.
+    A number, {"T": [...], "value": [...], "form": "linear" | "cubic"} (left out: linear), or
+    {"polynomial": [a0, a1, ...], "T_ref": K}, which is a0 + a1 (T - T_ref) + ...  Raises ValueError where it is none of
+    them.
     """
     if isinstance(spec, Mapping):
         return property_from(made(Polynomial, spec) if "polynomial" in spec else made(PropertyTable, spec))

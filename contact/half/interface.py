@@ -72,7 +72,7 @@ class Interface:
 
     @cached_property
     def contact_nodes(self) -> Ints:
-        """(n_s,) node number of every contact surface node s, both sides of all pairs, ascending, each once."""
+        """Return the node number (n_s,) of every contact node s, both sides of all pairs, ascending, each once."""
         names = {name for pair in self.pairs for name in (pair.slave, pair.master)}
         if not names:
             return np.empty(0, dtype=np.int32)
@@ -80,7 +80,7 @@ class Interface:
 
     @cached_property
     def node_body(self) -> Ints:
-        """(n_nodes,) index of the body each node belongs to; -1 for a node no cell uses."""
+        """Return the index (n_nodes,) of the body each node belongs to; -1 for a node no cell uses."""
         body = np.full(len(self.nodes), -1, dtype=np.int32)
         body[self.quads] = self.quad_body[:, None]
         body[self.triangles] = self.triangle_body[:, None]
@@ -215,15 +215,18 @@ class Columns:
         return self.size.size
 
     def of_body(self, body: int) -> Indices:
-        """Its columns, from left to right."""
+        """Return the numbers (n,) of the columns of a body, from left to right."""
         return np.arange(self.first[body], self.first[body + 1])
 
     def mean(self, values: Floats) -> Floats:
-        """(n_columns,) means of nodal values : (n_nodes,)."""
+        """Return the means over the nodes of each column, (n_columns,), in the unit of the values.
+
+        values : (n_nodes,), in any unit.
+        """
         return np.asarray(np.bincount(self.of_node, weights=values, minlength=self.count) / self.size)
 
     def heights(self, x: Floats) -> Floats:
-        """(n_columns,) heights [m] of nodes at x : (n_nodes, 2) [m]."""
+        """Return the heights (n_columns,) [m] of columns whose nodes are at x : (n_nodes, 2) [m]."""
         return np.asarray(x[self.top, 1] - x[self.bottom, 1])
 
 

@@ -73,7 +73,10 @@ class Layout:
                      for v in self.reals if v.causality != "output")
 
     def block(self, store: Floats, variable: Variable) -> Floats:
-        """The part of store : (n_real,) that belongs to a Real variable, in its shape (a view)."""
+        """Return the part of a store that belongs to a Real variable, in its shape and unit (a view).
+
+        store : (n_real,), each in the unit of its variable.
+        """
         at = self.first[variable.name]
         return store[at : at + variable.size].reshape(variable.shape)
 
@@ -85,14 +88,20 @@ class Layout:
         return f"value reference {reference}"
 
     def not_finite(self, store: Floats, causality: str) -> str:
-        """Name of the first Real of a causality that holds NaN or infinity in store : (n_real,), or ""."""
+        """Return the name of the first Real of a causality that holds NaN or infinity, or "".
+
+        store : (n_real,), each in the unit of its variable.
+        """
         for variable in self.reals:
             if variable.causality == causality and not np.isfinite(self.block(store, variable)).all():
                 return variable.name
         return ""
 
     def start_store(self) -> Floats:
-        """(n_real,) start values; outputs that are not constant are NaN until the half has started."""
+        """Return the start values (n_real,), each in the unit of its variable.
+
+        Outputs that are not constant are NaN until the half has started.
+        """
         store = np.full(self.n_real, np.nan)
         for variable in self.reals:
             if variable.causality != "output" or variable.variability == "constant":

@@ -34,8 +34,7 @@ class Pattern:
     """Where element blocks land in a symmetric-pattern CSR matrix of n rows.
 
     indptr : (n + 1,).  indices : (nnz,).  slots : (n_entries,) place in `data` of every block entry, blocks in the
-    order
-    given to `pattern_of`, row-major.
+    order given to `pattern_of`, row-major.
     """
 
     n: int
@@ -44,7 +43,10 @@ class Pattern:
     slots: NDArray[np.intp]
 
     def matrix(self, entries: Floats) -> csr_matrix:
-        """Sum the entries : (n_entries,) of all blocks (flat, in order) into the matrix."""
+        """Sum the entries of all blocks into the matrix (n, n), in their unit.
+
+        entries : (n_entries,) of the blocks, flat, in order, all in the same unit (a stiffness: [N/m]).
+        """
         data = np.bincount(self.slots, weights=entries, minlength=self.indices.size)
         return csr_matrix((data, self.indices, self.indptr), shape=(self.n, self.n))
 
@@ -204,7 +206,7 @@ class _Pattern:
 
     @cached_property
     def mirrored(self) -> Ints | None:
-        """(nnz,) the place of (j, i) for the entry at (i, j); None where the pattern lacks symmetry or a diagonal."""
+        """Return the place (nnz,) of (j, i) for the entry at (i, j); None where it lacks symmetry or a diagonal."""
         n = self.indptr.size - 1
         places = np.arange(self.indices.size, dtype=np.int32)
         turned = csr_matrix((places, self.indices, self.indptr), shape=(n, n)).tocsc()
@@ -214,7 +216,7 @@ class _Pattern:
 
     @cached_property
     def upper(self) -> tuple[Ints, Ints, NDArray[np.intp]]:
-        """indptr (n + 1,) and indices (m,) of the upper triangle, and the places (m,) of its entries."""
+        """Return indptr (n + 1,) and indices (m,) of the upper triangle, and the places (m,) of its entries."""
         rows = np.repeat(np.arange(self.indptr.size - 1), np.diff(self.indptr))
         places = np.flatnonzero(self.indices >= rows)
         counts = np.bincount(rows[places], minlength=self.indptr.size - 1)
@@ -288,9 +290,10 @@ class Factored:
         return handle
 
     def __call__(self, b: Floats) -> Floats:
-        """Solve A x = b for b : (n,) or (n, m); return x in its shape.
+        """Solve A x = b; return x in the shape of b, in its unit over that of A.
 
-        Raises SingularMatrixError where the factors do not solve the matrix they were made of.
+        b : (n,) or (n, m), in any unit.  Raises SingularMatrixError where the factors do not solve the matrix they were
+        made of.
         """
         rhs = np.asfortranarray(b, dtype=np.float64)
         x = np.zeros_like(rhs)

@@ -34,7 +34,10 @@ class Constant(Part):
     h: Annotated[Number, Entry("conductance", "W/m2K", least=0.0)]
 
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
-        """Return h [W/m2K] and dh/dT at p_N >= 0 [Pa], g_N >= 0 [m], T [K], all of one shape."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         return np.full(p.shape, self.h), np.zeros(p.shape)
 
 
@@ -50,7 +53,10 @@ class Power(Part):
                                           default="no end")] = None
 
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
-        """Return h [W/m2K] and dh/dT; arguments as of Constant."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         p_max = np.inf if self.p_max is None else self.p_max
         return self.h0 + self.h1 * (np.minimum(p, p_max) / self.p0) ** self.exponent, np.zeros(p.shape)
 
@@ -65,7 +71,10 @@ class Cmy(Part):
     H: Annotated[Number, Entry("hardness of the softer side", "Pa", above=0.0)]
 
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
-        """Return h [W/m2K] and dh/dT; arguments as of Constant."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         factor = CMY_FACTOR * self.k_s * self.m / self.sigma
         return factor * (p / self.H) ** CMY_EXPONENT, np.zeros(p.shape)
 
@@ -78,7 +87,10 @@ class Gas(Part):
     g_m: Annotated[Number, Entry("jump distance", "m", above=0.0)]
 
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
-        """Return h [W/m2K] and dh/dT; arguments as of Constant."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         return self.k_g / (g + self.g_m), np.zeros(p.shape)
 
 
@@ -120,7 +132,10 @@ class Table(Part):
         return self._curve.derivative()
 
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
-        """Return h [W/m2K] and dh/dT; arguments as of Constant."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         low, high = self.x[0], self.x[-1]
         if self.variable is Variable.X:
             # The other of p and g is zero, whichever branch asks, so their sum is the one meant.
@@ -142,7 +157,10 @@ class Sum(Part):
         return self
 
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
-        """Return h [W/m2K] and dh/dT; arguments as of Constant."""
+        """Return h [W/m2K] and its derivative by temperature dh/dT [W/m2K2], same shape each.
+
+        p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
+        """
         parts = [law.conductance(p, g, T) for law in self.of]
         return sum((h for h, _ in parts), np.zeros(p.shape)), sum((d for _, d in parts), np.zeros(p.shape))
 

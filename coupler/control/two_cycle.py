@@ -91,7 +91,11 @@ class Watch:
 
 
 def swung(last: Swing | None, increment: Array, floor: float) -> Swing:
-    """The swing after one more increment of a quantity : (n,)."""
+    """Return the swing after one more increment of a quantity.
+
+    increment : (n,) of temperature [K], pressure [Pa], gap or coordinates [m].  floor : in the same unit; an increment
+    that nowhere exceeds it is no turn.
+    """
     if last is None:
         return Swing(increment)
     # Asked first, because most increments point as the one before.

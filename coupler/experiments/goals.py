@@ -137,7 +137,7 @@ def compare(one: TrialResult, other: TrialResult, goals: Iterable[Goal]) -> dict
 
 
 def at_common_times(one: TrialResult, other: TrialResult, probe: str) -> tuple[Array, Array, Array]:
-    """Return (t, values of one, values of other), (n,) each, t in s and values in SI, linear between window ends."""
+    """Return (t, values of one, values of other), (n,) each, t [s] and values in SI, linear between window ends."""
     t1, t2 = np.asarray(one.t), np.asarray(other.t)
     t = min((t1, t2), key=len)
     t = t[t <= min(t1[-1], t2[-1]) * (1 + 1e-12)]

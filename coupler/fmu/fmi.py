@@ -149,7 +149,11 @@ class FmuHalf:
 
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:
-        """Set parameters and first inputs, leave initialisation mode, return the outputs asked for."""
+        """Set parameters and first inputs, leave initialisation mode, return the outputs asked for.
+
+        t_start, t_end : start and stop time [s].  inputs : shape and unit of the block of that name.  outputs : names;
+        each comes back by name in the shape and unit of its block.
+        """
         self._t, self._h = t_start, 0.0
         self._call("fmi2SetupExperiment", 0, 0.0, t_start, 1, t_end)
         for name, text in parameters.items():
@@ -163,7 +167,11 @@ class FmuHalf:
         return self.read(outputs)
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
-        """Set the inputs given, do one step from t to t + h, get the outputs."""
+        """Set the inputs (only those that changed need be given), do one step from t to t + h [s], get the outputs.
+
+        inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
+        unit of its block.
+        """
         self._t, self._h = t, h
         for name, value in inputs.items():
             self._set(name, value)
@@ -179,7 +187,10 @@ class FmuHalf:
         return Advance(Status.OK, "", values, seconds)
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
-        """Outputs as they stand.  Raises HalfError if one is not finite, where it has to be."""
+        """Return the outputs as they stand: name -> array in the shape and unit of its block.
+
+        finite : whether one that is not finite is a HalfError.
+        """
         values, bad = self._get_all(names)
         if bad and finite:
             raise self._error(f"{bad} is not finite")

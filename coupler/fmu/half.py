@@ -75,15 +75,26 @@ class Half(Protocol):
 
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:
-        """Set parameters and first inputs, leave initialisation mode, return the outputs asked for."""
+        """Set parameters and first inputs, leave initialisation mode, return the outputs asked for.
+
+        t_start, t_end : start and stop time [s].  inputs : shape and unit of the block of that name.  outputs : names;
+        each comes back by name in the shape and unit of its block.
+        """
         ...
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
-        """Set the inputs (only those that changed need be given), do one step from t to t + h, get the outputs."""
+        """Set the inputs (only those that changed need be given), do one step from t to t + h [s], get the outputs.
+
+        inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
+        unit of its block.
+        """
         ...
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
-        """Outputs as they stand.  finite : whether one that is not finite is a HalfError."""
+        """Return the outputs as they stand: name -> array in the shape and unit of its block.
+
+        finite : whether one that is not finite is a HalfError.
+        """
         ...
 
     def save(self) -> int:

@@ -125,7 +125,10 @@ def _label(half: str, name: str) -> str:
 
 
 def at_nodes(values: NDArray[np.float64], contact_nodes: NDArray[np.integer], n_nodes: int) -> NDArray[np.float64]:
-    """(n_nodes, ...) values of contact nodes, NaN at all other nodes.  values : (n_s, ...)."""
+    """Return values of contact nodes at all nodes : (n_nodes, ...), NaN at all others, in their unit.
+
+    values : (n_s, ...), in any unit.  contact_nodes : (n_s,) node numbers.  n_nodes : nodes of the mesh.
+    """
     found = np.full((n_nodes, *values.shape[1:]), np.nan)
     found[contact_nodes] = values
     return found

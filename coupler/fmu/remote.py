@@ -58,10 +58,20 @@ class RemoteHalf:
 
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str],
                    inputs: Mapping[str, Array], outputs: Sequence[str]) -> dict[str, Array]:
+        """Set parameters and first inputs, leave initialisation mode, return the outputs asked for.
+
+        t_start, t_end : start and stop time [s].  inputs : shape and unit of the block of that name.  outputs : names;
+        each comes back by name in the shape and unit of its block.
+        """
         verb = Initialise(t_start, t_end, dict(parameters), _blocks(inputs), tuple(outputs))
         return self._call(verb, Values).values
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
+        """Set the inputs (only those that changed need be given), do one step from t to t + h [s], get the outputs.
+
+        inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
+        unit of its block.
+        """
         done = self._call(Step(t, h, _blocks(inputs), tuple(outputs)), Advance)
         if done.status is Status.DISCARD:
             # A half that lost its contact service can only discard; a smaller step would not help it.
@@ -69,6 +79,10 @@ class RemoteHalf:
         return done
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
+        """Return the outputs as they stand: name -> array in the shape and unit of its block.
+
+        finite : whether one that is not finite is a HalfError.
+        """
         return self._call(Read(tuple(names), finite), Values).values
 
     def save(self) -> int:

@@ -77,7 +77,10 @@ class Journal:
 
     def write(self, kind: str, meta: Mapping[str, Any],
               arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
-        """Append one record.  Raises ResultsError where that cannot be done, the disk being full, say."""
+        """Append one record.  Raises ResultsError where that cannot be done, the disk being full, say.
+
+        arrays : any shape and dtype, by name; None: none.  The unit of each is what the kind of record says, in SI.
+        """
         record = encode_record(kind, dict(meta), {k: np.asarray(v) for k, v in (arrays or {}).items()})
         head = _HEAD.pack(len(record), zlib.crc32(record))
         try:

@@ -83,7 +83,10 @@ class ExtraOutputs:
             self.notes += unclear(role, fields, interface)
 
     def read(self) -> dict[str, Array]:
-        """HALF/LABEL -> the array as it is now, in its own shape; a value that is no number may be in it."""
+        """Return HALF/LABEL -> the array as it is now, in the shape and unit of its output.
+
+        A value that is no number may be in it.
+        """
         found: dict[str, Array] = {}
         for role, half in self._halves.items():
             labels = {f.name: f"{role}/{f.label}" for f in self.fields if f.half == role}
@@ -94,7 +97,7 @@ class ExtraOutputs:
 
 
 def friction(halves: Halves) -> dict[str, Array]:
-    """(n_s,) each of slave nodes, what the mechanical half tells of FRICTION."""
+    """Return what the mechanical half tells of FRICTION: t_T [Pa] and slip_share [1] of slave nodes, (n_s,) each."""
     half = halves.mechanical
     told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
     return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
@@ -128,7 +131,7 @@ class ProbeReader:
                       for n, p in probes.items()}
 
     def values(self, level: Level) -> Array:
-        """(n_probes,) in SI, in the order of the probes; the halves are at the time of the level."""
+        """Return the probes (n_probes,) in SI, in their order; the halves are at the time of the level."""
         fields: dict[str, Array] = {}
         blocks = {role: half.read(names, finite=False) for role, half in self._halves.items()
                   if (names := list({s.block.name: 0 for s in self._sources.values() if s.half == role}))}

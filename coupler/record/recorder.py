@@ -85,14 +85,18 @@ class Recorder:
         self._journal.sync()
 
     def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({})) -> None:
-        """The values before the first window.  friction : as in WindowRecord."""
+        """Write the values before the first window.
+
+        probes : (n_probes,) in SI.  friction : (n_s,) each of t_T [Pa] and slip_share [1], those that are told.
+        """
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
                             {"probes": probes, **contact_row(self._lines, now, friction)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
                record: WindowRecord = WindowRecord()) -> None:
-        """One window tried.  facts : t, H, scheme and seconds of it.
+        """Write one window tried.  facts : t, H, scheme and seconds of it.
 
+        probes : (n_probes,) in SI at its end, recorded where it was taken.
         Its recording_seconds are those spent on records since the row before it: a row cannot hold its own.
         """
         started = time.perf_counter()
@@ -121,7 +125,10 @@ class Recorder:
         self.rows = rows
 
     def frame(self, level: Level, more: Mapping[str, Array]) -> None:
-        """The fields of both halves at one time.  more : what else they give out, as ExtraOutputs.read has it."""
+        """Write the fields of both halves at one time.
+
+        more : shape and unit of its output each, HALF/LABEL -> what else they give out, as ExtraOutputs.read has it.
+        """
         started = time.perf_counter()
         n, s = len(level.T), self._interface.contact_nodes
         p, gap = np.zeros(n), np.full(n, np.nan)

@@ -153,7 +153,7 @@ class Results:
         return tuple(self._probes)
 
     def probe(self, name: str, unit: str | None = None) -> tuple[Array, Array]:
-        """(t, value) of a probe: times [s] as in `t`; values in SI.
+        """Return (t, value) of a probe, (n,) each: times [s] as in `t`, and values in SI.
 
         unit : convert to "degC", "mm", "MPa", ...  Raises ResultsError for an unknown probe or unit.
         """
@@ -187,7 +187,7 @@ class Results:
         return {n: float(v[-1]) for n, v in self._terms.items() if v.size}
 
     def ledger_history(self) -> tuple[Array, dict[str, Array]]:
-        """(t, mechanism -> heat so far [J]) at the ends of the accepted windows."""
+        """Return (t, mechanism -> heat so far), (n,) each, [s] and [J], at each of `t`."""
         return self.t, dict(self._terms)
 
     @property
@@ -209,7 +209,10 @@ class Results:
 
     @property
     def monitors(self) -> dict[str, Array]:
-        """Name -> value at each of `t` : (n,); those that rules of the run look at, nan where one was not known."""
+        """Return name -> value (n,) in SI at each of `t`; nan where one was not known.
+
+        These are the monitors that rules of the run look at.
+        """
         return dict(self._monitors)
 
     @property
@@ -230,7 +233,7 @@ class Results:
         return found
 
     def field(self, name: str) -> tuple[Array, Array]:
-        """(t, values) of a field: times of the frames [s] and, for each, the array in SI as the half gave it.
+        """Return (t, values) of a field: times of frames (n_t,) [s] and, for each, the array in SI as the half gave it.
 
         name : HALF.NAME, one of `fields`.  values : (n_t, n_nodes), (n_t, n_nodes, k), or of cells, bodies, ...; of
         contact nodes : at all nodes, NaN where there is no contact surface.  All frames are read into memory.

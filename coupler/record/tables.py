@@ -46,7 +46,7 @@ def contact_lines(interface: Interface) -> tuple[ContactLine, ...]:
 
 
 def unrolled(edges: Ints, X: Array) -> tuple[Ints, Array]:
-    """(n,) the nodes of a surface one after the other, (n,) [m] the length from its start to each.
+    """Return the nodes of a surface one after the other (n,), and the length from its start to each (n,) [m].
 
     edges : (n_edges, 2) node numbers, X : (n_nodes, 2) [m].  It begins at the end with the smaller X_1 (X_2 where the
     surface stands upright).  A closed surface ends with the node it begins with; a surface in pieces goes on in the
@@ -86,9 +86,9 @@ def _pieces(edges: Ints) -> list[Ints]:
 
 def contact_row(found: Sequence[ContactLine], now: Level,
                 friction: Mapping[str, Array]) -> dict[str, NDArray[np.float32]]:
-    """t_N, gap and what there is of FRICTION, (n_s,) each, at the nodes of the lines, line after line.
+    """Return t_N [Pa], gap [m] and what there is of FRICTION, (n,) each, at the n nodes of the lines, line after line.
 
-    Single precision will do.
+    friction : (n_s,) each of t_T [Pa] and slip_share [1], those that are told.  Single precision will do.
     """
     if not found:
         return {}

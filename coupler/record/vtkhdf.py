@@ -54,7 +54,8 @@ class MeshCells:
 class FieldFile:
     """Writes frames to a .vtkhdf file.
 
-    point_fields, cell_fields : what every frame brings.  cell_constants : written once.
+    point_fields, cell_fields : what every frame brings.
+    cell_constants : (n_cells,) or (n_cells, k) each by name, quads first, written once.
     """
 
     def __init__(self, path: Path, mesh: MeshCells, point_fields: Sequence[FileField], cell_fields: Sequence[FileField],
@@ -100,7 +101,12 @@ class FieldFile:
 
     def append(self, t: float, points: Array, point_data: Mapping[str, Array],
                cell_data: Mapping[str, Array]) -> None:
-        """Add a frame at time t [s] with points : (n_points, 2) [m]."""
+        """Add a frame at time t [s] with points : (n_points, 2) [m].
+
+        point_data : (n_points,) or (n_points, k) each by name, in the unit of its field.
+        cell_data : (n_cells,) or (n_cells, k) each by name, quads first, in the unit of its field.
+        Names that are no field of the file are left out.
+        """
         k = int(self._steps.attrs["NSteps"])
         _extend(self._root["Points"], np.column_stack([points, np.zeros(len(points))]))
         for name, data in self._points.items():
@@ -156,7 +162,11 @@ def _in_space(value: Array) -> Array:
 
 
 def in_plane(value: Array, components: int) -> Array:
-    """A field as it was before it was written for ParaView.  components : columns it had."""
+    """Return a field as it was before it was written for ParaView: (n,) or (n, components), in its unit.
+
+    value : (n,), (n, 3) of 2 components, (n, 6) = XX, YY, ZZ, XY, YZ, XZ of 4 = XX, YY, XY, ZZ, else (n, components),
+    in the unit of the field.  components : columns it had.
+    """
     if components == 4:
         return np.asarray(value[:, [0, 1, 3, 2]])
     return np.asarray(value[:, :2]) if components == 2 else value
@@ -195,15 +205,18 @@ class FieldReader:
         self._root = root
 
     def points(self, frame: int) -> Array:
-        """(n_points, 2) [m] where the nodes are at a frame."""
+        """Return where the nodes are at a frame, (n_points, 2) [m]."""
         return np.asarray(self._rows(self._root["Points"], frame, self._n_points)[:, :2])
 
     def point_field(self, name: str, frame: int) -> Array:
-        """(n_points,) or (n_points, 3) in SI."""
+        """Return a field of a frame at the nodes, (n_points,) or (n_points, k) in SI; k = 3 of vectors."""
         return self._rows(self._root["PointData"][name], frame, self._n_points)
 
     def cell_field(self, name: str, frame: int) -> Array:
-        """(n_cells,), (n_cells, 3), or (n_cells, 6) = XX, YY, ZZ, XY, YZ, XZ, in SI."""
+        """Return a field of a frame in the cells, in SI: (n_cells,), of vectors (n_cells, 3), of tensors (n_cells, 6).
+
+        The columns of a tensor are XX, YY, ZZ, XY, YZ, XZ; others have their own.
+        """
         return self._rows(self._root["CellData"][name], frame, self._n_cells)
 
     @staticmethod

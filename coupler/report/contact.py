@@ -46,12 +46,11 @@ MARGIN = 0.08
 
 
 def status(along: Along, mu: float, gap_max: float) -> Codes:
-    """(n_t, n) what each node does at each time.
+    """Return what each node does at each time, (n_t, n) codes of ALONE to SLIPS [1].
 
     Pressed: touching, or, where friction is known, sticking or slipping (most of what it touches is at Coulomb's
-    bound; in a file that does not tell, |t_T| is nearly mu |t_N|).  Not pressed: open, or,
-    at gap_max, with nothing to face.  A rigid half presses on whole surfaces: its nodes that face nothing are not
-    pressed.
+    bound; in a file that does not tell, |t_T| is nearly mu |t_N|).  Not pressed: open, or, at gap_max [m], with nothing
+    to face.  A rigid half presses on whole surfaces: its nodes that face nothing are not pressed.
     """
     alone = along.gap >= np.float32(gap_max)
     # fault: report: a rigid body touches what it has left -> pressed = along.t_N < 0.0; alone = alone & ~pressed |
@@ -101,7 +100,10 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
 
 
 def closer(t: Array, code: Codes) -> tuple[float, float] | None:
-    """The range of time [s] in which all changes lie, with a margin; None if it is much of the run or there is none."""
+    """Return the range of time [s] in which all changes lie, with a margin; None if it is much of the run or is none.
+
+    t : (n_t,) [s], ascending.  code : (n_t, n) as from `status` [1].
+    """
     changed = np.flatnonzero((code[1:] != code[:-1]).any(axis=1))
     if len(changed) < 3:  # the picture of all of the run tells as much
         return None
@@ -118,7 +120,10 @@ def _gaps(along: Along, code: Codes) -> Array:
 
 
 def edges_of(s: Array) -> Array:
-    """(n + 1,) what belongs to each of n places: from halfway to the last one to halfway to the next."""
+    """Return the ends (n + 1,) of what belongs to each of n places: halfway to the last one and halfway to the next.
+
+    s : (n,), ascending, in any unit of length; the ends are in the same.
+    """
     return np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
 
 

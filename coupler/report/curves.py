@@ -65,9 +65,9 @@ def name_of(quantity: str, geometry: str) -> str:
 
 
 def error_of(results: Results, quantity: str) -> Array | None:
-    """(n_t,) in SI, the estimated error of the window that ends at each of `t`, nan where unknown; None: of none known.
+    """Return the estimated error (n_t,) in SI of the window that ends at each of `t`, nan where unknown.
 
-    It is the largest of all nodes, so at a probe more than its own.
+    None: of no window known.  It is the largest of all nodes, so at a probe more than its own.
     """
     if quantity not in ERRORS or not len(results.errors):
         return None
@@ -154,10 +154,11 @@ def _fit_height(ax: Axes, t: Array, values: Sequence[Array], near: tuple[float, 
 
 
 def eventful(t: Array, values: Sequence[Array], kinks: Sequence[float]) -> tuple[float, float] | None:
-    """The range of time [s] in which curves move most for its length; None if that is about the whole run.
+    """Return the range of time [s] in which curves move most for its length; None if that is about the whole run.
 
-    t : (n,) [s].  values : curves (n,).  Time is cut at the kinks (in equal parts without any); of all ranges of
-    neighbouring parts the one is taken that has the most of (share of the movement - share of the time).
+    t : (n,) [s], ascending.  values : (n,) each curve, all in the same unit.  kinks : times [s].
+    Time is cut at the kinks (in equal parts without any); of all ranges of neighbouring parts the one is taken that has
+    the most of (share of the movement - share of the time).
     """
     length = float(t[-1] - t[0])
     cuts = np.array([t[0], *[k for k in kinks if t[0] < k < t[-1]], t[-1]])
@@ -196,7 +197,10 @@ def watched_pictures(results: Results) -> list[Picture]:
 
 
 def driven_loads(results: Results) -> dict[str, tuple[Array, Array]]:
-    """Inputs of halves by name: the times [s] of the ends of windows after which a rule set them, and the values."""
+    """Return by name the inputs of halves that rules set: times (n,) [s] and values (n,), in SI.
+
+    The times are the ends of the windows after which a rule set them.  An input that was set once is left out.
+    """
     ends = {float(t): float(t + h) for t, h in zip(results.windows.t, results.windows.H, strict=True)}
     found: dict[str, list[tuple[float, float]]] = {}
     for firing in results.firings:

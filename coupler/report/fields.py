@@ -298,7 +298,10 @@ def _paint(ax: Axes, x: Array, file: FieldReader, value: Array, limits: tuple[fl
 
 
 def outline(quads: Ints, triangles: Ints) -> Ints:
-    """(n, 2) the edges that belong to one cell only: the bodies' outlines."""
+    """Return the edges (n, 2) that belong to one cell only, as ascending node numbers: the bodies' outlines.
+
+    quads : (n_quads, 4) and triangles : (n_triangles, 3) node numbers.
+    """
     edges = np.concatenate([cells[:, [i, (i + 1) % cells.shape[1]]]
                             for cells in (quads, triangles) for i in range(cells.shape[1])])
     unique, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)

@@ -205,6 +205,10 @@ class Shown:
     unit: str
 
     def __call__(self, value: Array) -> Array:
+        """Return the values in `unit`, same shape.
+
+        value : any shape, in the SI unit.
+        """
         return (np.asarray(value, dtype=float) + self.shift) * self.factor
 
     def text(self, value: float, digits: int = 4) -> str:
@@ -281,7 +285,10 @@ def draw_kinks(ax: Axes, kinks: Sequence[float]) -> None:
 
 
 def spread(at: NDArray[np.float64], gap: float) -> NDArray[np.float64]:
-    """Places in [0, 1] near ascending `at`, at least `gap` apart."""
+    """Return places (n,) [1] near those given, at least `gap` apart and not beyond 1; too many begin below 0.
+
+    at : (n,) in [0, 1], shares of an axis, ascending [1].  gap : a share too [1].
+    """
     places = at.copy()
     for i in range(1, len(places)):
         places[i] = max(places[i], places[i - 1] + gap)
@@ -299,7 +306,7 @@ TIME_COUNTS = 0.25  # weight of plain time against change: a long rest deserves 
 
 
 def progress(file: FieldReader) -> Array:
-    """(n_frames,) how far the story has gone at each frame: change of T and of place, and a little time."""
+    """Return how far the story has gone at each frame, (n_frames,) [1]: change of T and of place, and a little time."""
     n = len(file.times)
     T, x = file.point_field("T", 0), file.points(0)
     size, warmth = float(np.ptp(x, axis=0).max()) or 1.0, 0.0
@@ -316,9 +323,9 @@ def progress(file: FieldReader) -> Array:
 
 
 def choose(times: Array, told: Array, marks: Sequence[float], most: int = AT_MOST) -> list[int]:
-    """Numbers of the frames to show: first, last, those nearest to the marks [s], then where most is left untold.
+    """Return the numbers of the frames to show: first, last, the nearest to the marks, then where most is left untold.
 
-    times, told : (n,), ascending; told as from `progress`.
+    times : (n,) [s], ascending.  told : (n,) [1], ascending, as from `progress`.  marks : times [s].
     """
     n = len(times)
     picks = {0, n - 1} | {int(np.abs(times - m).argmin()) for m in marks if times[0] <= m <= times[-1]}

@@ -113,8 +113,9 @@ class BodyMesh:
 
 
 def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:
-    """Cells (n, m) with clockwise ones turned round.
+    """Return the cells (n, m), node numbers, with clockwise ones turned round.
 
+    nodes : (n_nodes, 2) [m].  cells : (n, m) node numbers of quads (m = 4) or triangles (m = 3).  kind : their name.
     Raises MeshError naming the first cell (1-based) that is flat, folded or, for quads, not convex.
     """
     if len(cells) == 0:
@@ -134,7 +135,10 @@ def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:
 
 
 def directed_edges(quads: Ints, triangles: Ints) -> NDArray[np.int64]:
-    """(n, 2) every edge of every cell, running with its cell on the left."""
+    """Return every edge of every cell (4 n_quads + 3 n_triangles, 2), node numbers, running with its cell on the left.
+
+    quads : (n_quads, 4) and triangles : (n_triangles, 3) node numbers, anticlockwise.
+    """
     parts = [np.stack([c, np.roll(c, -1, axis=1)], axis=2).reshape(-1, 2) for c in (quads, triangles)]
     return np.concatenate(parts).astype(np.int64)
 
@@ -360,7 +364,7 @@ NEWTON_STEPS = 30
 
 
 def locate(interface: Interface, body: str, at: Floats) -> tuple[Ints, Floats] | None:
-    """Nodes and weights of a point of a body's reference mesh; None where it is off the mesh.
+    """Return the nodes (n,) and weights (n,) [1] of a point of a body's reference mesh; None where it is off the mesh.
 
     at : (2,) [m].  Weights are the cell's shape functions there; nodes with weight 0 are left out.
     """
@@ -456,8 +460,9 @@ GAUSS = 1 / np.sqrt(3)
 
 
 def body_mean(interface: Interface, body: str) -> tuple[Ints, Floats]:
-    """Nodes and weights of the mean over a body: integral of N_i dV over V, reference; dV = dA or r dA.
+    """Return the nodes (n,), ascending, and weights (n,) [1], adding up to 1, of the mean over a body.
 
+    A weight is the integral of N_i dV over V, reference; dV = dA or r dA.
     body : one of interface.bodies.  Exact for cells of any shape: N_i r det J has degree 3 along each side.
     """
     number = interface.bodies.index(body)
@@ -471,19 +476,28 @@ def body_mean(interface: Interface, body: str) -> tuple[Ints, Floats]:
 
 
 def cell_volumes(interface: Interface) -> Floats:
-    """(n_cells,) reference volume of each cell, quads first: integral of dA or r dA."""
+    """Return the reference volume of each cell (n_cells,), quads first.
+
+    It is the integral of dA [m2] or, axisymmetric, of r dA [m3].
+    """
     return np.concatenate([_of_quads(interface.nodes[interface.quads], interface.axisymmetric).sum(axis=1),
                            _of_triangles(interface.nodes[interface.triangles], interface.axisymmetric).sum(axis=1)])
 
 
 def cells_with(interface: Interface, nodes: Ints) -> Ints:
-    """Numbers of the cells, quads first, that have all of these nodes."""
+    """Return the numbers of the cells (n,), quads first, that have all of these nodes.
+
+    nodes : (m,) node numbers, each once.
+    """
     has = [np.isin(cells, nodes).sum(axis=1) for cells in (interface.quads, interface.triangles)]
     return np.flatnonzero(np.concatenate(has) == len(nodes)).astype(np.int32)
 
 
 def cells_along(interface: Interface, edges: Ints) -> Ints:
-    """(n_edges,) the cell, quads first, that has each edge of a surface.  edges : (n_edges, 2) node numbers."""
+    """Return the cell (n_edges,), quads first, that has each edge of a surface.
+
+    edges : (n_edges, 2) node numbers.
+    """
     quads, triangles = interface.quads, interface.triangles
     every = np.concatenate([np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2)
                             for cells in (quads, triangles)])

@@ -58,11 +58,17 @@ class Probe:
         return not len(self.nodes)
 
     def of(self, values: Floats) -> float:
-        """The probe's value, given its quantity at all nodes : (n_nodes,)."""
+        """Return the probe's value, in the unit of its quantity.
+
+        values : (n_nodes,) in that unit, the quantity at all nodes.
+        """
         return self._reduced(values[self.nodes], self.weights)
 
     def of_cells(self, values: Floats) -> float:
-        """The probe's value, given its quantity in all cells : (n_cells,)."""
+        """Return the probe's value, in the unit of its quantity.
+
+        values : (n_cells,) in that unit, the quantity in all cells, quads first.
+        """
         return self._reduced(values[self.cells], self.cell_weights)
 
     def _reduced(self, values: Floats, weights: Floats) -> float:
@@ -182,7 +188,10 @@ def _at(c: Context, place: Place, key: Key) -> tuple[Ints, Floats]:
 
 
 def surface_mean(interface: Interface, edges: Ints) -> tuple[Ints, Floats]:
-    """Nodes and weights of the mean over a surface: integral of N_i dA over A, reference; dA = ds or r ds."""
+    """Return the nodes (n,), ascending, and weights (n,) [1], adding up to 1, of the mean over a surface.
+
+    edges : (n_edges, 2) node numbers.  A weight is the integral of N_i dA over A, reference; dA = ds or r ds.
+    """
     nodes, where = np.unique(edges.ravel(), return_inverse=True)
     weights = np.bincount(where, weights=_node_areas(interface, edges).ravel())
     return nodes.astype(np.int32), weights / weights.sum()

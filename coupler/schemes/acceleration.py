@@ -37,11 +37,14 @@ class Trail:
     factors: tuple[float, ...] = ()
 
     def plus(self, guess: Array, outcome: Array) -> Trail:
-        """The trail with one more iterate."""
+        """Return the trail with one more iterate.
+
+        guess : (n,) scaled by the floors of its fields [1].  outcome : (n,) scaled the same [1].
+        """
         return Trail((*self.guesses, guess), (*self.outcomes, outcome), self.factors)
 
     def residual(self, k: int = -1) -> Array:
-        """r = H(g) - g of an iterate, the last by default."""
+        """Return the residual r = H(g) - g of an iterate, (n,) scaled [1], of the last by default."""
         return self.outcomes[k] - self.guesses[k]
 
     @property
@@ -62,7 +65,10 @@ def remembered(memory: Memory, trail: Trail, how: Iteration) -> Memory:
 
 
 def next_guess(how: Iteration, trail: Trail, memory: Memory) -> tuple[Array, float]:
-    """The next guess and the factor of its step: its length over that of a plain step, signed for Aitken."""
+    """Return the next guess (n,) scaled [1] and the factor of its step.
+
+    The factor is its length over that of a plain step, signed for Aitken.
+    """
     if how.acceleration is Acceleration.IQN_ILS:
         return _iqn_ils(how, trail, memory)
     factor = _factor(how, trail)
@@ -70,7 +76,10 @@ def next_guess(how: Iteration, trail: Trail, memory: Memory) -> tuple[Array, flo
 
 
 def relaxed(how: Iteration, trail: Trail) -> tuple[Array, float]:
-    """The careful step: a share of the way to the outcome, so between two vectors that are both in bounds."""
+    """Return the careful step (n,) scaled [1] and its factor.
+
+    It is a share of the way to the outcome, so between two vectors that are both in bounds.
+    """
     return _stepped(trail, how.relaxation), how.relaxation
 
 

@@ -45,9 +45,10 @@ class Lead:
     rate: Array
 
     def seen(self, t0: float, t1: float, stored: Array, rate: Array | None) -> tuple[Array, Array]:
-        """x and t_N for the substep from t0 to t1 [s].  stored : (n_bodies,) [J] since the start, at t0.
+        """Return x (n_nodes, 2) [m] and t_N (n_s,) [Pa] for the substep from t0 to t1 [s].
 
-        rate : of the substep before [W]; None in the first one.
+        stored : (n_bodies,) [J] since the start of the window, at t0; one 0 in the first substep.
+        rate : (n_bodies,) [W] of the substep before; None in the first one.
         """
         there = stored + 0.5 * (t1 - t0) * (self.rate if rate is None else rate)
         along = _heat_stored(self.later) - _heat_stored(self.earlier)

@@ -44,9 +44,10 @@ Slope = tuple[Level, Level]  # two levels, the earlier first, between which x an
 
 
 def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array]:
-    """x and t_N that the thermal half is given for a substep with its middle at t [s]: on a line from `now`.
+    """Return x (n_nodes, 2) [m] and t_N (n_s,) [Pa] that the thermal half is given for a substep with its middle at t.
 
-    slope : None holds them as they are now.  t_N stays <= 0: an extrapolated tension means "open".
+    t : time [s].  slope : x and t_N go along a line from `now`; None holds them as they are now.
+    t_N stays <= 0: an extrapolated tension means "open".
     """
     if slope is None:
         return now.x, now.t_N
@@ -73,16 +74,16 @@ def predicted(now: Level, before: Level | None, t: float) -> Level:
 
 
 def exchanged(level: Level) -> dict[str, Array]:
-    """What the mechanical half takes of a level: T, and f_s where there is one."""
+    """Return what the mechanical half takes of a level, (n_nodes,) each: T [K], and f_s [1] where there is one."""
     # fault: solid fraction of the outcome, not of the guess -> return {"T": level.T} if True else {"T": level.T, "f_s":
     #   level.f_s} | coupler/test_iterated
     return {"T": level.T} if level.f_s is None else {"T": level.T, "f_s": level.f_s}
 
 
 def between(start: Level, end: Mapping[str, Array], fraction: float) -> dict[str, Array]:
-    """T, and f_s where the thermal half gives it to the other, interpolated linearly within a window.
+    """Return T [K], and f_s [1] where the thermal half gives it to the other, (n_nodes,) each, linear within a window.
 
-    end : the same at the end of the window, known or guessed.
+    end : (n_nodes,) each [K] and [1], the same at the end of the window, known or guessed.  fraction : 0 to 1, of it.
     """
     found = {"T": _linear(start.T, end["T"], fraction)}
     if "f_s" in end:
@@ -155,7 +156,10 @@ class EnergyAccount:
         return EnergyAccount(np.zeros(self.carry.shape), self.made, self.delivered + float(self.carry.sum()))
 
     def make(self, energy: Array | float) -> EnergyAccount:
-        """The account after the mechanical half made an energy of the carry's shape [J], or 0 where it makes none."""
+        """Return the account after the mechanical half made an energy.
+
+        energy : same shape as the carry [J]; a float, 0.0, where the half makes none.
+        """
         if isinstance(energy, float):
             return self
         # fault: friction heat forgotten between windows -> return EnergyAccount(self.carry, self.made +
@@ -167,7 +171,10 @@ Accounts = Mapping[str, EnergyAccount]
 
 
 def share_of(accounts: Accounts, share: float, first: bool) -> dict[str, Array]:
-    """What a thermal substep is given of each carry: its share of the window, or all of it in the first substep."""
+    """Return what a thermal substep is given of each carry [J], by block, (n_cells,) or (n_s,).
+
+    That is its share of the window, or, of what is due at once, all of it in the first substep.
+    """
     # fault: entropy part handed to every substep -> shares = {n: 1.0 if n in AT_ONCE else share for n in accounts} |
     #   coupler/test_accounts
     shares = {n: float(first) if n in AT_ONCE else share for n in accounts}
@@ -180,7 +187,10 @@ def delivered(accounts: Accounts, taken: Container[str]) -> dict[str, EnergyAcco
 
 
 def with_made(accounts: Accounts, made: Mapping[str, Array]) -> dict[str, EnergyAccount]:
-    """The accounts after a mechanical half went over a window: what it made is due."""
+    """Return the accounts after a mechanical half went over a window: what it made is due.
+
+    made : same shape as the carry [J] of each account, by block; a block that is missing made nothing.
+    """
     return {n: a.make(made.get(n, 0.0)) for n, a in accounts.items()}
 
 

@@ -87,7 +87,13 @@ class _Call:
 class Leading(Protocol):
     """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.along_heat)."""
 
-    def seen(self, t0: float, t1: float, stored: Array, rate: Array | None) -> tuple[Array, Array]: ...
+    def seen(self, t0: float, t1: float, stored: Array, rate: Array | None) -> tuple[Array, Array]:
+        """Return x (n_nodes, 2) [m] and t_N (n_s,) [Pa] for the substep from t0 to t1 [s].
+
+        stored : (n_bodies,) [J] since the start of the window, at t0; one 0 in the first substep.
+        rate : (n_bodies,) [W] of the substep before; None in the first one.
+        """
+        ...
 
 
 def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
@@ -139,16 +145,19 @@ def _stored(terms: list[dict[str, float]], times: list[float]) -> tuple[Array, A
 
 
 def stored(terms: Mapping[str, float]) -> Array:
-    """(n_bodies,) [J] of the heat terms of a substep, bodies in the order of their names."""
+    """Return the heat stored in a substep, (n_bodies,) [J], bodies in the order of their names.
+
+    terms : heat terms of the substep [J].
+    """
     return np.array([terms[n] for n in sorted(terms) if n.startswith(STORED)])
 
 
 def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end: Mapping[str, Array],
                     done: Work) -> Pass:
-    """The mechanical half over the window, T and f_s interpolated to the end of each of its substeps.
+    """Take the mechanical half over the window, T and f_s interpolated to the end of each of its substeps.
 
-    times : of its substeps [s].  end : T, f_s at the end of the window, known or guessed; the very arrays of the
-    start hold them.  done : the work before.  Raises DiscardError.
+    times : of its substeps [s].  end : (n_nodes,) each, T [K] and f_s [1] at the end of the window, known or guessed;
+    the very arrays of the start hold them.  done : the work before.  Raises DiscardError.
     """
     H, sent, work = times[-1] - times[0], state.sent, done
     outputs: Mapping[str, Array] = {}
@@ -259,8 +268,9 @@ def at_once(halves: Halves, state: CoupledState, span: Span) -> Swept:
 
 def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mapping[str, Array],
                      done: Work = NO_WORK, at_end: bool = False) -> Swept:
-    """Mechanics with a T given at the end, then thermal on the way x and t_N went.  Heat is delivered at once.
+    """Solve mechanics with a T given at the end, then thermal on the way x and t_N went.  Heat is delivered at once.
 
+    end : (n_nodes,) each, T [K] and f_s [1] at the end of the window.
     at_end : thermal substeps are given x and t_N of their end, not of their middle.
     """
     mechanical = mechanical_pass(halves, state, span.times("mechanical"), end, done)

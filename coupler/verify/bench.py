@@ -46,20 +46,27 @@ class Bench:
         return [name for name, b in self.blocks.items() if b.causality == "output" and b.kind in NUMBERS]
 
     def inputs(self, k: int) -> dict[str, Array]:
-        """Return the inputs of substep k (from 1): start values, changed where name or unit says what is harmless.
+        """Return the inputs of substep k (from 1), by name in the shape and unit of their blocks.
 
-        Temperatures by 1 to 3 K a substep in a pattern, coordinates by 1e-7 of their span as a whole, pressures by
-        1e5 Pa, heats by 1 mJ; loads, controls and what has no meaning at the border stay.
+        They are start values, changed where name or unit says what is harmless: temperatures by 1 to 3 K a substep in a
+        pattern, coordinates by 1e-7 of their span as a whole, pressures by 1e5 Pa, heats by 1 mJ; loads, controls and
+        what has no meaning at the border stay.
         """
         return {name: _moved(name, self.blocks[name].unit, start, k) for name, start in self.starts.items()}
 
     def step(self, half: Half, k: int) -> dict[str, Array]:
-        """Take substep k, from (k - 1) h by h, and return all outputs.  Raises HalfError where it is refused."""
+        """Take substep k, from (k - 1) h by h, and return all outputs by name in the shape and unit of their blocks.
+
+        Raises HalfError where it is refused.
+        """
         return took(half.advance((k - 1) * self.h, self.h, self.inputs(k), self.outputs))
 
 
 def took(done: Advance) -> dict[str, Array]:
-    """Return the outputs of a substep.  Raises HalfError where it was refused."""
+    """Return the outputs of a substep, by name in the shape and unit of their blocks.
+
+    Raises HalfError where it was refused.
+    """
     if done.status is not Status.OK:
         raise HalfError(f"it refused an ordinary substep: {done.message}")
     return done.outputs
@@ -84,7 +91,10 @@ def settled(make: Callable[[], Half], h: float) -> Bench:
 
 
 def differing(a: Mapping[str, Array], b: Mapping[str, Array]) -> list[str]:
-    """Return the names whose values are not equal to the bit."""
+    """Return the names whose values are not equal to the bit.
+
+    a : any shape and unit each, by name.  b : same shape and unit for what is to be equal.
+    """
     # fault: verify-half: outputs nearly the same pass for the same -> return [name for name in a if name not in b or
     #   not np.allclose(a[name], b[name])] | coupler/test_verify
     return [name for name in a if name not in b or np.asarray(a[name]).tobytes() != np.asarray(b[name]).tobytes()]
