@@ -82,7 +82,7 @@ class Gas(Part):
         return self.k_g / (g + self.g_m), np.zeros(p.shape)
 
 
-class Variable(StrEnum):
+class TableVariable(StrEnum):
     """What a table of conductance is over."""
 
     X = "x"
@@ -95,7 +95,7 @@ class Table(Part):
     law: Literal["table"]
     x: Annotated[tuple[Number, ...], Entry("pressure [Pa] if closed, gap [m] if open; with `variable: T` temperature")]
     h: Annotated[tuple[Number, ...], Entry("conductance", "W/m2K", least=0.0)]
-    variable: Annotated[Variable, Entry("`T`: over the mean temperature of the two sides")] = Variable.X
+    variable: Annotated[TableVariable, Entry("`T`: over the mean temperature of the two sides")] = TableVariable.X
     form: Annotated[Form, Entry("between the points: straight lines, or a monotone cubic")] = Form.LINEAR
 
     @model_validator(mode="after")
@@ -104,7 +104,7 @@ class Table(Part):
             raise problem("x and h must be equally long lists of 2 or more numbers")
         if any(b <= a for a, b in pairwise(self.x)):
             raise problem("x must increase", at=("x",))
-        if self.variable is Variable.X and self.x[0] < 0.0:
+        if self.variable is TableVariable.X and self.x[0] < 0.0:
             raise problem("must not be negative: a pressure if closed, a gap if open", at=("x", 0))
         return self
 
@@ -122,7 +122,7 @@ class Table(Part):
     def conductance(self, p: Array, g: Array, T: Array) -> Two:
         """Return h [W/m2K] and dh/dT; arguments as of Constant."""
         low, high = self.x[0], self.x[-1]
-        if self.variable is Variable.X:
+        if self.variable is TableVariable.X:
             # The other of p and g is zero, whichever branch asks, so their sum is the one meant.
             return np.asarray(self._curve(np.clip(p + g, low, high))), np.zeros(p.shape)
         inner = np.clip(T, low, high)
