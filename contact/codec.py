@@ -237,7 +237,7 @@ class Unpack(Protocol):
 
 
 @dataclass(frozen=True)
-class Form:
+class WireForm:
     """How values of one type hint go onto the wire and come back."""
 
     pack: Pack
@@ -274,7 +274,7 @@ def decode(data: bytes, kinds: Kinds) -> Any:
 
 
 @cache
-def _form_of(hint: Any) -> Form:
+def _form_of(hint: Any) -> WireForm:
     """Return the form of a type hint.  Raises TypeError for a hint this module cannot send: a bug, not bad input."""
     origin, args = get_origin(hint), get_args(hint)
     if origin is np.ndarray:
@@ -302,7 +302,7 @@ def _form_of(hint: Any) -> Form:
     raise TypeError(f"{hint!r} has no form on the wire")
 
 
-def _array_form(scalar: Any) -> Form:
+def _array_form(scalar: Any) -> WireForm:
     expected = None if scalar is Any else np.dtype(scalar)
 
     def check(array: Any, path: str) -> Any:
@@ -320,10 +320,10 @@ def _array_form(scalar: Any) -> Form:
             raise WireError(f"{path}: the array is missing")
         return check(arrays.pop(path), path)
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _tuple_form(item: Form) -> Form:
+def _tuple_form(item: WireForm) -> WireForm:
     def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
         return [item.pack(v, f"{path}.{i}", arrays) for i, v in enumerate(value)]
 
@@ -331,10 +331,10 @@ def _tuple_form(item: Form) -> Form:
         _expect(raw, list, path)
         return tuple(item.unpack(v, f"{path}.{i}", arrays) for i, v in enumerate(raw))
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _fixed_form(items: tuple[Form, ...]) -> Form:
+def _fixed_form(items: tuple[WireForm, ...]) -> WireForm:
     def sized(value: Any, path: str) -> Any:
         if len(value) != len(items):
             raise WireError(f"{path}: {len(items)} items were expected, not {len(value)}")
@@ -349,10 +349,10 @@ def _fixed_form(items: tuple[Form, ...]) -> Form:
         return tuple(form.unpack(v, f"{path}.{i}", arrays)
                      for i, (form, v) in enumerate(zip(items, sized(raw, path), strict=True)))
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _set_form(kind: type[Any]) -> Form:
+def _set_form(kind: type[Any]) -> WireForm:
     # Sorted: equal sets have equal bytes.
     def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
         return sorted(v for v in value if _expect(v, kind, path))
@@ -361,10 +361,10 @@ def _set_form(kind: type[Any]) -> Form:
         _expect(raw, list, path)
         return frozenset(v for v in raw if _expect(v, kind, path))
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _optional_form(item: Form) -> Form:
+def _optional_form(item: WireForm) -> WireForm:
     # In a list, because an array leaves nothing but None in the header.
     def pack(value: Any, path: str, arrays: Arrays) -> list[Any] | None:
         return None if value is None else [item.pack(value, path, arrays)]
@@ -376,10 +376,10 @@ def _optional_form(item: Form) -> Form:
             raise WireError(f"{path}: one value was expected, not {len(raw)}")
         return item.unpack(raw[0], path, arrays)
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _one_of_form(kinds: Kinds) -> Form:
+def _one_of_form(kinds: Kinds) -> WireForm:
     # The forms are found when first used: one of them may hold the union again.
     def pack(value: Any, path: str, arrays: Arrays) -> list[Any]:
         name = type(value).__name__
@@ -395,10 +395,10 @@ def _one_of_form(kinds: Kinds) -> Form:
         kind: Any = kinds[raw[0]]
         return _form_of(kind).unpack(raw[1], path, arrays)
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _bytes_form() -> Form:
+def _bytes_form() -> WireForm:
     # An array on the wire: a header is bounded, the state of a half is not.
     array = _array_form(np.uint8)
 
@@ -410,10 +410,10 @@ def _bytes_form() -> Form:
         data: bytes = array.unpack(raw, path, arrays).tobytes()
         return data
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _dict_form(kind: type[Any], item: Form) -> Form:
+def _dict_form(kind: type[Any], item: WireForm) -> WireForm:
     # As pairs where keys are numbers: a reader of maps takes text keys only.
     def pack(value: Any, path: str, arrays: Arrays) -> Any:
         packed = {k: item.pack(v, f"{path}.{k}", arrays) for k, v in value.items() if _expect(k, kind, path)}
@@ -424,7 +424,7 @@ def _dict_form(kind: type[Any], item: Form) -> Form:
         pairs = raw.items() if kind is str else [(row[0], row[1]) for row in raw if _pair(row, path)]
         return {k: item.unpack(v, f"{path}.{k}", arrays) for k, v in pairs if _expect(k, kind, path)}
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
 def _pair(row: Any, path: str) -> bool:
@@ -433,7 +433,7 @@ def _pair(row: Any, path: str) -> bool:
     return True
 
 
-def _dataclass_form(kind: type[Any]) -> Form:
+def _dataclass_form(kind: type[Any]) -> WireForm:
     hints = get_type_hints(kind)
     forms = {f.name: _form_of(hints[f.name]) for f in fields(kind)}
 
@@ -448,10 +448,10 @@ def _dataclass_form(kind: type[Any]) -> Form:
             raise WireError(f"{path}: fields {sorted(map(str, raw))} where {sorted(forms)} were expected")
         return kind(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
-def _enum_form(kind: type[Enum]) -> Form:
+def _enum_form(kind: type[Enum]) -> WireForm:
     def pack(value: Any, path: str, arrays: Arrays) -> str:
         return str(kind(value).value)
 
@@ -461,14 +461,14 @@ def _enum_form(kind: type[Enum]) -> Form:
                 return member
         raise WireError(f"{path}: {raw!r} is not one of {[m.value for m in kind]}")
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
 # numpy's scalars are accepted from the sender and leave as Python's; operator.index refuses a float for int.
 _PLAIN: dict[Any, Callable[[Any], Any]] = {str: str, bool: bool, int: operator.index, float: float}
 
 
-def _plain_form(kind: type[Any]) -> Form:
+def _plain_form(kind: type[Any]) -> WireForm:
     convert = _PLAIN[kind]
 
     def pack(value: Any, path: str, arrays: Arrays) -> Any:
@@ -483,7 +483,7 @@ def _plain_form(kind: type[Any]) -> Form:
         _expect(raw, kind, path)
         return raw
 
-    return Form(pack, unpack)
+    return WireForm(pack, unpack)
 
 
 def _expect(raw: Any, kind: type[Any], path: str) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contact.half.linalg import factorise
 from mechanical_fmu.constraints import with_diagonal
 from mechanical_fmu.masses import Inertia, Masses
-from mechanical_fmu.problem import Dynamics
+from mechanical_fmu.problem import DynamicsOptions
 from mechanical_fmu.system import ForceBalance, System
 from mechanical_fmu.tangent import constrained
 
@@ -27,7 +27,7 @@ class BodyMotion:
     f: Floats
 
 
-def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Inertia:
+def inertia_of(masses: Masses, how: DynamicsOptions, now: BodyMotion, dt: float) -> Inertia:
     """Compute the inertia of the step of dt [s] from now, so that f(u) + force(u) = 0 is the balance at its end.
 
     With a_{n+1} = (u - u*)/(beta dt2), u* = u_n + dt v_n + dt2 (1/2 - beta) a_n, the balance of problem.py
@@ -42,14 +42,14 @@ def inertia_of(masses: Masses, how: Dynamics, now: BodyMotion, dt: float) -> Ine
     return Inertia(scale * M, free_flight(how, now, dt), rest / (1.0 - how.alpha_f))
 
 
-def free_flight(how: Dynamics, now: BodyMotion, dt: float) -> Floats:
+def free_flight(how: DynamicsOptions, now: BodyMotion, dt: float) -> Floats:
     """Compute (n, 2) u* [m]: where u would be without the acceleration at the end of the step."""
     # fault: Newmark's free flight without its acceleration -> return now.u + dt * now.v |
     #   mechanical_fmu/test_solution_dynamics
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 
-def motion_after(how: Dynamics, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
+def motion_after(how: DynamicsOptions, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
     """Compute the motion at the end of a step solved for."""
     a = (found.u - inertia.origin) / (how.beta * dt * dt)
     v = now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a)

@@ -82,7 +82,7 @@ Condition = Displacement | Pressure | DeadLoad
 
 
 @dataclass(frozen=True)
-class Dynamics:
+class DynamicsOptions:
     """Inertia by the generalised-alpha method (Chung & Hulbert 1993); alpha_m = alpha_f = 0 is Newmark's.
 
     M ((1 - alpha_m) a_{n+1} + alpha_m a_n) + (1 - alpha_f) f_{n+1} + alpha_f f_n = 0, f internal less external,
@@ -138,7 +138,7 @@ class ElasticSpec:
     dead: tuple[DeadLoad, ...]
     method: str
     cuts: int
-    dynamics: Dynamics | None
+    dynamics: DynamicsOptions | None
     skip: mechanical.Skip | None
     rho: NDArray[np.float64]
     c: tuple[Property | None, ...]
@@ -221,20 +221,20 @@ def _gravity(interface: Interface, gravity: mechanical.Gravity | None) -> list[C
             for i, spec in enumerate((gravity.x, gravity.y)) if spec != 0.0 for body in interface.bodies]
 
 
-def _dynamics(spec: mechanical.Dynamics) -> Dynamics:
+def _dynamics(spec: mechanical.Dynamics) -> DynamicsOptions:
     lumped = spec.mass is mechanical.Mass.LUMPED
     if spec.rho_inf is not None:
         return damped_by_radius(spec.rho_inf, lumped)
     if spec.alpha is not None:
         # Hilber, Hughes & Taylor 1977.
-        return Dynamics(0.25 * (1.0 - spec.alpha) ** 2, 0.5 - spec.alpha, 0.0, -spec.alpha, lumped)
-    return Dynamics(spec.beta or 0.25, spec.gamma or 0.5, 0.0, 0.0, lumped)
+        return DynamicsOptions(0.25 * (1.0 - spec.alpha) ** 2, 0.5 - spec.alpha, 0.0, -spec.alpha, lumped)
+    return DynamicsOptions(spec.beta or 0.25, spec.gamma or 0.5, 0.0, 0.0, lumped)
 
 
-def damped_by_radius(rho_inf: float, lumped: bool) -> Dynamics:
+def damped_by_radius(rho_inf: float, lumped: bool) -> DynamicsOptions:
     """Make the method whose spectral radius at infinite frequency is rho_inf; order 2 whatever it is."""
     alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-    return Dynamics(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
+    return DynamicsOptions(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
 
 
 # Materials

@@ -22,7 +22,7 @@ from thermal_fmu.kernels import (
     turn_of,
 )
 from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.problem import Body, Conductivity
+from thermal_fmu.problem import Conductivity, ThermalBody
 from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
@@ -229,7 +229,7 @@ def spread_energies(volume: CellMesh, shapes: Sequence[CellGeometry], E: Floats)
     return spread(volume, shapes, per_volume)
 
 
-def reference_cells(volume: CellMesh, bodies: Sequence[Body], X: Floats) -> tuple[ReferenceCells, ...]:
+def reference_cells(volume: CellMesh, bodies: Sequence[ThermalBody], X: Floats) -> tuple[ReferenceCells, ...]:
     """Compute masses, and gradients where axes turn, of every block on X : (n, 2) [m].  Raises InvertedMeshError."""
     out = []
     for block, shape in zip(volume.blocks, shapes_of(volume, X), strict=True):
@@ -243,7 +243,7 @@ def with_turn(block: CellBlock, first: ReferenceCells, shape: CellGeometry, x: F
     return shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
 
 
-def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body], at: NodalFields, f: Floats,
+def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[ThermalBody], at: NodalFields, f: Floats,
             into: MatrixEntries) -> None:
     """Add conduction, Eq. (1): f -= the heat that leaves each node;  entries += slope * its derivative by s.
 
@@ -268,7 +268,7 @@ def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[B
                        block.slots, into.slope, data)
 
 
-def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: Body, at: NodalFields, f: Floats,
+def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at: NodalFields, f: Floats,
                     into: MatrixEntries) -> None:
     N = block.table.N
     T_q = at_points(at.T, block.cells, N)
@@ -286,7 +286,7 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: Body, at: Nodal
                           into.slope, into.data)
 
 
-def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[Body], s0: Floats, s: Floats,
+def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[ThermalBody], s0: Floats, s: Floats,
           S: Floats, into: MatrixEntries) -> Floats:
     """Add storage: S += the increase of enthalpy from s0 to s;  entries += its derivative by s [J/K].
 
@@ -314,7 +314,7 @@ def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequen
     return total
 
 
-def _store_melting(block: CellBlock, mass: Floats, body: Body, s0: Floats, s: Floats, S: Floats,
+def _store_melting(block: CellBlock, mass: Floats, body: ThermalBody, s0: Floats, s: Floats, S: Floats,
                    data: Floats) -> float:
     """Store the enthalpy of a block that melts; s0, s : (m,) [K] at its nodes.  Returns the increase [J]."""
     change = body.material.phase
@@ -391,7 +391,7 @@ class MatrixCache:
     def __init__(self) -> None:
         self._of: dict[int, _CachedMatrix] = {}
 
-    def fill(self, volume: CellMesh, bodies: Sequence[Body], references: Sequence[ReferenceCells],
+    def fill(self, volume: CellMesh, bodies: Sequence[ThermalBody], references: Sequence[ReferenceCells],
              shapes: Sequence[CellGeometry], into: MatrixEntries, stores: bool) -> MatrixEntries:
         """Put in the entries of blocks that were asked for before, and note which.
 
@@ -414,7 +414,7 @@ class MatrixCache:
         return replace(into, filled=frozenset(filled))
 
 
-def _entries(volume: CellMesh, block: CellBlock, bodies: Sequence[Body], cached: _CachedMatrix) -> Floats:
+def _entries(volume: CellMesh, block: CellBlock, bodies: Sequence[ThermalBody], cached: _CachedMatrix) -> Floats:
     """Assemble the (n_places,) entries of one block.  T = 0 serves: the entries do not depend on temperature."""
     own = replace(volume, blocks=(replace(block, slots=block.own_slots),))
     nothing, into = np.zeros(volume.n), MatrixEntries(np.zeros(block.places.size), cached.slope)
@@ -424,6 +424,6 @@ def _entries(volume: CellMesh, block: CellBlock, bodies: Sequence[Body], cached:
     return into.data
 
 
-def _is_constant(body: Body) -> bool:
+def _is_constant(body: ThermalBody) -> bool:
     material = body.material
     return material.phase is None and material.c.is_constant and material.k.is_constant

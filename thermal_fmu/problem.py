@@ -94,7 +94,7 @@ class Conductivity:
 
 
 @dataclass(frozen=True)
-class Material:
+class ThermalMaterial:
     """rho : reference density [kg/m3].  k : conductivity [W/mK].  c : heat capacity [J/kgK].
 
     phase : the change of phase, None where the material does not melt.
@@ -174,7 +174,7 @@ class Radiator:
 
 
 @dataclass(frozen=True)
-class NearRadiation:
+class NearRadiationLaw:
     """Eq. (11): (1 - w(g)) sigma_SB (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) between the sides of a pair.
 
     near, far : gaps [m] between which w grows from 0 to 1; None: w = 0.
@@ -198,11 +198,11 @@ class PairLaws:
     closed_factor: Signal
     open_factor: Signal
     friction_share: float | None = None
-    radiation: NearRadiation | None = None
+    radiation: NearRadiationLaw | None = None
 
 
 @dataclass(frozen=True)
-class Adaptive:
+class AdaptiveSteps:
     """What the inner steps of a substep must keep to.
 
     tolerance : of the estimated local error of T, largest over the nodes [K].  max_dT : largest change of T at a node
@@ -224,7 +224,7 @@ class Stepping:
     method: str
     theta: float
     increments: int
-    adaptive: Adaptive | None
+    adaptive: AdaptiveSteps | None
     tolerance: float
 
     def method_of(self, name: str) -> TimeMethod:
@@ -233,14 +233,14 @@ class Stepping:
 
 
 @dataclass(frozen=True)
-class Body:
+class ThermalBody:
     """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current volume].
 
     Q_T_factor : of the cell's own temperature; None is 1.
     """
 
     name: str
-    material: Material
+    material: ThermalMaterial
     T0: float
     Q_T: Field
     Q_T_factor: Property | None = None
@@ -255,7 +255,7 @@ class Model:
 
     stepping: Stepping
     sigma_SB: float
-    bodies: tuple[Body, ...]
+    bodies: tuple[ThermalBody, ...]
     prescribed: tuple[Prescribed, ...]
     fluxes: tuple[Flux, ...]
     films: tuple[Film, ...]
@@ -319,23 +319,23 @@ def _demand_kelvin(model: Model) -> None:
 
 def _stepping(problem: ThermalProblem) -> Stepping:
     given = problem.adaptive
-    adaptive = None if given is None else Adaptive(given.tolerance or inf, given.max_dT or inf, given.least)
+    adaptive = None if given is None else AdaptiveSteps(given.tolerance or inf, given.max_dT or inf, given.least)
     return Stepping(problem.method.value, 0.5 if problem.theta is None else problem.theta, problem.increments or 1,
                     adaptive, problem.tolerance)
 
 
-def _body(name: str, body: thermal.BodyHeat, materials: Mapping[str, Material]) -> Body:
+def _body(name: str, body: thermal.BodyHeat, materials: Mapping[str, ThermalMaterial]) -> ThermalBody:
     # fault: factor of a source dropped -> factor = None | thermal_fmu/test_thermal_fields
     factor = None if body.Q_T_factor is None else property_from(body.Q_T_factor)
-    return Body(name, materials[body.material], body.T0, field_from(body.Q_T), factor)
+    return ThermalBody(name, materials[body.material], body.T0, field_from(body.Q_T), factor)
 
 
-def parse_material(name: str, spec: Mapping[str, Any]) -> Material:
+def parse_material(name: str, spec: Mapping[str, Any]) -> ThermalMaterial:
     """Make the material that an entry of model.json describes.  Raises ValueError naming every key that is wrong."""
     return made_material(made(material.Material, spec, ("model.json:", "materials", name)), name)
 
 
-def made_material(spec: material.Material, name: str) -> Material:
+def made_material(spec: material.Material, name: str) -> ThermalMaterial:
     """Make a material.  Raises ValueError where its heat capacity is not positive as it melts."""
     assert spec.rho is not None, "asked for by fit"
     c, latent = _phased(spec.c), spec.latent
@@ -345,7 +345,7 @@ def made_material(spec: material.Material, name: str) -> Material:
         if not c.solid(np.array(T_s)) > 0.0:
             raise ValueError(f"model.json: materials.{name}.c is not positive at T_s = {T_s:g} K")
         phase = PhaseChange(latent.L, T_s, T_l, c.solid, c.liquid)
-    return Material(spec.rho, _conductivity(spec.k), c, phase)
+    return ThermalMaterial(spec.rho, _conductivity(spec.k), c, phase)
 
 
 def _conductivity(spec: Any) -> Conductivity:
@@ -393,7 +393,7 @@ def _ends(gap: boundary.RadiationGap | None) -> tuple[float | None, float | None
 
 def _pair(data: pairs.PairData) -> PairLaws:
     laws, near = data.conduction, data.radiation
-    radiation = None if near is None else NearRadiation(
+    radiation = None if near is None else NearRadiationLaw(
         property_from(near.emissivity_slave), property_from(near.emissivity_master), *_ends(near.gap))
     share = None if data.friction is None else data.friction.share
     if laws is None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contact.half.functions import Field, Level, Property, Signal, resolve
 from thermal_fmu.cells import CellBlock, CellGeometry, CellMesh, spread
 from thermal_fmu.kernels import at_points
-from thermal_fmu.problem import Body, Model
+from thermal_fmu.problem import Model, ThermalBody
 from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ class TemperatureSource:
     shapes: Floats | None
 
 
-def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body]) -> Floats | None:
+def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[ThermalBody]) -> Floats | None:
     """Spread the volume of bodies with a uniform source without factor over their nodes: (n_bodies, n) [m3].
 
     Rows of other bodies are 0.  None where no body has such a source.
@@ -58,12 +58,12 @@ def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequ
     return out
 
 
-def is_plain(body: Body) -> bool:
+def is_plain(body: ThermalBody) -> bool:
     """Return whether a body's source is the same everywhere, at all temperatures."""
     return body.Q_T.is_uniform and body.Q_T_factor is None
 
 
-def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[Body],
+def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[ThermalBody],
                    x: Floats) -> tuple[tuple[FieldSource, ...], tuple[TemperatureSource, ...]]:
     """Spread the other sources of bodies on coordinates x : (n, 2) [m]: those of fields, and those with a factor."""
     by_field, by_temperature = [], []

@@ -12,7 +12,7 @@ from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, solve_stage
-from thermal_fmu.problem import Adaptive, Stepping
+from thermal_fmu.problem import AdaptiveSteps, Stepping
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
 from thermal_fmu.stage import StageProblem, balance
 from thermal_fmu.step import (
@@ -136,7 +136,7 @@ class SubstepPlan:
 
     context: StepContext
     method: TimeMethod
-    adaptive: Adaptive
+    adaptive: AdaptiveSteps
     least: float
 
 
@@ -157,7 +157,7 @@ class SolvedStep:
     there: StepPoint
 
 
-def inner_steps(context: StepContext, method: TimeMethod, adaptive: Adaptive, progress: SubstepProgress, t: float,
+def inner_steps(context: StepContext, method: TimeMethod, adaptive: AdaptiveSteps, progress: SubstepProgress, t: float,
                 h: float) -> SubstepProgress:
     """Take adaptive inner steps through [t, t + h] [s].
 

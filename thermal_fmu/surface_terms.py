@@ -17,7 +17,7 @@ from contact.half.functions import Level, Property, resolve
 from contact.laws import Law, closed_conductance, gap_factor, open_conductance
 from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
 from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.problem import Body, Exposed, Film, NearRadiation, PairLaws, Radiator
+from thermal_fmu.problem import Exposed, Film, NearRadiationLaw, PairLaws, Radiator, ThermalBody
 
 # Exposed surfaces: whole edges, less what faces something, Eq. (7)
 
@@ -101,7 +101,7 @@ class RadiationGroup:
     nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) weighted with 1 - w [m2].
     """
 
-    spec: NearRadiation
+    spec: NearRadiationLaw
     nodes: Ints
     N_s: Floats
     N_m: Floats
@@ -286,7 +286,7 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_
     return FrictionHeat(slave / h, master / h)
 
 
-def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodies: Sequence[Body],
+def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodies: Sequence[ThermalBody],
                    node_body: NDArray[np.int32], at: NodalFields) -> Floats:
     """Return (n_p,) the slave's part of friction heat: the pair's friction_share, else e_s/(e_s + e_m).
 
@@ -306,7 +306,7 @@ def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodi
     return out
 
 
-def _effusivity(nodes: NDArray[np.int32], N: Floats, body: Body, at: NodalFields) -> Floats:
+def _effusivity(nodes: NDArray[np.int32], N: Floats, body: ThermalBody, at: NodalFields) -> Floats:
     T, f_s = ((N * v[nodes]).sum(axis=1) if v is not None else None for v in (at.T, at.f_s))
     assert T is not None
     return body.material.effusivity(T, f_s)

@@ -114,7 +114,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Term:
+class FieldTerm:
     """t(time) x(x) y(y); a profile that is None is 1."""
 
     t: Signal
@@ -126,7 +126,7 @@ class Term:
 class Field:
     """The sum of its terms at the current coordinates x (r) and y (z)."""
 
-    terms: tuple[Term, ...]
+    terms: tuple[FieldTerm, ...]
 
     @cached_property
     def is_uniform(self) -> bool:
@@ -187,7 +187,7 @@ def resolve(level: Level, shapes: Floats | None) -> float | Floats:
     return level if shapes is None else np.asarray(level @ shapes, dtype=np.float64)
 
 
-def _least(term: Term) -> float | None:
+def _least(term: FieldTerm) -> float | None:
     low = high = 1.0
     for part in (term.t, term.x, term.y):
         if part is None:
@@ -208,18 +208,18 @@ def field_from(spec: float | Mapping[str, Any] | SignalName | SignalTable | Fiel
     if isinstance(spec, FieldSum):
         spec = spec.plain()
     if not (isinstance(spec, Mapping) and "terms" in spec):
-        return Field((Term(signal_from(spec), None, None),))
+        return Field((FieldTerm(signal_from(spec), None, None),))
     if set(spec) != {"terms"} or not isinstance(spec["terms"], list) or not spec["terms"]:
         raise ValueError('a field is a number, {"t", "value"}, or {"terms": [...]} with one term or more, nothing else')
     return Field(tuple(_term(term, i) for i, term in enumerate(spec["terms"])))
 
 
-def _term(spec: Any, i: int) -> Term:
+def _term(spec: Any, i: int) -> FieldTerm:
     if not isinstance(spec, Mapping) or set(spec) - {"t", "x", "y"}:
         raise ValueError(f"terms[{i}]: an object with t, x, y (each may be left out) is needed, not {spec!r}")
     try:
         x, y = (profile_from(spec[key]) if key in spec else None for key in ("x", "y"))
-        return Term(signal_from(spec.get("t", 1.0)), x, y)
+        return FieldTerm(signal_from(spec.get("t", 1.0)), x, y)
     except (ValueError, TypeError, KeyError) as exc:
         raise ValueError(f"terms[{i}]: {exc}") from exc
 

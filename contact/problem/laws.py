@@ -94,7 +94,7 @@ class Gas(Part):
         return self.k_g / (g + self.g_m), np.zeros(p.shape)
 
 
-class Variable(StrEnum):
+class TableVariable(StrEnum):
     """What a table of conductance is over."""
 
     X = "x"
@@ -107,7 +107,7 @@ class Table(Part):
     law: Literal["table"]
     x: Annotated[tuple[Number, ...], Entry("pressure [Pa] if closed, gap [m] if open; with `variable: T` temperature")]
     h: Annotated[tuple[Number, ...], Entry("conductance", "W/m2K", least=0.0)]
-    variable: Annotated[Variable, Entry("`T`: over the mean temperature of the two sides")] = Variable.X
+    variable: Annotated[TableVariable, Entry("`T`: over the mean temperature of the two sides")] = TableVariable.X
     form: Annotated[Form, Entry("between the points: straight lines, or a monotone cubic")] = Form.LINEAR
 
     @model_validator(mode="after")
@@ -116,7 +116,7 @@ class Table(Part):
             raise problem("x and h must be equally long lists of 2 or more numbers")
         if any(b <= a for a, b in pairwise(self.x)):
             raise problem("x must increase", at=("x",))
-        if self.variable is Variable.X and self.x[0] < 0.0:
+        if self.variable is TableVariable.X and self.x[0] < 0.0:
             raise problem("must not be negative: a pressure if closed, a gap if open", at=("x", 0))
         return self
 
@@ -137,7 +137,7 @@ class Table(Part):
         p : any shape, p_N >= 0 [Pa].  g : same shape, g_N >= 0 [m].  T : same shape [K].
         """
         low, high = self.x[0], self.x[-1]
-        if self.variable is Variable.X:
+        if self.variable is TableVariable.X:
             # The other of p and g is zero, whichever branch asks, so their sum is the one meant.
             return np.asarray(self._curve(np.clip(p + g, low, high))), np.zeros(p.shape)
         inner = np.clip(T, low, high)

@@ -96,7 +96,7 @@ class ThermalBoundary(Supported):
         return self
 
 
-class Adaptive(Part):
+class InnerSteps(Part):
     """Inner steps of a substep, chosen by their error."""
 
     tolerance: Annotated[Positive | None, Entry("of the local error of an inner step", "K")] = None
@@ -104,7 +104,7 @@ class Adaptive(Part):
     least: Annotated[Positive | None, Entry("no inner step is shorter", "s")] = None
 
     @model_validator(mode="after")
-    def _has_a_measure(self) -> Adaptive:
+    def _has_a_measure(self) -> InnerSteps:
         if self.tolerance is None and self.max_dT is None:
             raise problem("at least one of tolerance, max_dT is needed", "Both are in K.")
         return self
@@ -119,8 +119,9 @@ class ThermalSettings(Part):
                                         remedy="Below 0.5 no large step would be stable.")] = None
     increments: Annotated[Whole | None, Entry("with `steady` only: the load is put on in so many parts",
                                             default="1", most=MOST_INCREMENTS)] = None
-    adaptive: Annotated[Adaptive | None, Entry("inner steps, chosen by their error; at least one of the first two keys",
-                                             default="none: one step a substep")] = None
+    adaptive: Annotated[InnerSteps | None, Entry(
+        "inner steps, chosen by their error; at least one of the first two keys",
+        default="none: one step a substep")] = None
     sigma_SB: Annotated[Positive, Entry("Stefan-Boltzmann constant", "W/m2K4")] = SIGMA_SB
     tolerance: Annotated[Positive, Entry("Newton residual over the sum of \\|terms\\|",
                                        why="Tight, so that the heat balance closes over a long run.")] = 1e-10

@@ -243,7 +243,7 @@ def _sized(attempt: Attempt, control: ControlState, error: Estimate | None) -> C
     adaptive = attempt.plan.adaptive
     if adaptive is None:
         return control
-    limits = step_size.Limits(adaptive.least, adaptive.most)
+    limits = step_size.StepLimits(adaptive.least, adaptive.most)
     size, memory = step_size.proposed(control.controller, attempt.H, None if error is None else error.size,
                                      2 if error is None else error.order, limits)
     # fault: a crumb before a kink sets the size after it -> size = max(size, 0.0) | coupler/test_control

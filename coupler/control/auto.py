@@ -132,7 +132,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Choice:
+class SchemeChoice:
     """scheme : of the next window.  reason : in words.  extrapolation : of x and t_N (coupler.schemes.extrapolation).
 
     loose : the share of a change in which iterates need only agree; 0: as the user said.
@@ -144,33 +144,34 @@ class Choice:
     loose: float = 0.0
 
 
-def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False) -> Choice:
+def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False) -> SchemeChoice:
     """The scheme of a window of H seconds.  freezes : the halves can be run by the scheme `adiabatic`."""
     if not state.past or math.isnan(memory.rho):
-        return Choice(Scheme.ITERATED, "the contraction is not known yet", loose=BEGINS)
+        return SchemeChoice(Scheme.ITERATED, "the contraction is not known yet", loose=BEGINS)
     rho = rho_at(memory, H)
     wary = 0.0 < WARY_FROM * memory.wary < H
     if freezes and _makes_heat(state) and rho < MAX_GAIN_SPLIT:
-        return Choice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
+        return SchemeChoice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
     if memory.driven and rho > MAX_GAIN and memory.since < memory.rest:
-        return Choice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
+        return SchemeChoice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
     extrapolation = _extrapolation(memory, _times(state), state.now.t + H, wary)
     if extrapolation is None and wary:
-        return Choice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
+        return SchemeChoice(Scheme.ITERATED, "windows solved once went up and down, though the contraction is small")
     if extrapolation is None and H > LONGER * memory.H:
-        return Choice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
+        return SchemeChoice(Scheme.ITERATED, f"the contraction is known in windows of {memory.H:.3g} s only")
     if extrapolation is None:
-        return Choice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
+        return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g}, too much for windows solved once")
     if memory.turns >= (TURNS if memory.rho * memory.alternating_gain > MIN_COUPLING_GAIN else 2 * TURNS):
-        return Choice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
+        return SchemeChoice(Scheme.ITERATED, "windows solved once go up and down: the contraction is measured again")
     if memory.since >= memory.rest:
-        return Choice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=LOOSE)
+        return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g} is measured again", loose=LOOSE)
     # fault: auto holds a front that has just begun -> if extrapolation < 0.0 and False: | coupler/test_auto
     if extrapolation < 0.0 and len(state.past) == 1 and front_moves(state):
         # A front is fastest at first, and what is steady enough with one level behind holds where it has gone.
-        return Choice(Scheme.ITERATED, f"a front moves, and contraction {rho:.2g} lets x only be held", loose=LOOSE)
-    return Choice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s",
-                  extrapolation)
+        return SchemeChoice(Scheme.ITERATED, f"a front moves, and contraction {rho:.2g} lets x only be held",
+                            loose=LOOSE)
+    return SchemeChoice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s",
+                        extrapolation)
 
 
 def _extrapolation(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:
@@ -264,7 +265,7 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
     touching = solved.monitors.get("touching", 0.0)
     memory, moved = _moved(memory, start, solved)
     if solved.history is not None:
-        return _measured(memory, Measure.of(solved.history, seen, rho_at(memory, H)), H, Change(moved, touching))
+        return _measured(memory, Measure.of(solved.history, seen, rho_at(memory, H)), H, WindowChange(moved, touching))
     memory = _watched(memory, start, solved)
     if abs(touching - memory.touching) > OTHER_TOUCH * max(touching, memory.touching):
         return replace(memory, rho=math.nan, rest=FIRST_REST)
@@ -315,14 +316,14 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Change:
+class WindowChange:
     """What a window did.  moved : share of the longest step.  touching : points that touch at its end."""
 
     moved: float
     touching: float
 
 
-def _measured(memory: Memory, measure: Measure, H: float, change: Change) -> Memory:
+def _measured(memory: Memory, measure: Measure, H: float, change: WindowChange) -> Memory:
     """The memory after a window that was iterated; one whose first iterate agrees measures nothing."""
     rho, moved, touching = measure.rho, change.moved, change.touching
     if math.isnan(rho):

@@ -25,7 +25,7 @@ ROUND_OFF = 1e-13
 SLIPPING = "mechanical.contact.slipping"
 
 
-class Status(Enum):
+class ContactState(Enum):
     """Of a pair, or of all friction."""
 
     OPEN = "open"
@@ -63,7 +63,7 @@ class ContactStatus:
     """
 
     t: float
-    status: tuple[Status, ...]
+    status: tuple[ContactState, ...]
     margins: tuple[tuple[float, ...], ...]
 
 
@@ -101,34 +101,34 @@ def contact_status(nodes: tuple[PairNodes, ...], level: Level, monitors: Mapping
                          (*(margins for _, margins in pairs), friction[1]))
 
 
-def _pair(pair: PairNodes, level: Level) -> tuple[Status, tuple[float, ...]]:
+def _pair(pair: PairNodes, level: Level) -> tuple[ContactState, tuple[float, ...]]:
     covered = level.covered[pair.nodes]
     told = bool(covered.any())  # a half that does not tell gives zeros
     p = -level.t_N[pair.nodes].min(initial=0.0)
     if p > pair.floor:
-        return Status.CLOSED, (float(p), float(covered.sum())) if told else (float(p),)
+        return ContactState.CLOSED, (float(p), float(covered.sum())) if told else (float(p),)
     gap = level.gap[pair.nodes]
     facing = gap[np.isfinite(gap) & (gap < pair.gap_max) & ((covered > 0.0) | (not told))]
     least = float(facing.min(initial=np.inf))
-    return Status.OPEN, (least if least > pair.touch else 0.0,) if facing.size else ()
+    return ContactState.OPEN, (least if least > pair.touch else 0.0,) if facing.size else ()
 
 
-def _friction(monitors: Mapping[str, float]) -> tuple[Status, tuple[float, ...]]:
+def _friction(monitors: Mapping[str, float]) -> tuple[ContactState, tuple[float, ...]]:
     slipping, touching = monitors.get(SLIPPING, np.nan), monitors.get("touching", 0.0)
     if not touching > 0.0 or np.isnan(slipping):
-        return Status.APART, ()
+        return ContactState.APART, ()
     if slipping >= touching:
-        return Status.SLIPS, ()
+        return ContactState.SLIPS, ()
     if slipping > 0.0:
-        return Status.SLIPS_IN_PART, ()
+        return ContactState.SLIPS_IN_PART, ()
     grip = monitors.get("grip", np.nan)
-    return Status.STICKS, () if np.isnan(grip) else (float(grip),)
+    return ContactState.STICKS, () if np.isnan(grip) else (float(grip),)
 
 
 def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
     """Which statuses differ.  Friction that begins or ends with touch is the pair's event, not one of its own."""
     return [i for i, (a, b) in enumerate(zip(before.status, now.status, strict=True))
-            if a is not b and Status.APART not in (a, b)]
+            if a is not b and ContactState.APART not in (a, b)]
 
 
 # Branches of the laws of contact: gaps and pressures at which a law bends, and on which side of them a pair is.
@@ -185,7 +185,7 @@ def _pressures(law: Mapping[str, Any] | None) -> Iterator[float]:
         yield from _pressures(part)
 
 
-def side(branch: Branch, level: Level) -> tuple[Status, tuple[float, ...]]:
+def side(branch: Branch, level: Level) -> tuple[ContactState, tuple[float, ...]]:
     """On which side of a branch its pair is, and how far from it [Pa or m]; APART where a gap faces nothing."""
     nodes = branch.pair.nodes
     if branch.pressure:
@@ -194,8 +194,9 @@ def side(branch: Branch, level: Level) -> tuple[Status, tuple[float, ...]]:
         gap, covered = level.gap[nodes], level.covered[nodes]
         facing = gap[np.isfinite(gap) & (gap < branch.pair.gap_max) & ((covered > 0.0) | (not covered.any()))]
         if not facing.size:
-            return Status.APART, ()
+            return ContactState.APART, ()
         value = float(facing.min())
-    # fault: how far a gap is from a bend is not told -> return (Status.ABOVE, (value - branch.at,)) if value >
-    #   branch.at else (Status.BELOW, ()) | coupler/test_branches
-    return (Status.ABOVE, (value - branch.at,)) if value > branch.at else (Status.BELOW, (branch.at - value,))
+    if value > branch.at:
+        return ContactState.ABOVE, (value - branch.at,)
+    # fault: how far a gap is from a bend is not told -> return ContactState.BELOW, () | coupler/test_branches
+    return ContactState.BELOW, (branch.at - value,)

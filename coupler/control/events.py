@@ -20,7 +20,7 @@ from functools import cached_property
 from itertools import pairwise
 
 from coupler.control.auto import schemes_under
-from coupler.control.contact_status import ContactStatus, Status, changed
+from coupler.control.contact_status import ContactState, ContactStatus, changed
 from coupler.control.plan import Plan
 from coupler.scenario.options import Scheme
 from coupler.schemes.scheme import CouplingScheme
@@ -446,17 +446,18 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
                if rate > 0.0)
 
 
-WORDS = {Status.OPEN: "opens", Status.CLOSED: "closes", Status.STICKS: "sticks", Status.SLIPS: "slips",
-         Status.SLIPS_IN_PART: "slips in part", Status.BELOW: "is passed downwards",
-         Status.ABOVE: "is passed upwards"}
+WORDS = {ContactState.OPEN: "opens", ContactState.CLOSED: "closes", ContactState.STICKS: "sticks",
+         ContactState.SLIPS: "slips", ContactState.SLIPS_IN_PART: "slips in part",
+         ContactState.BELOW: "is passed downwards", ContactState.ABOVE: "is passed upwards"}
 
 
-NEXT = {Status.OPEN: Status.CLOSED, Status.CLOSED: Status.OPEN, Status.STICKS: Status.SLIPS_IN_PART,
-        Status.SLIPS: Status.STICKS, Status.SLIPS_IN_PART: Status.SLIPS, Status.BELOW: Status.ABOVE,
-        Status.ABOVE: Status.BELOW, Status.APART: Status.APART}
+NEXT = {ContactState.OPEN: ContactState.CLOSED, ContactState.CLOSED: ContactState.OPEN,
+        ContactState.STICKS: ContactState.SLIPS_IN_PART, ContactState.SLIPS: ContactState.STICKS,
+        ContactState.SLIPS_IN_PART: ContactState.SLIPS, ContactState.BELOW: ContactState.ABOVE,
+        ContactState.ABOVE: ContactState.BELOW, ContactState.APART: ContactState.APART}
 
 
-def _told(status: Sequence[Status], which: Sequence[int], plan: Plan) -> str:
+def _told(status: Sequence[ContactState], which: Sequence[int], plan: Plan) -> str:
     """What changes, in words.  status : the new one of each."""
     names = plan.locate.names
     return " and ".join(f"{names[i]} {WORDS[status[i]]}" for i in which)

@@ -34,14 +34,14 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Limits:
+class StepLimits:
     """No window is planned shorter than least or longer than most [s]."""
 
     least: float
     most: float
 
 
-def proposed(memory: Memory, H: float, error: float | None, order: int, limits: Limits) -> tuple[float, Memory]:
+def proposed(memory: Memory, H: float, error: float | None, order: int, limits: StepLimits) -> tuple[float, Memory]:
     """The next size [s] after a window of H was taken.  error : in tolerances, None where it is not known.
 
     order : the local error goes with H^(order + 1).  Right after a rejection no window grows.
@@ -75,5 +75,5 @@ def forgotten(memory: Memory) -> Memory:
     return Memory()
 
 
-def _within(H: float, limits: Limits) -> float:
+def _within(H: float, limits: StepLimits) -> float:
     return min(max(H, limits.least), limits.most)

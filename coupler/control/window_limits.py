@@ -42,7 +42,7 @@ class Feedback:
 
 
 @dataclass(frozen=True)
-class Limits:
+class WindowLimits:
     """The longest stable windows [s]; inf: any.  plain : for which iteration without acceleration converges."""
 
     staggered: float
@@ -50,10 +50,10 @@ class Limits:
     plain: float
 
 
-def limits(feedback: Feedback, method: str) -> Limits:
+def limits(feedback: Feedback, method: str) -> WindowLimits:
     """Returns the limits for a method of the thermal half."""
     staggered, extrapolated = (longest(feedback, method, _gain(n)) for n in (Scheme.STAGGERED, Scheme.EXTRAPOLATED))
-    return Limits(staggered, extrapolated, _least(1.0, abs(feedback.b) / 2.0 - max(feedback.damping, 0.0)))
+    return WindowLimits(staggered, extrapolated, _least(1.0, abs(feedback.b) / 2.0 - max(feedback.damping, 0.0)))
 
 
 def longest(feedback: Feedback, method: str, gain: float) -> float:

@@ -35,7 +35,7 @@ _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
 @dataclass(frozen=True)
-class Field:
+class VariableBlock:
     """A block and where it lies.
 
     references : (size,) value references, last index fastest.  start : as written in the XML, of a scalar only.
@@ -57,7 +57,7 @@ class Description:
     tool: str
     can_save: bool
     can_serialise: bool
-    fields: dict[str, Field]
+    fields: dict[str, VariableBlock]
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _scalar(node: ElementTree.Element) -> _Scalar:
                    value.tag, value.get("unit", "1"), value.get("start"), node.get("description", ""))
 
 
-def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyType({})) -> dict[str, Field]:
+def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyType({})) -> dict[str, VariableBlock]:
     """Scalars a[1], a[2], ... to one block "a"; what does not fill a whole box of 1-based indices stays scalar.
 
     places : block -> what its rows belong to.
@@ -153,7 +153,7 @@ def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyT
         match = _INDEXED.match(scalar.name)
         name, index = (match[1], tuple(map(int, match[2].split(",")))) if match else (scalar.name, ())
         groups.setdefault(name, []).append(_Element(index, scalar))
-    fields: dict[str, Field] = {}
+    fields: dict[str, VariableBlock] = {}
     for name, members in groups.items():
         field = _block(name, members, places.get(name, ""))
         if field is not None:
@@ -163,7 +163,7 @@ def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyT
     return fields
 
 
-def _block(name: str, members: list[_Element], on: str) -> Field | None:
+def _block(name: str, members: list[_Element], on: str) -> VariableBlock | None:
     indices, scalars = [m.index for m in members], [m.scalar for m in members]
     if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for s in scalars}) > 1:
         return None
@@ -174,11 +174,11 @@ def _block(name: str, members: list[_Element], on: str) -> Field | None:
     return _field(name, shape, [m.scalar for m in sorted(members, key=lambda m: m.index)], on)
 
 
-def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar], on: str = "") -> Field:
+def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar], on: str = "") -> VariableBlock:
     first = scalars[0]
-    return Field(Block(name, shape, first.unit, first.causality, first.kind, first.description, on),
-                 np.array([s.reference for s in scalars], dtype=np.uint32),
-                 None if shape else first.start, first.variability)
+    return VariableBlock(Block(name, shape, first.unit, first.causality, first.kind, first.description, on),
+                         np.array([s.reference for s in scalars], dtype=np.uint32),
+                         None if shape else first.start, first.variability)
 
 
 def _to_json(description: Description) -> dict[str, Any]:
@@ -197,7 +197,7 @@ def _from_json(kept: dict[str, Any]) -> Description:
         block = Block(**{**about, "shape": tuple(about["shape"])})
         if isinstance(refs, int):
             refs = np.arange(refs, refs + math.prod(block.shape))
-        fields[block.name] = Field(block, np.asarray(refs, dtype=np.uint32), start, variability)
+        fields[block.name] = VariableBlock(block, np.asarray(refs, dtype=np.uint32), start, variability)
     return Description(kept["guid"], kept["identifier"], kept["tool"], kept["can_save"], kept["can_serialise"],
                        fields)
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from contact.half.slave import FAILED, INTERRUPTED
 from coupler.errors import HalfError
-from coupler.fmu.description import Description, Field, read_description, unpack, unpacked_beside
+from coupler.fmu.description import Description, VariableBlock, read_description, unpack, unpacked_beside
 from coupler.fmu.half import Advance, Array, Block, Status
 
 DISCARD, FATAL = 2, 4
@@ -70,7 +70,7 @@ class _Buffer:
 class _Part:
     """A field in a buffer.  first : the place of its first value."""
 
-    field: Field
+    field: VariableBlock
     first: int
 
 
@@ -86,9 +86,9 @@ class _Run:
 SKIP = 32
 
 
-def _runs(fields: Sequence[Field], reals: frozenset[int]) -> list[list[Field]]:
+def _runs(fields: Sequence[VariableBlock], reals: frozenset[int]) -> list[list[VariableBlock]]:
     """Real fields of consecutive references, grouped where at most SKIP references, all of them reals, lie between."""
-    groups: list[list[Field]] = []
+    groups: list[list[VariableBlock]] = []
     real = [f for f in fields if f.block.kind == "Real" and (np.diff(np.asarray(f.references, dtype=int)) == 1).all()]
     for field in sorted(real, key=lambda f: int(f.references[0])):
         first, last = int(field.references[0]), int(groups[-1][-1].references[-1]) if groups else 0
@@ -99,7 +99,7 @@ def _runs(fields: Sequence[Field], reals: frozenset[int]) -> list[list[Field]]:
     return groups
 
 
-def _run(fields: Sequence[Field]) -> _Run:
+def _run(fields: Sequence[VariableBlock]) -> _Run:
     first = int(fields[0].references[0])
     references = np.arange(first, int(fields[-1].references[-1]) + 1)
     parts = tuple(_Part(f, int(f.references[0]) - first) for f in fields)
@@ -270,7 +270,7 @@ class FmuHalf:
         where = f" (t = {self._t:.9g} s, h = {self._h:.3g} s)" if self._t == self._t else ""
         return HalfError(message + where, half=self.name, log=self.log_tail())
 
-    def _field(self, name: str) -> tuple[Field, _Buffer]:
+    def _field(self, name: str) -> tuple[VariableBlock, _Buffer]:
         field = self._fields.get(name)
         if field is None:
             known = ", ".join(sorted(self._fields))

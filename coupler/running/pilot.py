@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from coupler.control.loop import windows
 from coupler.control.plan import Plan
-from coupler.control.window_limits import TURNS, Feedback, Limits, feedback, limits
+from coupler.control.window_limits import TURNS, Feedback, WindowLimits, feedback, limits
 from coupler.fmu.launch import launch
 from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
@@ -35,7 +35,7 @@ class StrictestLimit:
     """t : time [s].  limits : of windows there."""
 
     t: float
-    limits: Limits
+    limits: WindowLimits
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from contact.half.interface import Interface
-from coupler.scenario.document import Document, Findings
+from coupler.scenario.document import Document, DocumentErrors
 from coupler.scenario.scene import Scene
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.si import ToSI
@@ -19,7 +19,7 @@ class Context:
     file: ScenarioFile
     convert: ToSI
     scene: Scene
-    found: Findings
+    found: DocumentErrors
 
     @property
     def interface(self) -> Interface:

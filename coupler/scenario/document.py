@@ -98,7 +98,7 @@ class _Cut(str):
         return str(self)
 
 
-class Findings:
+class DocumentErrors:
     """Gathers what is wrong with a document, so that all of it is told at once."""
 
     def __init__(self, document: Document) -> None:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from contact.half.functions import Signal, signal_from
 from contact.problem.values import Part, SignalName, did_you_mean
 from coupler.scenario.context import Context
-from coupler.scenario.document import Document, Findings, document_from, read_document, scenario_error
+from coupler.scenario.document import Document, DocumentErrors, document_from, read_document, scenario_error
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.kinds import OWN, check_kind, fmu_path
 from coupler.scenario.mesh import mesh_path
@@ -62,7 +62,7 @@ def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
     file = _form_of(document)
     notes = notice(file, document.path.name)
     file = with_old_defaults(file)
-    found = Findings(document)
+    found = DocumentErrors(document)
     signals = _signals(document, file, found)
     convert = ToSI(document, file.units.temperature.value, file.signals, found.wrong)
     stated = in_si(file, convert)
@@ -100,7 +100,7 @@ def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
     )
 
 
-def _signals(document: Document, file: ScenarioFile, found: Findings) -> dict[str, Signal]:
+def _signals(document: Document, file: ScenarioFile, found: DocumentErrors) -> dict[str, Signal]:
     """The named signals, used or not."""
     signals = {}
     for name, spec in file.signals.items():

@@ -71,7 +71,7 @@ class Mesh(Part):
         return self
 
 
-class Body(BodyHeat):
+class MeshedBody(BodyHeat):
     """A body: its mesh, what it is made of, its temperature at the start and the heat made in it."""
 
     mesh: Annotated[Mesh, Entry("one of `rectangle`, `file`")]

@@ -14,8 +14,7 @@ from coupler.scenario.document import Key
 from coupler.scenario.mesh import Floats, Ints, body_mean, cell_volumes, cells_along, cells_with, locate
 from coupler.scenario.problems import NEAREST
 from coupler.scenario.scene import surface_key
-from coupler.scenario.schema import Place
-from coupler.scenario.schema import Probe as ProbeSpec
+from coupler.scenario.schema import Place, ProbeSpec
 
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
 """Quantities of the exchange, whose units the border fixes; of any other output its half says the unit."""

@@ -15,7 +15,7 @@ from coupler.scenario.probes import Probe
 from coupler.scenario.problems import NEAREST
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.schema import ScenarioFile
-from coupler.scenario.timing import Coupling, Output
+from coupler.scenario.timing import CouplingOptions, Output
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Scenario:
     interface: Interface
     signals: Mapping[str, Signal]
     models: Mapping[str, Mapping[str, Any]]
-    coupling: Coupling
+    coupling: CouplingOptions
     probes: Mapping[str, Probe]
     output: Output
     rules: tuple[Rule, ...] = ()

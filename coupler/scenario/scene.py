@@ -13,8 +13,8 @@ from contact.half.functions import property_from
 from contact.half.interface import Interface, Pair
 from contact.problem.pairs import ContactForm, ContactPair
 from contact.problem.values import did_you_mean
-from coupler.scenario.document import Document, Findings, Key
-from coupler.scenario.mesh import Body, BodyMesh, Floats, Ints, MeshError, file_mesh, rectangle_mesh
+from coupler.scenario.document import Document, DocumentErrors, Key
+from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshedBody, MeshError, file_mesh, rectangle_mesh
 from coupler.scenario.problems import NEAREST
 from coupler.scenario.schema import Geometry, ScenarioFile
 
@@ -27,7 +27,7 @@ class Scene:
     points: Mapping[str, tuple[str, Floats]]
 
 
-def scene_of(document: Document, file: ScenarioFile, found: Findings) -> Scene:
+def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> Scene:
     """Mesh every body, join them, pair their surfaces.  file : materials, bodies in SI.  Raises ScenarioError."""
     meshes: dict[str, BodyMesh] = {}
     for name in file.bodies:
@@ -72,7 +72,7 @@ def surface_key(document: Document, known: Mapping[str, Any], name: str, key: Ke
     return name
 
 
-def _mesh(document: Document, name: str, body: Body) -> BodyMesh:
+def _mesh(document: Document, name: str, body: MeshedBody) -> BodyMesh:
     try:
         if body.mesh.rectangle is not None:
             return rectangle_mesh(body.mesh.rectangle)
@@ -107,7 +107,7 @@ def _pairs(
     file: ScenarioFile,
     nodes: Floats,
     surfaces: Mapping[str, Ints],
-    found: Findings,
+    found: DocumentErrors,
 ) -> tuple[Pair, ...]:
     pairs: list[Pair] = []
     for name in file.contact:

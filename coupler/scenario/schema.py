@@ -36,11 +36,19 @@ from contact.problem.values import (
     number,
     problem,
 )
-from coupler.scenario.mesh import Body
-from coupler.scenario.options import Acceleration, OnCycle, OnMax, Scheme, Seen, Tolerance, Tolerances
-from coupler.scenario.options import Adaptive as Sizes
-from coupler.scenario.options import ErrorTolerances as ErrorOptions
-from coupler.scenario.options import Iteration as IterationOptions
+from coupler.scenario.mesh import MeshedBody
+from coupler.scenario.options import (
+    Acceleration,
+    Adaptive,
+    ErrorTolerances,
+    Iteration,
+    OnCycle,
+    OnMax,
+    Scheme,
+    Seen,
+    Tolerance,
+    Tolerances,
+)
 from coupler.scenario.rule_model import Change, Of
 
 # The scenario file's `study`: a grid of runs, and what their errors are measured against (docs/study.md).
@@ -123,7 +131,7 @@ class StudySpec(Part):
 
 # The scenario file's `coupling.adaptive.tolerance`; defaults and reasons are those of coupler.scenario.options.
 
-ERROR_DEFAULT = ErrorOptions()
+ERROR_DEFAULT = ErrorTolerances()
 
 
 class TemperatureError(Part):
@@ -154,7 +162,7 @@ class DisplacementError(Part):
     rtol: NotNegative = ERROR_DEFAULT.displacement.rtol
 
 
-class ErrorTolerances(Part):
+class ErrorTolerancesSpec(Part):
     """What error a window may make, a quantity each."""
 
     temperature: Annotated[TemperatureError, Entry(
@@ -179,10 +187,10 @@ class ErrorTolerances(Part):
         default="[coupling.md](coupling.md)")] = DisplacementError()
 
     @property
-    def method(self) -> ErrorOptions:
+    def method(self) -> ErrorTolerances:
         """The checked values."""
         parts = (self.temperature, self.gap, self.heat, self.displacement)
-        return ErrorOptions(*(Tolerance(q.atol, q.rtol) for q in parts))
+        return ErrorTolerances(*(Tolerance(q.atol, q.rtol) for q in parts))
 
 
 # The scenario file's `coupling.adaptive`, `coupling.events` and `coupling.stop`.
@@ -191,7 +199,7 @@ class ErrorTolerances(Part):
 LEAST = 1e-6
 
 
-class Adaptive(Part):
+class AdaptiveSpec(Part):
     """Windows that find their own size [s] from the error they make."""
 
     first: Annotated[Positive, Entry(
@@ -204,22 +212,22 @@ class Adaptive(Part):
         unit="s",
         default="1e-6 of `first`")] = None
     most: Annotated[Positive | None, Entry("no window is longer", unit="s", default="`end`")] = None
-    tolerance: Annotated[ErrorTolerances, Entry("of the error of one window")] = ErrorTolerances()
+    tolerance: Annotated[ErrorTolerancesSpec, Entry("of the error of one window")] = ErrorTolerancesSpec()
 
     @model_validator(mode="after")
-    def _in_order(self) -> Adaptive:
+    def _in_order(self) -> AdaptiveSpec:
         if self.least is not None and self.least > self.first:
             raise problem("the first window is shorter than the least", at=("least",))
         if self.most is not None and self.most < self.first:
             raise problem("the first window is longer than the most", at=("most",))
         return self
 
-    def sizes(self, end: float) -> Sizes:
+    def sizes(self, end: float) -> Adaptive:
         """The checked values for a run of `end` seconds."""
         first = min(self.first, end)
         least = self.least if self.least is not None else LEAST * first
         most = self.most if self.most is not None else end
-        return Sizes(first, min(least, first), min(most, end), self.tolerance.method)
+        return Adaptive(first, min(least, first), min(most, end), self.tolerance.method)
 
 
 class Events(Part):
@@ -247,7 +255,7 @@ class Events(Part):
         return self
 
 
-class Stop(Part):
+class StopSpec(Part):
     """steady [K/s]: stop once the temperature of no node changes faster for two windows."""
 
     steady: Annotated[NotNegative | None, Entry(
@@ -259,7 +267,7 @@ class Stop(Part):
 
 # The scenario file's `coupling.iteration`; defaults and their reasons are those of coupler.scenario.options.
 
-METHOD = IterationOptions()
+METHOD = Iteration()
 ITERATION_DEFAULT = METHOD.tolerance
 
 
@@ -316,7 +324,7 @@ class IterationTolerances(Part):
         default="1e-6, 1e-4")] = SolidFractionTolerance()
 
 
-class Iteration(Part):
+class IterationSpec(Part):
     """How `iterated` goes to agreement; other schemes do not read it."""
 
     acceleration: Annotated[Acceleration, Entry(
@@ -347,7 +355,7 @@ class Iteration(Part):
             "damps windows of any size.")] = METHOD.level
 
     @model_validator(mode="after")
-    def _in_bounds(self) -> Iteration:
+    def _in_bounds(self) -> IterationSpec:
         if self.relaxation > 1.0:
             raise problem("a relaxation above 1 leaves the bounds that both iterates keep",
                           "It is a share, above 0 and at most 1.", at=("relaxation",))
@@ -359,13 +367,13 @@ class Iteration(Part):
         return self
 
     @property
-    def method(self) -> IterationOptions:
+    def method(self) -> Iteration:
         """The checked values."""
         t = self.tolerance
         tolerances = Tolerances(
             *(Tolerance(q.atol, q.rtol) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction)))
-        return IterationOptions(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse),
-                                tolerances, self.level)
+        return Iteration(self.acceleration, self.relaxation, self.max_iterations, self.on_max, int(self.reuse),
+                         tolerances, self.level)
 
 
 # The scenario file's `rules`: their form.  What they name is looked up in rules_of.py.
@@ -711,14 +719,14 @@ class Windows(Part):
         return self.first, self.last
 
 
-class Substeps(Part):
+class SubstepCounts(Part):
     """Substeps of each half in a window."""
 
     thermal: Annotated[Whole, Entry("substeps of the thermal half in a window")] = 1
     mechanical: Annotated[Whole, Entry("of the mechanical half")] = 1
 
 
-class Coupling(Part):
+class CouplingSpec(Part):
     """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
 
     scheme: Annotated[Scheme, Entry(
@@ -729,9 +737,9 @@ class Coupling(Part):
         "[theory.md](theory.md)",
         kind="`staggered`, `mechanical_first`, `parallel`, `extrapolated`, `along_heat`, `iterated`, `adiabatic`, "
              "`auto`")] = Scheme.STAGGERED
-    iteration: Annotated[Iteration, Entry(
+    iteration: Annotated[IterationSpec, Entry(
         "how `iterated` goes to agreement; other schemes do not read it",
-        default="")] = Iteration()
+        default="")] = IterationSpec()
     end: Annotated[Positive, Entry("runs begin at 0", unit="s")]
     kinks: Annotated[tuple[Number, ...], Entry(
         "times at which windows end and prediction starts afresh, besides the kinks of all signals the chosen "
@@ -745,7 +753,7 @@ class Coupling(Part):
         "first, last}`",
         kind="list",
         default="this or `adaptive`")] = None
-    adaptive: Annotated[Adaptive | None, Entry(
+    adaptive: Annotated[AdaptiveSpec | None, Entry(
         "windows find their own size from the error they make",
         default="none")] = None
     events: Annotated[Events, Entry("where windows end because of contact")] = Events()
@@ -753,19 +761,19 @@ class Coupling(Part):
         "what follows when something goes up and down from window to window: it is only told; the windows "
         "after it are iterated; the window is put back and halved",
         default="`note`; `iterate` with `adaptive` or `auto`")] = None
-    stop: Annotated[Stop, Entry("when a run ends early")] = Stop()
-    substeps: Annotated[Substeps, Entry("in a window")] = Substeps()
+    stop: Annotated[StopSpec, Entry("when a run ends early")] = StopSpec()
+    substeps: Annotated[SubstepCounts, Entry("in a window")] = SubstepCounts()
     link: Annotated[Text, Entry(
         "how the halves reach the contact service",
         kind="`direct`, `codec`, `zenoh:ENDPOINT`")] = "direct"
 
     @model_validator(mode="after")
-    def _one_way_to_size(self) -> Coupling:
+    def _one_way_to_size(self) -> CouplingSpec:
         exactly_one(self, ("windows", "adaptive"))
         return self
 
     @model_validator(mode="after")
-    def _link_known(self) -> Coupling:
+    def _link_known(self) -> CouplingSpec:
         if self.link not in ("direct", "codec") and not self.link.startswith("zenoh:"):
             raise problem("unknown link", "Known here: direct, codec, zenoh:ENDPOINT.", at=("link",))
         return self
@@ -796,7 +804,7 @@ ProbeTarget = Text | Place
 HALVES = ("thermal.", "mechanical.")  # a probe of any output of a half is named HALF.OUTPUT
 
 
-class Probe(Part):
+class ProbeSpec(Part):
     """One quantity of the exchange, or one output of a half by its name, and where."""
 
     model_config = ConfigDict(extra="allow")
@@ -819,7 +827,7 @@ class Probe(Part):
         return super().knows(key) or (isinstance(key, str) and key.startswith(HALVES))
 
     @model_validator(mode="after")
-    def _one_quantity(self) -> Probe:
+    def _one_quantity(self) -> ProbeSpec:
         exactly_one(self, (*type(self).model_fields, *self.__pydantic_extra__))
         return self
 
@@ -841,7 +849,7 @@ class Fields(Part):
         default="none")] = ()
 
 
-class Output(Part):
+class OutputSpec(Part):
     """What is recorded besides the probes, which are kept at every window.
 
     checkpoint : least wall time between two checkpoints [s]; 0: after every window; null: none, and no resume.
@@ -872,23 +880,23 @@ class ScenarioFile(Part):
     materials: Annotated[dict[Name, Material], Entry(
         "what bodies are made of",
         kind="name -> material")] = Field(min_length=1)
-    bodies: Annotated[dict[Name, Body], Entry("what there is", kind="name -> body")] = Field(min_length=1)
+    bodies: Annotated[dict[Name, MeshedBody], Entry("what there is", kind="name -> body")] = Field(min_length=1)
     contact: Annotated[dict[Name, ContactPair], Entry(
         "what may meet",
         kind="name -> pair",
         default="none")] = Field(default_factory=dict)
     thermal: Annotated[Thermal, Entry("the thermal half")]
     mechanical: Annotated[Mechanical, Entry("the mechanical half")]
-    coupling: Annotated[Coupling, Entry("how the two exchange")]
+    coupling: Annotated[CouplingSpec, Entry("how the two exchange")]
     rules: Annotated[tuple[RuleSpec, ...], Entry(
         "what changes when something is seen",
         kind="list",
         default="none")] = ()
-    probes: Annotated[dict[DottedName, Probe], Entry(
+    probes: Annotated[dict[DottedName, ProbeSpec], Entry(
         "values over time; names may have dots",
         kind="name -> probe",
         default="none")] = Field(default_factory=dict)
-    output: Annotated[Output, Entry("what is kept")] = Output()
+    output: Annotated[OutputSpec, Entry("what is kept")] = OutputSpec()
     study: Annotated[StudySpec | None, Entry(
         "a grid of runs, for `slideline study`",
         default="none")] = None

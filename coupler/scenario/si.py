@@ -54,7 +54,7 @@ class ToSI:
 
     def _key_of(self, part: Part, name: str) -> Entry | None:
         # fault: tables of conductance left in degC -> if False: | coupler/test_scenario_laws
-        if isinstance(part, laws.Table) and name == "x" and part.variable is laws.Variable.T:
+        if isinstance(part, laws.Table) and name == "x" and part.variable is laws.TableVariable.T:
             return Entry("", temperature=True)
         return type(part).entry(name)
 

@@ -10,9 +10,7 @@ from typing import Any
 
 from coupler.scenario.document import Document, Key
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme, WindowRange
-from coupler.scenario.schema import Coupling as CouplingSpec
-from coupler.scenario.schema import Output as OutputSpec
-from coupler.scenario.schema import Windows
+from coupler.scenario.schema import CouplingSpec, OutputSpec, Windows
 
 # More windows than this is a misplaced decimal point: a run of days that nobody meant.
 MAX_WINDOWS = 5_000_000
@@ -21,7 +19,7 @@ SAME = 1e-12
 
 
 @dataclass(frozen=True)
-class Coupling:
+class CouplingOptions:
     """end [s]; runs begin at 0.  windows : ranges in order, the last reaches the end.
 
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
@@ -48,7 +46,7 @@ class Coupling:
     branches: bool = False
 
 
-def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> Coupling:
+def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> CouplingOptions:
     """Check the windows and gather the kinks.  Raises ScenarioError."""
     for i, t in enumerate(spec.kinks):
         if t < 0:
@@ -64,13 +62,12 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     # fault: a jump of thermal data taken for a bend -> events = {*spec.kinks, *kinks_in(models["mechanical"])} |
     #   coupler/test_scenario_load
     events = {*spec.kinks, *kinks_in(models["mechanical"]), *jumps_in(models["thermal"])}
-    return Coupling(spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
-                    # fault: iteration of a scenario not handed on -> Iteration(), adaptive, |
-                    #   coupler/test_scenario_iteration
-                    spec.iteration.method, adaptive,
-                    adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
-                    spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0,
-                    spec.events.branches)
+    return CouplingOptions(
+        spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
+        # fault: iteration of a scenario not handed on -> Iteration(), adaptive, | coupler/test_scenario_iteration
+        spec.iteration.method, adaptive,
+        adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
+        spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches)
 
 
 def kinks_in(model: Any) -> Iterator[float]:

@@ -39,7 +39,7 @@ QUANTITIES = {"temperature": "T", "gap": "x", "pressure": "t_N", "solid_fraction
 
 
 @dataclass(frozen=True)
-class Step:
+class FixedPointStep:
     """What one iterate did.  guess : what was put in; found : what came out; former : x and t_N one iterate before.
 
     share : of the change of x and t_N since `former` that the residual still left stands for, |r|/|g - g_former|;
@@ -52,7 +52,7 @@ class Step:
     share: float
 
 
-def misfits(start: Level, step: Step, tolerance: Tolerances) -> Mapping[str, float]:
+def misfits(start: Level, step: FixedPointStep, tolerance: Tolerances) -> Mapping[str, float]:
     """Differences in units of their tolerance; a quantity the scene does not have is left out.
 
     T and f_s were guessed, so outcome less guess is known.  x and t_N follow from the guess; what they would still
@@ -147,7 +147,7 @@ def _judged(so_far: _Progress, start: Level, swept: Swept, how: Iteration) -> _P
     # fault: change since the last iterate taken for what is left -> share = 1.0 if step > 0.0 else math.inf if left >
     #   0.0 else 0.0 | coupler/test_iterated
     share = left / step if step > 0.0 else math.inf if left > 0.0 else 0.0
-    told = misfits(start, Step(so_far.guess, swept.level, so_far.former, share), how.tolerance)
+    told = misfits(start, FixedPointStep(so_far.guess, swept.level, so_far.former, share), how.tolerance)
     return replace(so_far, former=swept.level, trail=trail, misfits=(*so_far.misfits, dict(told)), work=swept.work)
 
 

@@ -49,7 +49,7 @@ TABLES = {
     "table": Table(flow.TableHardening, "plastic.hardening."),
     "creep": Table(flow.Creep, "creep."),
     "liquid": Table(flow.Liquid, "liquid."),
-    "body": Table(mesh.Body),
+    "body": Table(mesh.MeshedBody),
     "rectangle": Table(mesh.Rectangle),
     "file": Table(mesh.MeshFile),
     "contact": Table(pairs.ContactPair),
@@ -57,17 +57,17 @@ TABLES = {
     "thermal_boundary": Table(thermal.ThermalBoundary),
     "mechanical": Table(schema.Mechanical),
     "elastic_boundary": Table(mechanical.ElasticBoundary, third="place"),
-    "coupling": Table(schema.Coupling, without=_but("iteration", "adaptive")),
+    "coupling": Table(schema.CouplingSpec, without=_but("iteration", "adaptive")),
     "windows": Table(schema.Windows),
-    "adaptive": Table(schema.Adaptive),
-    "iteration": Table(schema.Iteration),
+    "adaptive": Table(schema.AdaptiveSpec),
+    "iteration": Table(schema.IterationSpec),
     "rule": Table(schema.RuleSpec, without=_but("when", "drive", "do")),
     "condition": Table(schema.Condition),
     "action": Table(schema.ActionSpec),
     "drive": Table(schema.DriveSpec),
-    "probe": Table(schema.Probe),
+    "probe": Table(schema.ProbeSpec),
     "place": Table(schema.Place),
-    "output": Table(schema.Output),
+    "output": Table(schema.OutputSpec),
     "study": Table(schema.StudySpec),
     "property_table": Table(values.PropertyTable),
 }
@@ -78,9 +78,10 @@ WORDS = ((values.SignalSpec, "SIGNAL"), (values.FieldSpec, "FIELD"), (values.Pro
          (values.DottedName, "name"), (pairs.Stiffness, "number > 0 or `auto`"), (bool, "true, false"))
 # Mappings that have a table of their own.
 APART = (flow.Plastic, flow.Creep, flow.Liquid, material.Latent, material.Material, schema.Thermal, schema.Mechanical,
-         schema.Coupling, schema.Output, schema.StudySpec, schema.Iteration, schema.Adaptive, schema.DriveSpec,
-         schema.ErrorTolerances, schema.IterationTolerances, mesh.Rectangle, mesh.MeshFile, schema.Windows)
-ALWAYS = {schema.ErrorTolerances, schema.IterationTolerances}  # flattened though apart from others
+         schema.CouplingSpec, schema.OutputSpec, schema.StudySpec, schema.IterationSpec, schema.AdaptiveSpec,
+         schema.DriveSpec, schema.ErrorTolerancesSpec, schema.IterationTolerances, mesh.Rectangle, mesh.MeshFile,
+         schema.Windows)
+ALWAYS = {schema.ErrorTolerancesSpec, schema.IterationTolerances}  # flattened though apart from others
 
 
 def rows(table: Table) -> Iterator[tuple[str, str, str, str]]:

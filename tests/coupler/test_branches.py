@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.control.contact_status import Branch, PairNodes, Status, branches_of, pair_nodes_of, side
+from coupler.control.contact_status import Branch, ContactState, PairNodes, branches_of, pair_nodes_of, side
 from coupler.errors import ScenarioError
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
@@ -65,11 +65,11 @@ def test_on_which_side_a_pair_is() -> None:
         return Level(1.0, np.zeros(1), np.zeros((3, 2)), np.array(t_N), np.array(gap), np.array(covered))
 
     near = at([0.02, 0.01, 0.1], [0.0, -3.0, 0.0], [1.0, 1.0, 0.0])
-    assert side(Branch(place, 0.03), near) == (Status.BELOW, (pytest.approx(0.02),))
-    assert side(Branch(place, 0.004), near) == (Status.ABOVE, (pytest.approx(0.006),))
-    assert side(Branch(place, 5.0, pressure=True), near) == (Status.BELOW, (2.0,))
+    assert side(Branch(place, 0.03), near) == (ContactState.BELOW, (pytest.approx(0.02),))
+    assert side(Branch(place, 0.004), near) == (ContactState.ABOVE, (pytest.approx(0.006),))
+    assert side(Branch(place, 5.0, pressure=True), near) == (ContactState.BELOW, (2.0,))
     nothing = at([0.1, 0.1, np.nan], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
-    assert side(Branch(place, 0.03), nothing) == (Status.APART, ())
+    assert side(Branch(place, 0.03), nothing) == (ContactState.APART, ())
 
 
 def test_bends_of_a_scenario() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
-from coupler.control.contact_status import SLIPPING, PairNodes, Status, changed, contact_status, pair_nodes_of
+from coupler.control.contact_status import SLIPPING, ContactState, PairNodes, changed, contact_status, pair_nodes_of
 from coupler.control.events import root
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
@@ -194,12 +194,12 @@ def level(t_N: list[float], gap: list[float], covered: list[float]) -> Level:
 def test_what_is_seen_of_pairs():
     nodes = (PairNodes("a", np.array([0, 1]), 0.1), PairNodes("b", np.array([2, 3]), 0.1, floor=5.0))
     now = contact_status(nodes, level([0.0, -3.0, -4.0, 0.0], [0.0, 0.0, 0.02, 0.1], [1.0, 0.5, 1.0, 0.0]), {})
-    assert now.status == (Status.CLOSED, Status.OPEN, Status.APART)
+    assert now.status == (ContactState.CLOSED, ContactState.OPEN, ContactState.APART)
     # A pressure at the floor is none, a node that faces nothing has no gap.
     assert now.margins == ((3.0, 1.5), (0.02,), ())
     slips = contact_status(nodes, level([0.0] * 4, [0.1] * 4, [0.0] * 4),
                            {"touching": 4.0, "mechanical.contact.slipping": 4.0})
-    assert slips.status == (Status.OPEN, Status.OPEN, Status.SLIPS)
+    assert slips.status == (ContactState.OPEN, ContactState.OPEN, ContactState.SLIPS)
     assert slips.margins[:2] == ((), ())
     assert changed(now, slips) == [0], "friction that begins with touch is no event of its own"
     part = contact_status(nodes, level([0.0] * 4, [0.1] * 4, [0.0] * 4),

@@ -7,9 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from coupler.control.step_size import AGAIN, AIM, GROW, SHRINK, Limits, Memory, failed, forgotten, proposed, rejected
+from coupler.control.step_size import (
+    AGAIN,
+    AIM,
+    GROW,
+    SHRINK,
+    Memory,
+    StepLimits,
+    failed,
+    forgotten,
+    proposed,
+    rejected,
+)
 
-WIDE = Limits(1e-9, 1e9)
+WIDE = StepLimits(1e-9, 1e9)
 
 
 def settled(order: int, H: float, n: int = 30) -> list[float]:
@@ -46,8 +57,8 @@ def test_the_proportional_part_leans_against_what_grows() -> None:
 def test_limits() -> None:
     assert proposed(Memory(), 1.0, 0.0, 2, WIDE)[0] == GROW
     assert proposed(Memory(), 1.0, 1e9, 2, WIDE)[0] == SHRINK
-    assert proposed(Memory(), 1.0, 0.0, 2, Limits(0.1, 1.5))[0] == 1.5
-    assert proposed(Memory(), 1.0, 1e9, 2, Limits(0.5, 1.5))[0] == 0.5
+    assert proposed(Memory(), 1.0, 0.0, 2, StepLimits(0.1, 1.5))[0] == 1.5
+    assert proposed(Memory(), 1.0, 1e9, 2, StepLimits(0.5, 1.5))[0] == 0.5
     assert proposed(Memory(), 1.0, None, 2, WIDE)[0] == 1.0
     assert forgotten(Memory(1.0, True)) == Memory()
 

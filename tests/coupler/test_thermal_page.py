@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from contact.problem.boundary import RadiationGap
 from contact.problem.material import Axes, Latent
 from contact.problem.pairs import Conduction, NearRadiation
-from contact.problem.thermal import Adaptive, Convection, FilmGap, Method, Radiation, ThermalBoundary
+from contact.problem.thermal import Convection, FilmGap, InnerSteps, Method, Radiation, ThermalBoundary
 from contact.problem.values import FieldSum, Phases, Term
 from coupler.scenario import load_scenario
 from coupler.scenario.schema import Thermal
@@ -25,7 +25,7 @@ from thermal_page import PAGE, scenes
 
 TEXT = PAGE.read_text(encoding="utf-8")
 SCENES = scenes()
-PARTS = (FieldSum, Term, Axes, Latent, Phases, Conduction, Adaptive, Convection, FilmGap, NearRadiation, Radiation,
+PARTS = (FieldSum, Term, Axes, Latent, Phases, Conduction, InnerSteps, Convection, FilmGap, NearRadiation, Radiation,
          RadiationGap, Thermal, ThermalBoundary)
 ELSEWHERE = {"half", "options", "tolerance", "at", "name", "T_s", "T_l", "closed_factor"}  # said in scenario.md
 

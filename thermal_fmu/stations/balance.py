@@ -26,7 +26,7 @@ from thermal_fmu.newton import (
     descend,
 )
 from thermal_fmu.phase_change import Melting, NodalFields, temperature
-from thermal_fmu.problem import Body
+from thermal_fmu.problem import ThermalBody
 from thermal_fmu.scene import SubstepData, prescribed_values
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 from thermal_fmu.stations.scene import StationScene
@@ -174,7 +174,7 @@ def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Fl
     return S, stored
 
 
-def _at_stations(body: Body, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floats, Floats]:
+def _at_stations(body: ThermalBody, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floats, Floats]:
     """Store at the stations (lumped), as a front inside a piece would else make heat run backwards."""
     change = body.material.phase
     if change is None:
@@ -213,7 +213,7 @@ def _conduct(substep: StationSubstep, at: NodalFields, scale: float, band: Float
     return f
 
 
-def _positive(what: str, values: Floats, body: Body) -> Floats:
+def _positive(what: str, values: Floats, body: ThermalBody) -> Floats:
     if not (values > 0).all():
         raise BadPropertyError(f"the {what} of body {body.name} is {np.nanmin(values):.6g} at a temperature that was "
                                "met")
