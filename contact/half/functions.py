@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator, PPoly
 
 from contact.problem.errors import made
 from contact.problem.values import FieldSum, Form, Polynomial, PropertyTable, SignalName, SignalTable
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 # Signals: boundary data as a function of time, constant or piecewise linear, with jumps.
 
@@ -316,6 +318,8 @@ def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) 
         return property_from(made(Polynomial, spec) if "polynomial" in spec else made(PropertyTable, spec))
     if isinstance(spec, Polynomial):
         a = np.asarray(spec.polynomial, dtype=float)
+        from scipy.interpolate import PPoly  # 0.2 s, and most scenes have no curve
+
         # One piece wide enough for any temperature; PPoly wants the highest power first, about its left end.
         return Property(None, PPoly(a[::-1, None], np.array([spec.T_ref, spec.T_ref + 1e9])))
     if not isinstance(spec, PropertyTable):
@@ -323,6 +327,8 @@ def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) 
     T, value = np.asarray(spec.T, dtype=float), np.asarray(spec.value, dtype=float)
     if T.size == 1:
         return Property(float(value[0]))
+    from scipy.interpolate import PchipInterpolator, PPoly
+
     if T.size == 2 or spec.form is Form.LINEAR:
         curve = PPoly(np.stack([np.diff(value) / np.diff(T), value[:-1]]), T)
     else:

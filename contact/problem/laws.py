@@ -11,14 +11,16 @@ from collections.abc import Mapping
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
-from scipy.interpolate import PchipInterpolator, PPoly
 
 from contact.problem.values import Entry, Form, Number, Part, did_you_mean, problem
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
 Two = tuple[Array, Array]
@@ -122,6 +124,8 @@ class Table(Part):
 
     @cached_property
     def _curve(self) -> PPoly:
+        from scipy.interpolate import PchipInterpolator, PPoly  # 0.2 s, and most scenes have no table
+
         x, h = np.asarray(self.x, dtype=float), np.asarray(self.h, dtype=float)
         if self.form is Form.CUBIC or x.size == 2:
             return PchipInterpolator(x, h)
