@@ -1,0 +1,134 @@
+"""What happened in a run of a random scene: how it ended, what it said, and every window end."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from contextlib import redirect_stderr
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from direct_half import without_fmus
+from numpy.typing import NDArray
+from scene import Scene
+
+from contact.half.interface import Interface
+from coupler import CouplingError, HalfError, Results, Run, ScenarioError
+from coupler.scenario import Scenario
+from coupler.schemes.state import Level
+
+Floats = NDArray[np.float64]
+REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
+MOST_WINDOWS = 400  # tried ones; a scene that wants more is left: it is not small
+
+
+class TooLongError(Exception):
+    """A run wants more windows than a small scene may."""
+
+
+@dataclass(frozen=True, eq=False)
+class Story:
+    """A run.
+
+    outcome : refused (by the check of the scenario), failed (with a message), completed.  message : its words.
+    words : all notes and warnings that a user is shown, before, during and after the run.
+    levels : at the start and the end of every accepted window.  extra : output of a half -> its values at the same times.
+    errors : (n_windows,) estimated error of each accepted window in tolerances, NaN where it is not known.
+    """
+
+    scene: Scene
+    outcome: str
+    message: str = ""
+    words: tuple[str, ...] = ()
+    scenario: Scenario | None = None
+    levels: tuple[Level, ...] = ()
+    extra: Mapping[str, tuple[Floats, ...]] = field(default_factory=dict)
+    probes: Mapping[str, Floats] = field(default_factory=dict)
+    ledger: Mapping[str, Floats] = field(default_factory=dict)
+    imbalance: float = 0.0
+
+    @property
+    def interface(self) -> Interface:
+        assert self.scenario is not None
+        return self.scenario.interface
+
+    @cached_property
+    def t(self) -> Floats:
+        """(n,) [s]"""
+        return np.array([level.t for level in self.levels])
+
+    @cached_property
+    def T(self) -> Floats:
+        """(n, n_nodes) [K]"""
+        return np.array([level.T for level in self.levels])
+
+    @cached_property
+    def x(self) -> Floats:
+        """(n, n_nodes, 2) [m]"""
+        return np.array([level.x for level in self.levels])
+
+    @cached_property
+    def t_N(self) -> Floats:
+        """(n, n_s) [Pa]"""
+        return np.array([level.t_N for level in self.levels])
+
+    def nodes_of(self, body: str) -> NDArray[np.intp]:
+        """Numbers of the nodes of a body, in the order of its mesh."""
+        return np.flatnonzero(self.interface.node_body == self.interface.bodies.index(body))
+
+    def says(self, *words: str) -> bool:
+        """Whether a warning has one of these words in it."""
+        text = "\n".join(self.words).lower()
+        return any(word in text for word in words)
+
+
+def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) -> Story:
+    """Run a scene in this process.  Never raises for what a user would be told: that is a story too."""
+    with TemporaryDirectory(prefix="slideline-random-") as scratch:
+        folder = Path(scratch)
+        try:
+            scenario = scene.checked(folder)
+        except ScenarioError as error:
+            return Story(scene, REFUSED, str(error))
+        levels: list[Level] = []
+        extra: dict[str, list[Floats]] = {}
+        words: list[str] = list(scenario.notes)
+        probes: dict[str, Floats] = {}
+        ledger: dict[str, Floats] = {}
+        imbalance = 0.0
+        outcome, message = COMPLETED, ""
+        said = io.StringIO()
+        try:
+            with without_fmus(), redirect_stderr(said):
+                with Run(scenario, folder / "run.h5") as run:
+                    names = {h.name: [n for n, b in h.blocks.items() if b.causality == "output" and b.kind == "Real"]
+                             for h in (run.halves.thermal, run.halves.mechanical)}
+
+                    def keep() -> None:
+                        levels.append(run.state.now)
+                        for half in (run.halves.thermal, run.halves.mechanical):
+                            for name, value in half.read(names[half.name], finite=False).items():
+                                extra.setdefault(f"{half.name}.{name}", []).append(value)
+
+                    keep()
+                    for number, progress in enumerate(run.windows(until=until)):
+                        words += progress.notes
+                        if run.state.now.t > levels[-1].t:
+                            keep()
+                        if number >= most:
+                            raise TooLongError(f"{number} windows tried, at t = {run.state.now.t:.6g} s")
+                results = Results(folder / "run.h5")
+                words += results.notes
+                probes = {n: results.probe(n)[1] for n in results.probe_names}
+                ledger = {k: np.asarray(v) for k, v in results.ledger_history()[1].items()}
+                imbalance = results.heat_imbalance
+        except (CouplingError, HalfError, ScenarioError) as error:
+            outcome, message = FAILED, str(error)
+        except TooLongError as error:
+            outcome, message = FAILED, f"too long for a small scene: {error}"
+        words += [line for line in said.getvalue().splitlines() if line]
+        return Story(scene, outcome, message, tuple(dict.fromkeys(words)), scenario, tuple(levels),
+                     {n: tuple(v) for n, v in extra.items()}, probes, ledger, imbalance)
