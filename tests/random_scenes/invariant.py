@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scene import Scene
-from story import Story
+
+from random_scenes.scene import Scene
+from random_scenes.story import Story
 
 
 @dataclass(frozen=True)

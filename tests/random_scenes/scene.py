@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from shapes import Shape, shape_of
 
 from coupler import load_scenario
 from coupler.scenario import Scenario
+from random_scenes.shapes import Shape, shape_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,9 @@ A recipe is a plain mapping, so that a scene that was found can be kept as text:
     {patch: [[0, 0], [0.1, 0], [0.1, 0.05], [0, 0.05]], cells: [4, 2]}      corners anticlockwise from the lower left
     {ring: [0.02, 0.03], centre: [0, 0], angles: [0, 90], cells: [2, 6]}     radii [m], degrees; 360 apart: closed
 
-and for both `grading: [a, b]` (last cell over first), `triangles: true`, `jitter: 0.2` (of a cell, inner nodes only) with
-`seed`.  Surfaces of a patch are bottom, right, top, left; those of a ring inner, outer, and start, end where it is open.
-Points are the corners: bottom_left, bottom_right, top_right, top_left; inner_start, outer_start, outer_end, inner_end.
+and for both `grading: [a, b]` (last cell over first), `triangles: true`, `jitter: 0.2` (of a cell, inner nodes)
+with `seed`.  Surfaces of a patch are bottom, right, top, left; of a ring inner, outer, and start, end where it is open.
+Points are the corners: bottom_left, bottom_right, ...; inner_start, outer_start, outer_end, inner_end.
 """
 
 from __future__ import annotations

@@ -11,14 +11,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from direct_half import without_fmus
 from numpy.typing import NDArray
-from scene import Scene
 
 from contact.half.interface import Interface
 from coupler import CouplingError, HalfError, Results, Run, ScenarioError
 from coupler.scenario import Scenario
 from coupler.schemes.state import Level
+from random_scenes.direct_half import without_fmus
+from random_scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
@@ -35,8 +35,7 @@ class Story:
 
     outcome : refused (by the check of the scenario), failed (with a message), completed.  message : its words.
     words : all notes and warnings that a user is shown, before, during and after the run.
-    levels : at the start and the end of every accepted window.  extra : output of a half -> its values at the same times.
-    errors : (n_windows,) estimated error of each accepted window in tolerances, NaN where it is not known.
+    levels : at the start and the end of every accepted window.  extra : output of a half -> its values then.
     """
 
     scene: Scene

@@ -1,0 +1,1 @@
+"""Scenes nobody wrote, and the laws that hold in all of them."""
