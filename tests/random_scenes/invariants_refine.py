@@ -24,6 +24,7 @@ SOLVED_TO = 1e-6  # of the range of a field: what Newton's tolerances leave, 1e-
 # Meshes and windows
 LEVELS = 4
 MOST_NODES = 1600  # on the finest mesh
+MOST_REFINED = 320  # windows of one run
 FLOOR = 0.02  # of the range of a measure in time
 
 
@@ -118,10 +119,10 @@ def check_settles(scene: Scene, story: Story, rng: np.random.Generator) -> Seque
     runs, refined = [story], scene
     changes: dict[str, list[float]] = {}
     for level in range(1, LEVELS):
-        refined = finer_windows(finer_mesh(refined), 2.0 if "windows" in scene.doc["coupling"] else 4.0)
+        refined = finer_windows(finer_mesh(refined))
         if sum(len(s.nodes) for s in refined.shapes.values()) > MOST_NODES:
             return []
-        run = told(refined, most=2000)
+        run = told(refined, most=MOST_REFINED)
         if run.outcome != COMPLETED or abs(run.t[-1] - story.t[-1]) > 1e-9 * story.t[-1]:
             return []  # told, and left out
         runs.append(run)
