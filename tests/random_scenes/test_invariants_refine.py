@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import coupler.control.error_estimate as error_estimate
+import coupler.schemes.sweep as sweep
 from random_scenes import invariants_refine as refine_laws
 from random_scenes.refine import finer_mesh, finer_windows, tightly_iterated, windows_along, with_scheme
 from random_scenes.scene import Scene
 from random_scenes.small import adaptive, pressed
 from random_scenes.story import told
-
-import coupler.control.error_estimate as error_estimate
-import coupler.schemes.sweep as sweep
 
 
 def found(check, scene: Scene) -> list[str]:
