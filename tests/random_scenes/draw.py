@@ -21,6 +21,7 @@ from random_scenes.draw_parts import (
     materials,
     one_in,
     one_of,
+    over_place,
     rounded,
     thermal_conditions,
 )
@@ -55,7 +56,7 @@ def _mesh_options(draw: DrawFn, triangles: bool = True) -> Doc:
     found: Doc = {}
     if triangles and (how := draw(one_of(False, False, True, "mixed"))):
         found["triangles"] = how
-    if jitter := draw(one_of(0, 0, 0.3)):
+    if jitter := draw(one_of(0, 0, 0.2)):
         found |= {"jitter": jitter, "seed": draw(st.integers(0, 9))}
     if draw(one_in(3)):
         found["grading"] = [draw(one_of(1, 3, 0.3)), draw(one_of(1, 0.3, 3))]
@@ -209,6 +210,7 @@ def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: floa
     boundary: list[Doc] = [{"on": on, "u_x": 0, "u_y": 0} for surfaces in layout.hold.values() for on in surfaces]
     if layout.geometry == "axisymmetric":
         boundary = [_axial(b) for b in boundary]
+    rigid: Doc = {}
     if layout.driven not in layout.hold:
         how = draw(one_of("moved", "moved", "moved", "pressed"))
         if layout.kind == "rings":
@@ -217,6 +219,11 @@ def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: floa
                             {"on": layout.drive_on, "pressure": draw(courses(end, 0.0, stiff * 1e-4))})
             if how == "pressure":
                 boundary += _symmetry(layout)
+        elif how == "moved" and layout.geometry == "plane" and draw(one_in(5)):
+            turn = draw(one_of(0, 1e-3, 0.1, -0.5))
+            rigid[layout.driven] = {"rigid": True}
+            boundary.append({"body": layout.driven, "u_x": u_x, "u_y": u_y,
+                             "angle": draw(courses(end, 0.0, turn)) if turn else 0})
         elif how == "moved":
             moved = {"on": layout.drive_on, "u_x": u_x, "u_y": u_y}
             boundary.append(_axial(moved) if layout.geometry == "axisymmetric" else moved)
@@ -225,13 +232,17 @@ def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: floa
                          {"on": f"{layout.driven}.right", "u_x": 0, "u_y": 0}]
             if layout.geometry == "axisymmetric":
                 boundary[-1] = _axial(boundary[-1])
-    elastic: Doc = {"boundary": boundary}
+    elastic: Doc = {"boundary": boundary} | ({"bodies": rigid} if rigid else {})
     if draw(one_in(4)):
         elastic["element"] = "enhanced"
     if draw(one_in(5)):
         elastic["gravity"] = {"y": -9.81}
     if draw(one_in(5)):
         elastic["thermoelastic_heat"] = True
+    if layout.geometry == "plane" and draw(one_in(8)):
+        elastic["state"] = "plane_stress"
+    if draw(one_in(8)):
+        elastic["method"] = draw(one_of("bfgs", "modified_newton"))
     if draw(one_in(10)):
         elastic["dynamics"] = draw(one_of({}, {"rho_inf": 0.5}))
     return {"half": "elastic", "elastic": elastic}
@@ -272,7 +283,20 @@ def _coupling(draw: DrawFn, mechanical: Doc, windows: int, end: float) -> Doc:
             found["iteration"]["level"] = "end"
     if draw(one_in(5)):
         found["on_cycle"] = draw(one_of("cut", "iterate"))
+    if draw(one_in(12)):
+        found["stop"] = {"steady": 0}
     return found
+
+
+def _rules(draw: DrawFn, span: float) -> list[Doc]:
+    """Seldom a rule that puts windows back, or changes how the run goes on."""
+    if not draw(one_in(8)):
+        return []
+    return [draw(one_of(
+        {"name": "gently", "when": {"max_dT": {"above": rounded(0.2 * span)}}, "do": [{"retry": {"window": 0.5}}]},
+        {"name": "together", "when": {"touching": {"above": 0}}, "do": [{"scheme": "iterated"}]},
+        {"name": "finer", "when": {"max_dT": {"above": rounded(0.1 * span)}},
+         "do": [{"substeps": {"thermal": "x2", "most": 4}}], "cooldown": 3}))]
 
 
 @st.composite
@@ -307,6 +331,8 @@ def scenes(draw: DrawFn) -> Scene:
     boundary = []
     for on in layout.free:
         boundary += draw(thermal_conditions(on, h_body, temperatures, end))
+    if thermal_half == "thermal" and draw(one_in(8)):
+        boundary = [draw(over_place(b, size, span)) for b in boundary]
     if thermal_half == "lumped":
         boundary = _one_temperature_a_body(boundary)
     if draw(one_in(6)):
@@ -327,6 +353,8 @@ def scenes(draw: DrawFn) -> Scene:
         doc["contact"] = contact
     doc |= {"thermal": thermal, "mechanical": mechanical, "coupling": _coupling(draw, mechanical, windows, end),
             "probes": _probes(layout)}
+    if rules := _rules(draw, span):
+        doc["rules"] = rules
     return Scene(doc, layout.recipes)
 
 

@@ -149,3 +149,13 @@ def thermal_conditions(draw: DrawFn, on: str, h_body: float, temperatures: Seque
         return [film]
     radiation = {"on": on, "radiation": {"emissivity": draw(one_of(0.8, 0.2, 1)), "T": T}}
     return [radiation] if kind == "radiation" else [film, radiation]
+
+
+@st.composite
+def over_place(draw: DrawFn, condition: Doc, size: float, span: float) -> Doc:
+    """The same condition, its temperature rising along x.  size [m] : of the scene; span [K]."""
+    T = condition.get("temperature")
+    if not isinstance(T, float):
+        return condition
+    rise = rounded(span * draw(one_of(0.1, -0.1)))
+    return condition | {"temperature": {"terms": [{"t": T}, {"x": {"at": [0, size], "value": [0, rise]}}]}}
