@@ -157,8 +157,11 @@ def test_a_point_without_area_radiates_nothing():
     half = np.full((2, 2), 0.5)
     group = RadiationGroup(spec, np.array([[0, 1, 2, 3]] * 2), half, half, np.array([0.0, 1e-3]))
     flow, slope = gap_radiation_flow(group, 5.67e-8, np.array([300.0, 300.0, 800.0, 800.0]))
-    assert (flow[0] == 0.0).all() and (slope[0] == 0.0).all()
-    assert np.isfinite(flow).all() and np.isfinite(slope).all() and (flow[1] != 0.0).all()
+    assert (flow[0] == 0.0).all()
+    assert (slope[0] == 0.0).all()
+    assert np.isfinite(flow).all()
+    assert np.isfinite(slope).all()
+    assert (flow[1] != 0.0).all()
 
 
 def test_temperatures_below_0_kelvin_are_told():
