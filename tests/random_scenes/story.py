@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
@@ -23,7 +24,8 @@ from random_scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
-MOST_WINDOWS = 400  # tried ones; a scene that wants more is left: it is not small
+MOST_WINDOWS = 200  # tried ones; a scene that wants more is left: it is not small
+MOST_SECONDS = 20.0
 
 
 class TooLongError(Exception):
@@ -104,6 +106,7 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
         errors: dict[str, Floats] = {}
         outcome, message = COMPLETED, ""
         said = io.StringIO()
+        started = time.perf_counter()
         try:
             with without_fmus(), redirect_stderr(said):
                 with Run(scenario, folder / "run.h5") as run:
@@ -121,8 +124,8 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                         words += progress.notes
                         if run.state.now.t > levels[-1].t:
                             keep()
-                        if number >= most:
-                            raise TooLongError(f"{number} windows tried, at t = {run.state.now.t:.6g} s")
+                        if number >= most or time.perf_counter() - started > MOST_SECONDS:
+                            raise TooLongError(f"{number + 1} windows tried, at t = {run.state.now.t:.6g} s")
                 results = Results(folder / "run.h5")
                 words += results.notes
                 probes = {n: results.probe(n)[1] for n in results.probe_names}
