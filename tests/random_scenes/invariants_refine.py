@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +143,7 @@ def check_settles(scene: Scene, story: Story, rng: np.random.Generator) -> Seque
 
 def _grows(changes: Sequence[float]) -> bool:
     """Whether each change is larger than the one before; those below the floor are none."""
-    return all(b > a for a, b in zip(changes, changes[1:], strict=False)) and changes[-1] > 0.0
+    return all(b > a for a, b in pairwise(changes)) and changes[-1] > 0.0
 
 
 def _estimates(scene: Scene) -> bool:
@@ -161,7 +162,7 @@ def _refines(scene: Scene) -> bool:
     return not softens and nodes <= MOST_NODES
 
 
-ESTIMATE = Invariant("estimated error", _estimates, check_estimate)
+ESTIMATE = Invariant("estimated error", _estimates, check_estimate, runs=8)
 """The error at a window's end is at most 3 times the sum of those estimated up to there, in 98 % of windows.
 
 What a window adds is at most its local error where the problem is one of diffusion: what was wrong before decays.
@@ -170,7 +171,7 @@ local error of a scheme to its leading order; 3 is what the doubling factors of 
 The true error is the difference to runs along the same windows cut in eight, wherever those have settled.
 """
 
-SETTLES = Invariant("settles", _refines, check_settles)
+SETTLES = Invariant("settles", _refines, check_settles, runs=2)
 """Halving cells and windows changes means, displacements and stored heat less and less.
 
 Linear elements, cut contact edges and every scheme converge in these measures (Cea; Lax and Richtmyer), if not from the

@@ -33,9 +33,11 @@ def adaptive() -> Scene:
 
 
 def across_a_film() -> Scene:
-    """A block that swells towards another across a film of gas, which closes: what it conducts is what it is driven by."""
+    """A block that swells towards another across a film of gas: what conducts is what the heat moves."""
     held = [{"on": "a.bottom", "u_x": 0, "u_y": 0}, {"on": "b.top", "u_x": 0, "u_y": 0}]
     return pressed().edited(
         contact__p__friction=None, mechanical__elastic__boundary=held, bodies__b__T0=300,
-        contact__p__conduction={"closed": {"law": "constant", "h": 2e4}, "open": {"law": "gas", "k_g": 0.5, "g_m": 2.5e-5}},
-        thermal__boundary=[{"on": "a.bottom", "temperature": 450}, {"on": "b.top", "convection": {"h": 3000, "T": 300}}])
+        contact__p__conduction={"closed": {"law": "constant", "h": 2e4},
+                                "open": {"law": "gas", "k_g": 0.5, "g_m": 2.5e-5}},
+        thermal__boundary=[{"on": "a.bottom", "temperature": 450},
+                           {"on": "b.top", "convection": {"h": 3000, "T": 300}}])
