@@ -70,14 +70,18 @@ def mirrored(scene: Scene) -> Changed:
                    f"mirrored, {axis} to -{axis}")
 
 
+def _demand_meshes(scene: Scene) -> None:
+    if scene.wants_rectangles:
+        raise NotApplicable("a rod is a rectangle along x, and stays one")
+
+
 def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
     """The scene at turn @ x + shift."""
+    _demand_meshes(scene)
     doc = restated(scene)
     move = _Move(turn, shift)
     if not move.only_shifts and doc.get("rules"):
         raise NotApplicable("rules may look at components")
-    if not move.only_shifts and "rod" in (doc["thermal"]["half"], doc["mechanical"]["half"]):
-        raise NotApplicable("a rod lies along x")
     for b in doc["thermal"]["boundary"]:
         move.fields(b, ("temperature", "flux"))
         for part in ("convection", "radiation"):
@@ -275,6 +279,7 @@ def combined(parts: list[tuple[float, Any]]) -> Any:
 
 def renumbered(scene: Scene, rng: np.random.Generator) -> Changed:
     """Nodes, cells and edges in another order; boundary conditions too, but for those of which the later one holds."""
+    _demand_meshes(scene)
     doc = restated(scene)
     shapes: dict[str, Shape] = {}
     order: dict[str, NDArray[np.int64]] = {}
@@ -348,6 +353,7 @@ def in_other_length(scene: Scene, length: float) -> Changed:
 
     Probes of a half's own outputs are left out: their unit is not in the document.
     """
+    _demand_meshes(scene)
     doc = restated(scene, length=length)
     doc["probes"] = {n: p for n, p in doc.get("probes", {}).items() if not any("." in quantity for quantity in p)}
     powers = {"u_x": 1.0, "u_y": 1.0, "gap": 1.0, "p": -1.0}
