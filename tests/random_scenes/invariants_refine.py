@@ -24,8 +24,8 @@ SOLVED_TO = 1e-6  # of the range of a field: what Newton's tolerances leave, 1e-
 
 # Meshes and windows
 LEVELS = 4
-MOST_NODES = 1000  # on the finest mesh
-MOST_REFINED = 160  # windows of one run
+MOST_NODES = 600  # on the finest mesh
+MOST_REFINED = 120  # windows of one run
 FLOOR = 0.02  # of the range of a measure in time
 ROUND_OFF = 1e-7  # of what a measure is made of, hundreds of times what Newton's tolerances leave
 
