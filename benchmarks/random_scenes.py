@@ -62,7 +62,7 @@ class Worker:
             return self._asked(seed)
         except LateError as error:
             outcome, message = HUNG, str(error)
-        except EndedError as error:
+        except (EndedError, json.JSONDecodeError) as error:
             outcome, message = CRASHED, str(error)
         self.end()
         return {"seed": seed, "features": [], "keys": [], "outcome": outcome, "message": message, "rows": [],
