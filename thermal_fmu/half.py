@@ -197,8 +197,8 @@ class ThermalHalf:
         number = whole(inputs, "control.method")
         if number != 0 and number not in METHOD_NUMBERS:
             return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
-        stepping = self._scene.model.stepping
-        method = stepping.method_of(METHOD_NUMBERS.get(number, stepping.method))
+        model = self._scene.model
+        method = model.method_of(METHOD_NUMBERS.get(number, model.stated.method.value))
         try:
             return self._advance(state, inputs, t, h, link, method)
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
@@ -236,7 +236,7 @@ class ThermalHalf:
                       # fault: no damped restart after an event -> state.damped, state.controller) |
                       #   thermal_fmu/test_thermal_time
                              DAMPED_SUBSTEPS if event != state.event else state.damped, state.controller)
-        result = advance(context, scene.model.stepping, method, start, t, h)
+        result = advance(context, scene.model.stated, method, start, t, h)
         done = result.done if jump is None else jump.then(result.done)
         stored = state.stored + float(done.heat.stored.sum())
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
@@ -253,7 +253,7 @@ class ThermalHalf:
         return Done(new, outputs | self._counts(result.substeps, result.rejected))
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
-        if self._scene.model.stepping.adaptive is None:
+        if self._scene.model.stated.adaptive is None:
             return {}
         return {"substeps": float(substeps), "rejected": float(rejected)}
 
@@ -276,7 +276,7 @@ class ThermalHalf:
 
 
 def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
-    inner = () if scene.model.stepping.adaptive is None else (
+    inner = () if scene.model.stated.adaptive is None else (
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
     return (*face_variables(scene.interface, scene.model), *inner, *field_variables(scene))

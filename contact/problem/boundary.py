@@ -42,3 +42,8 @@ class RadiationGap(Part):
         if self.d_far <= self.d_near:
             raise problem("d_far must be greater than d_near", at=("d_far",))
         return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The gaps at which it begins and ends to fade."""
+        return self.d_near, self.d_far

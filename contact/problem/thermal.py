@@ -51,6 +51,11 @@ class FilmGap(Part):
             raise problem("d_full must be greater than d_cut", at=("d_full",))
         return self
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The gaps at which it begins and ends to fade."""
+        return self.d_cut, self.d_full
+
 
 class Convection(Part):
     """q = kappa h |T - T_e|^exponent (T - T_e), out of the body. Eqs. (5-7)."""

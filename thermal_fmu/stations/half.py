@@ -84,12 +84,12 @@ class StationHalf:
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
         number = whole(inputs, "control.method")
-        stepping = self._scene.model.stepping
-        name = METHOD_NUMBERS.get(number, stepping.method if number == 0 else "")
+        model = self._scene.model
+        name = METHOD_NUMBERS.get(number, model.stated.method.value if number == 0 else "")
         if name in ("", "steady"):
             return Discard(f"control.method {number} is none of 0, 1, 2, 3, 4")
         try:
-            return self._advance(state, inputs, t, h, link, stepping.method_of(name))
+            return self._advance(state, inputs, t, h, link, model.method_of(name))
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
         except (InvertedMeshError, ContactRefusedError) as exc:
