@@ -15,9 +15,10 @@ from contact.half.functions import Property, Signal, property_from, signal_from
 from contact.half.interface import Interface
 from contact.problem import flow, material, mechanical
 from contact.problem.boundary import FORCES, MOTIONS, TRACTIONS, WEIGHTS
+from contact.problem.curves import Phases, PropertyTable
 from contact.problem.errors import demand, made, read
 from contact.problem.mechanical import ElasticProblem
-from contact.problem.values import Part, Phases, PropertyTable
+from contact.problem.part import Part
 from mechanical_fmu.laws.catalogue import hardening_law
 from mechanical_fmu.laws.creep_norton import NortonLaw
 from mechanical_fmu.laws.creep_power import PowerLaw

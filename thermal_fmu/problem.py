@@ -13,10 +13,10 @@ from contact.half import checks
 from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
 from contact.half.interface import Interface
 from contact.problem import boundary, material, thermal
+from contact.problem.curves import Phases
 from contact.problem.errors import demand, made, read
 from contact.problem.pairs import PairData
 from contact.problem.thermal import ThermalProblem
-from contact.problem.values import Phases
 from thermal_fmu.methods import METHODS, TimeMethod, theta_method
 from thermal_fmu.phase_change import PhaseChange
 

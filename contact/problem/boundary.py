@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import model_validator
 
-from contact.problem.values import Entry, Name, NotNegative, Part, Positive, Text, problem
+from contact.problem.part import Entry, Part
+from contact.problem.values import Name, NotNegative, Positive, Text, problem
 
 FORMAT = 2  # of model.json
 # Keys of conditions of the elastic half, by kind; their place is the component.

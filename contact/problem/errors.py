@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from contact.problem.boundary import FORMAT
-from contact.problem.values import At, Part, did_you_mean
+from contact.problem.part import Part
+from contact.problem.values import At, did_you_mean
 
 P = TypeVar("P", bound=Part)
 SHOWN = 60  # longer values are not repeated in a message

@@ -11,7 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from contact.half.functions import Signal, signal_from
-from contact.problem.values import Part, SignalName, did_you_mean
+from contact.problem.part import Part
+from contact.problem.values import SignalName, did_you_mean
 from coupler.scenario.context import Context
 from coupler.scenario.document import Document, DocumentErrors, document_from, read_document, scenario_error
 from coupler.scenario.edits import apply_overrides

@@ -17,25 +17,13 @@ from pydantic import (
     model_validator,
 )
 
+from contact.problem.curves import SignalSpec
 from contact.problem.material import Material
 from contact.problem.mechanical import Elastic, Rigid, Rod
 from contact.problem.pairs import ContactPair
+from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.thermal import ThermalSettings
-from contact.problem.values import (
-    DottedName,
-    Entry,
-    Name,
-    NotNegative,
-    Number,
-    Part,
-    Positive,
-    SignalSpec,
-    Text,
-    Whole,
-    exactly_one,
-    number,
-    problem,
-)
+from contact.problem.values import DottedName, Name, NotNegative, Number, Positive, Text, Whole, number, problem
 from coupler.scenario.mesh import MeshedBody
 from coupler.scenario.options import (
     Acceleration,

@@ -15,9 +15,9 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from contact.problem import flow, laws, material, mechanical, pairs, thermal, values
+from contact.problem import curves, flow, laws, material, mechanical, pairs, thermal, values
 from contact.problem.boundary import Supported
-from contact.problem.values import Entry, Part
+from contact.problem.part import Entry, Part
 from coupler.scenario import mesh, schema
 
 PAGE = Path(__file__).resolve().parents[1] / "scenario.md"
@@ -69,10 +69,10 @@ TABLES = {
     "place": Table(schema.Place),
     "output": Table(schema.OutputSpec),
     "study": Table(schema.StudySpec),
-    "property_table": Table(values.PropertyTable),
+    "property_table": Table(curves.PropertyTable),
 }
-WORDS = ((values.SignalSpec, "SIGNAL"), (values.FieldSpec, "FIELD"), (values.PropertySpec, "PROPERTY"),
-         (values.PhasedSpec, "PHASED"), (laws.LawSpec, "LAW"), (values.Positive, "number > 0"),
+WORDS = ((curves.SignalSpec, "SIGNAL"), (curves.FieldSpec, "FIELD"), (curves.PropertySpec, "PROPERTY"),
+         (curves.PhasedSpec, "PHASED"), (laws.LawSpec, "LAW"), (values.Positive, "number > 0"),
          (values.NotNegative, "number >= 0"), (values.Whole, "whole number >= 1"), (values.Count, "whole number"),
          (values.Number, "number"), (values.Flag, "true, false"), (values.Name, "name"), (values.Text, "text"),
          (values.DottedName, "name"), (pairs.Stiffness, "number > 0 or `auto`"), (bool, "true, false"))

@@ -12,8 +12,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from contact.compiled import inner
+from contact.problem.curves import Beyond, Form
 from contact.problem.flow import Plastic, TableHardening
-from contact.problem.values import Beyond, Form
 from mechanical_fmu.laws.law import Fields, Floats, IsotropicHardening, Point, Points
 
 # A table is cubic between its knots (else straight), and goes on with its last slope (else flat).
