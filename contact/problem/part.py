@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, Self
 
 from pydantic import (
     BaseModel,
@@ -137,6 +137,10 @@ class Part(BaseModel):
     def _what_is_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         needed = {name for name, field in type(self).model_fields.items() if field.is_required()}
         return {key: value for key, value in handler(self).items() if value is not None or key in needed}
+
+    def changed(self, **changes: Any) -> Self:
+        """Return a copy with other values of some keys, which are not checked again."""
+        return self.model_copy(update=changes)
 
     def plain(self) -> dict[str, Any]:
         """Return what it says as JSON has it: defaults written out, keys that are not given left out."""
