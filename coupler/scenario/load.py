@@ -80,8 +80,11 @@ def _errors_of_form(document: Document, error: ValidationError, overrides: Mappi
     if any(w.text != UNKNOWN for w in found.values()):
         return form
     guessed = {(*key[:-1], meant(w)) for key, w in found.items()}
+    tree = _as_meant(document.tree, found, ())
+    if tree == document.tree:
+        return form  # of a key that stands elsewhere in the tree nothing can be guessed
     try:
-        _checked(replace(document, tree=_as_meant(document.tree, found, ())), overrides)
+        _checked(replace(document, tree=tree), overrides)
     except ScenarioError as more:
         around = {dotted(key[:-1]) for key in found}
         inside = tuple(dotted(key) + "." for key in guessed)
@@ -98,9 +101,10 @@ def _as_meant(node: Any, unknown: Mapping[Key, Wrong], key: Key) -> Any:
         return [_as_meant(one, unknown, (*key, i)) for i, one in enumerate(node)]
     if not isinstance(node, dict):
         return node
-    names = {name: name if (*key, name) not in unknown else meant(unknown[(*key, name)]) for name in node}
+    told = {name: unknown.get((*key, name)) for name in node}
+    names = {name: name if wrong is None else meant(wrong) for name, wrong in told.items()}
     return {names[name]: _as_meant(one, unknown, (*key, name)) for name, one in node.items()
-            if names[name] == name or (names[name] and names[name] not in node)}
+            if told[name] is None or (names[name] and names[name] not in node)}
 
 
 def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:

@@ -59,10 +59,10 @@ def _all_have_defaults(schema: dict[str, Any]) -> None:
 
 
 class Tolerance(Part):
-    """A difference passes if it is at most atol + rtol * (largest change of the quantity over the window).
+    """atol, in the unit of its quantity, is the floor where nothing changes; rtol is a share of the change.
 
     Measured against the change in the window, the errors of all windows add up to at most rtol of the way the
-    quantity went, whatever the size of the windows; atol is the floor where nothing changes.
+    quantity went, whatever the size of the windows.
     """
 
     # Those of a quantity have defaults of their own (_ByQuantity), so a file may leave either out.
@@ -85,12 +85,10 @@ class _ByQuantity(Part):
 
 
 class Tolerances(_ByQuantity):
-    """One for each quantity: T [K], x [m], t_N [Pa], f_s [1].
+    """A difference passes if it is at most atol + rtol times the largest change over the window."""
 
-    Conductance h sees a gap of 1 nm as 1e-4 of a gas layer of 10 um, and 100 Pa as 1e-4 of 1 MPa: no floor is
-    tighter than the others, and all are far above what the halves leave over.
-    """
-
+    # T [K], x [m], t_N [Pa], f_s [1].  Conductance h sees a gap of 1 nm as 1e-4 of a gas layer of 10 um, and 100 Pa as
+    # 1e-4 of 1 MPa: no floor is tighter than the others, and all are far above what the halves leave over.
     temperature: Annotated[Tolerance, Entry(
         "of the largest change over the window, so errors of all windows add up to at most 1e-4 of the way a "
         "quantity goes; `atol` > 0 is the floor at rest",
@@ -114,12 +112,9 @@ class Tolerances(_ByQuantity):
 
 
 class Iteration(Part):
-    """How `iterated` goes to agreement; other schemes do not read it.
+    """How `iterated` goes to agreement; other schemes do not read it."""
 
-    LEAST : iterates before agreement is believed.
-    """
-
-    LEAST: ClassVar[int] = 1
+    LEAST: ClassVar[int] = 1  # iterates before agreement is believed
 
     acceleration: Annotated[Acceleration, Entry(
         "how the next guess is made",
@@ -169,18 +164,16 @@ class MeasuredIteration(Iteration):
 
 
 class ErrorTolerances(_ByQuantity):
-    """The error of one window passes if it is at most atol + rtol * scale, quantity by quantity.
+    """The error of one window passes if it is at most atol + rtol * scale, quantity by quantity."""
 
-    temperature [K], scale the range of T over all nodes and the window: a thousandth of a kelvin says nothing about a
-    casting, and of two bodies in one scene the smaller must not be judged by its own small range.  A thousandth of it:
-    the worst node is asked, and beside a front that freezes node by node it is off by the step of T between two nodes
-    however short the window, while gap and heat are a hundred times nearer.
-    gap [m] and displacement [m], scale their largest change in the window: so the errors of all windows add up to at
-    most rtol of the way gone.  The floor of the gap is a hundredth of a gas layer of 10 um, below which no law of
-    conductance changes by more than 1 %.
-    heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
-    """
-
+    # temperature [K], scale the range of T over all nodes and the window: a thousandth of a kelvin says nothing about
+    # a casting, and of two bodies in one scene the smaller must not be judged by its own small range.  A thousandth of
+    # it: the worst node is asked, and beside a front that freezes node by node it is off by the step of T between two
+    # nodes however short the window, while gap and heat are a hundred times nearer.
+    # gap [m] and displacement [m], scale their largest change in the window: so the errors of all windows add up to at
+    # most rtol of the way gone.  The floor of the gap is a hundredth of a gas layer of 10 um, below which no law of
+    # conductance changes by more than 1 %.
+    # heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
     temperature: Annotated[Tolerance, Entry(
         "of the error of one window",
         unit="K",

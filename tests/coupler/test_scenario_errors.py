@@ -192,6 +192,8 @@ BESIDE = {
                                   ["contacts", "thermal.boundary.1.flux"]),
     "what a misspelt key holds may come of the guess": ([("slave: upper.bottom", "slaves: upper.botom")],
                                                         ["contact.face.slaves"]),
+    "an empty key": ([("title: Two blocks", '"": 1'), ("T: 200", "T: -274")],
+                     ["", "thermal.boundary.2.convection.T"]),
     "a key of nobody": ([("title:", "colour:"), ("material: steel\n    T0: 100", "material: stel\n    T0: 100")],
                         ["colour", "bodies.upper.material"]),
     "two keys, one in the other": ([("output:", "ouput:"), ("every: 5", "evry: 5"), ("end: 40", "end: 41")],
