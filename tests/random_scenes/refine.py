@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -26,7 +26,7 @@ def finer_windows(scene: Scene, times: float = 2.0) -> Scene:
     if "adaptive" in coupling:
         given = coupling["adaptive"].get("tolerance", {})
         tolerance = {name: {key: value / times for key, value in {**default, **given.get(name, {})}.items()}
-                     for name, default in asdict(ErrorTolerances()).items()}
+                     for name, default in ErrorTolerances().model_dump().items()}
         coupling["adaptive"] = {**coupling["adaptive"], "first": coupling["adaptive"]["first"] / times,
                                 "tolerance": tolerance}
         return replace(scene, doc=doc)
@@ -82,5 +82,5 @@ def tightly_iterated(scene: Scene, share: float, **iteration: Any) -> Scene:
     The tolerance of a quantity is a floor and a part of its change; both are multiplied.
     """
     tolerance = {name: {key: share * value for key, value in default.items()}
-                 for name, default in asdict(Tolerances()).items()}
+                 for name, default in Tolerances().model_dump().items()}
     return with_scheme(scene, "iterated", max_iterations=60, tolerance=tolerance, **iteration)
