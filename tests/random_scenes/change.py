@@ -135,7 +135,7 @@ class _Move:
 
     @property
     def degrees(self) -> float:
-        """Of a turn; of a mirror x to -x that of the axis it keeps, so that det * angle + degrees is an axis' new angle."""
+        """Where the x axis goes: det * angle + degrees is the new angle of an axis that stood at `angle`."""
         return float(np.degrees(np.arctan2(self.turn[1, 0], self.turn[0, 0])))
 
     @property
