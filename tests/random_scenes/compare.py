@@ -172,8 +172,9 @@ def _ledger(old: Story, changed: Changed, new: Story, a: Ints, b: Ints, allowed:
     off = {name: np.abs(theirs[name] / per - heat) for name, heat in mine.items()}
     worst = max(off, key=lambda name: float(off[name].max()))
     t = int(off[worst].argmax())
-    yield Difference(f"{worst} differs by {off[worst][t]:.3g} J at t = {old.t[a][t]:.6g} s "
-                     f"(it is {mine[worst][t]:.4g} J, allowed {room:.2g})", float(off[worst][t]) / room if room > 0.0 else 0.0)
+    by = float(off[worst][t])
+    yield Difference(f"{worst} differs by {by:.3g} J at t = {old.t[a][t]:.6g} s (it is {mine[worst][t]:.4g} J, "
+                     f"allowed {room:.2g})", by / room if room > 0.0 else 0.0)
 
 
 def _terms(story: Story, at: Ints) -> dict[str, Floats]:

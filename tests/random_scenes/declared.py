@@ -145,7 +145,7 @@ class Restating:
         raise NotApplicable(f"a {type(value).__name__} is not understood")
 
     def sum(self, value: FieldSum, entry: Entry | None, part: Part) -> dict[str, Any]:
-        """A sum of products: `t` carries its unit; one of temperatures gets one term more, the others are differences."""
+        """A sum of products: `t` carries its unit; one of temperatures gets one more, the others are differences."""
         difference = None if entry is None else replace(entry, temperature=False)
         terms = [{"t": self.value(term.t, difference, part),
                   **{axis: self.value(profile, None, term) for axis in ("x", "y")
