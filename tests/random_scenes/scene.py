@@ -58,6 +58,9 @@ class Scene:
         folder.mkdir(parents=True, exist_ok=True)
         doc = self.copied_doc()
         for body, shape in self.shapes.items():
+            if self.moved is None and (rectangle := rectangle_of(self.recipes[body])):
+                doc["bodies"][body] = {"mesh": {"rectangle": rectangle}, **doc["bodies"][body]}
+                continue
             file = f"{name}.{body}.msh"
             shape.write(folder / file)
             doc["bodies"][body] = {"mesh": {"file": {"path": file, "region": "cells"}}, **doc["bodies"][body]}
@@ -81,3 +84,15 @@ class Scene:
     @property
     def axisymmetric(self) -> bool:
         return self.doc["geometry"] == "axisymmetric"
+
+
+def rectangle_of(recipe: Mapping[str, Any]) -> dict[str, Any]:
+    """The rectangle of a scenario that a recipe stands for, or nothing where it is none."""
+    if "patch" not in recipe or recipe.get("jitter") or recipe.get("triangles") == "mixed":
+        return {}
+    a, b, c, d = recipe["patch"]
+    if a[1] != b[1] or b[0] != c[0] or c[1] != d[1] or d[0] != a[0]:
+        return {}
+    found = {"origin": list(a), "size": [float(f"{u - v:.12g}") for u, v in zip(c, a, strict=True)],
+             "cells": list(recipe["cells"])}
+    return found | {k: recipe[k] for k in ("grading", "triangles") if k in recipe}
