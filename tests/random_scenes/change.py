@@ -8,28 +8,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from math import comb, cos, radians, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from random_scenes.declared import NotApplicable, restated, value_at
 from random_scenes.scene import Scene
-from random_scenes.shapes import Floats, Ints, Shape
+from random_scenes.shapes import Floats, Shape
 
 KELVIN = {"degC": 273.15, "K": 0.0}  # what makes kelvin of a temperature
 VECTORS = (("u_x", "u_y"), ("t_x", "t_y"), ("f_x", "f_y"), ("b_x", "b_y"))
 FREE_IF_MISSING = ("u_x", "u_y")  # a component that is not given is free; of the others it is 0
 PSEUDOSCALARS = ("angle", "moment")
+FRAMELESS = {"t", "window", "number", "failures", "iterations", "contraction", "error", "max_T", "max_p", "touching",
+             "slipping", "imbalance", "max_dT", "heat_stored"}
+"""Monitors of rules that are the same however a scene is turned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Changed:
     """scene : the new one.  what : in words.  x_new = length (turn @ x + shift): (2, 2) [1], (2,) [m].
 
-    order : body -> (n,) number in the new mesh of each old node; empty: as it was.  lead : quiet [s] before all.
+    lead : quiet [s] before all.
     probes : name -> sign of those that mean the same; the others were left out, or are no more to be compared.
     """
 
@@ -38,9 +40,32 @@ class Changed:
     turn: Floats = field(default_factory=lambda: np.eye(2))
     shift: Floats = field(default_factory=lambda: np.zeros(2))
     length: float = 1.0
-    order: Mapping[str, Ints] = field(default_factory=dict)
     lead: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
+
+
+def monitors(doc: Mapping[str, Any]) -> set[str]:
+    """What the rules of a document look at and what they set."""
+    found: set[str] = set()
+    for rule in doc.get("rules", ()):
+        for when in (rule.get("when", {}), *rule.get("when", {}).get("any", ())):
+            found |= when.keys() - {"any"}
+        found |= {*rule.get("drive", {}).get("so_that", {})}.union(*(do.get("set", ()) for do in rule.get("do", ())))
+    return found
+
+
+def _meshes_may_change(doc: Mapping[str, Any]) -> None:
+    if "rod" in (doc["thermal"]["half"], doc["mechanical"]["half"]):
+        raise NotApplicable("a rod is a rectangle along x")
+
+
+def _shapes(scene: Scene) -> dict[str, Shape]:
+    """The meshes, with the points that rectangles have and meshes from files have not."""
+    found = {}
+    for body, shape in scene.shapes.items():
+        corners = {f"{a}.{b}": k for name, k in shape.points.items() for a, b in permutations(name.split("_"))}
+        found[body] = replace(shape, points={**corners, **shape.points} if "top_left" in shape.points else shape.points)
+    return found
 
 
 # In space
@@ -74,10 +99,9 @@ def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
     """The scene at turn @ x + shift."""
     doc = restated(scene)
     move = _Move(turn, shift)
-    if not move.only_shifts and doc.get("rules"):
-        raise NotApplicable("rules may look at components")
-    if not move.only_shifts and "rod" in (doc["thermal"]["half"], doc["mechanical"]["half"]):
-        raise NotApplicable("a rod lies along x")
+    _meshes_may_change(doc)
+    if not move.only_shifts and (seen := monitors(doc) - FRAMELESS):
+        raise NotApplicable(f"rules look at {', '.join(sorted(seen))}")
     for b in doc["thermal"]["boundary"]:
         move.fields(b, ("temperature", "flux"))
         for part in ("convection", "radiation"):
@@ -100,7 +124,7 @@ def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
             del doc["probes"][name]
         else:
             doc["probes"][name], probes[name] = moved
-    shapes = {b: shape.at(shape.nodes @ turn.T + shift, flip=move.det < 0.0) for b, shape in scene.shapes.items()}
+    shapes = {b: shape.at(shape.nodes @ turn.T + shift, flip=move.det < 0.0) for b, shape in _shapes(scene).items()}
     return Changed(replace(scene, doc=doc, moved=shapes), what, turn, shift, probes=probes)
 
 
@@ -276,17 +300,15 @@ def combined(parts: list[tuple[float, Any]]) -> Any:
 def renumbered(scene: Scene, rng: np.random.Generator) -> Changed:
     """Nodes, cells and edges in another order; boundary conditions too, but for those of which the later one holds."""
     doc = restated(scene)
-    shapes: dict[str, Shape] = {}
-    order: dict[str, NDArray[np.int64]] = {}
-    for body, shape in scene.shapes.items():
-        shapes[body], order[body] = shape.renumbered(rng)
+    _meshes_may_change(doc)
+    shapes = {body: shape.renumbered(rng)[0] for body, shape in _shapes(scene).items()}
     boundary = doc["thermal"]["boundary"]
     doc["thermal"]["boundary"] = _shuffled(boundary, lambda b: "temperature" in b, rng)
     if "elastic" in doc["mechanical"]:
         elastic = doc["mechanical"]["elastic"]
         elastic["boundary"] = _shuffled(elastic["boundary"], lambda b: any(n in b for n in ("u_x", "u_y", "angle")),
                                         rng)
-    return Changed(replace(scene, doc=doc, moved=shapes), "numbered otherwise", order=order, probes=_all_probes(doc))
+    return Changed(replace(scene, doc=doc, moved=shapes), "numbered otherwise", probes=_all_probes(doc))
 
 
 def _shuffled(entries: list[Any], ordered: Callable[[Any], bool], rng: np.random.Generator) -> list[Any]:
@@ -351,7 +373,8 @@ def in_other_length(scene: Scene, length: float) -> Changed:
     doc = restated(scene, length=length)
     doc["probes"] = {n: p for n, p in doc.get("probes", {}).items() if not any("." in quantity for quantity in p)}
     powers = {"u_x": 1.0, "u_y": 1.0, "gap": 1.0, "p": -1.0}
-    shapes = {b: shape.at(length * shape.nodes) for b, shape in scene.shapes.items()}
+    _meshes_may_change(doc)
+    shapes = {b: shape.at(length * shape.nodes) for b, shape in _shapes(scene).items()}
     probes = {n: length ** -powers.get(next(iter(p)), 0.0) for n, p in doc["probes"].items()}
     return Changed(replace(scene, doc=doc, moved=shapes), f"in a unit of 1/{length:g} m", length=length, probes=probes)
 

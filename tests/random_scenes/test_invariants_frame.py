@@ -21,7 +21,7 @@ from contact.problem import laws
 from contact.problem.mechanical import ElasticBoundary, Motion
 from contact.problem.values import Part
 from coupler.scenario.si import ToSI
-from random_scenes.by_hand import disc, heat, pressed, stack
+from random_scenes.by_hand_frame import disc, heat, pressed, stack
 from random_scenes.change import PSEUDOSCALARS, VECTORS, NotApplicable, combined, moved_profile, shifted, turned
 from random_scenes.declared import LENGTHS, power_of_length, restated, value_at
 from random_scenes.invariant import Invariant
