@@ -89,3 +89,23 @@ def disc() -> Scene:
     doc["geometry"] = "axisymmetric"
     return Scene(doc, {"ring": {"patch": [[0.02, 0], [0.06, 0], [0.06, 0.03], [0.02, 0.03]], "cells": [4, 2]},
                        "disc": {"patch": [[0, 0.03], [0.05, 0.03], [0.05, 0.06], [0, 0.06]], "cells": [5, 2]}})
+
+
+def flat_gap() -> Scene:
+    """Two blocks of one width, a gap of a millimetre between them, meshes that do not match."""
+    doc = _doc({"low": {"material": "steel", "T0": 20.0}, "high": {"material": "aluminium", "T0": 220.0}},
+               {"gap": {"slave": "high.bottom", "master": "low.top", "gap_max": 0.02, "conduction": GAP,
+                        "radiation": {"emissivity_slave": 0.8, "emissivity_master": 0.3}}}, [], None)
+    return Scene(doc, {"low": {"patch": [[0, 0], [0.06, 0], [0.06, 0.02], [0, 0.02]], "cells": [5, 2]},
+                       "high": {"patch": [[0, 0.021], [0.06, 0.021], [0.06, 0.04], [0, 0.04]], "cells": [4, 2]}})
+
+
+def rings(ratio: float, geometry: str = "plane") -> Scene:
+    """A hot ring inside a cold one, or about an axis a ball inside a shell; ratio : of the two radii of the gap."""
+    r, angles = 0.02, [0, 360] if geometry == "plane" else [-90, 90]
+    doc = _doc({"core": {"material": "steel", "T0": 220.0}, "ring": {"material": "aluminium", "T0": 20.0}},
+               {"gap": {"slave": "ring.inner", "master": "core.outer", "gap_max": r, "conduction": GAP}}, [], None,
+               geometry=geometry)
+    doc["geometry"] = geometry
+    return Scene(doc, {"core": {"ring": [0.01, r], "angles": angles, "cells": [2, 40]},
+                       "ring": {"ring": [ratio * r, (ratio + 0.5) * r], "angles": angles, "cells": [2, 40]}})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import pairwise, permutations
+from itertools import pairwise
 from math import comb, cos, radians, sin
 from typing import Any
 
@@ -61,11 +61,16 @@ def _meshes_may_change(doc: Mapping[str, Any]) -> None:
 
 def _shapes(scene: Scene) -> dict[str, Shape]:
     """The meshes, with the points that rectangles have and meshes from files have not."""
-    found = {}
-    for body, shape in scene.shapes.items():
-        corners = {f"{a}.{b}": k for name, k in shape.points.items() for a, b in permutations(name.split("_"))}
-        found[body] = replace(shape, points={**corners, **shape.points} if "top_left" in shape.points else shape.points)
-    return found
+    return {body: corner_points(shape) for body, shape in scene.shapes.items()}
+
+
+def corner_points(shape: Shape) -> Shape:
+    """A mesh with the names that a rectangle's corners have too, such as top.left and left.top."""
+    if "top_left" not in shape.points:
+        return shape
+    corners = {f"{a}.{b}": shape.points[f"{a}_{b}"] for a in ("top", "bottom") for b in ("left", "right")}
+    turned = {".".join(reversed(name.split("."))): k for name, k in corners.items()}
+    return replace(shape, points={**corners, **turned, **shape.points})
 
 
 # In space
