@@ -1,4 +1,4 @@
-"""Four small scenes on which the laws are tried: heat alone, pressed blocks, a stack of three, a disc on a ring."""
+"""Small scenes for laws of frame, roles and motion: heat, pressed blocks, a stack, a disc on a ring, even gaps."""
 
 from __future__ import annotations
 
@@ -107,5 +107,5 @@ def rings(ratio: float, geometry: str = "plane") -> Scene:
                {"gap": {"slave": "ring.inner", "master": "core.outer", "gap_max": r, "conduction": GAP}}, [], None,
                geometry=geometry)
     doc["geometry"] = geometry
-    return Scene(doc, {"core": {"ring": [0.01, r], "angles": angles, "cells": [2, 40]},
-                       "ring": {"ring": [ratio * r, (ratio + 0.5) * r], "angles": angles, "cells": [2, 40]}})
+    return Scene(doc, {"core": {"ring": [0.01, r], "angles": angles, "cells": [1, 32]},
+                       "ring": {"ring": [ratio * r, (ratio + 0.5) * r], "angles": angles, "cells": [1, 32]}})
