@@ -54,11 +54,6 @@ def monitors(doc: Mapping[str, Any]) -> set[str]:
     return found
 
 
-def _meshes_may_change(doc: Mapping[str, Any]) -> None:
-    if "rod" in (doc["thermal"]["half"], doc["mechanical"]["half"]):
-        raise NotApplicable("a rod is a rectangle along x")
-
-
 def _shapes(scene: Scene) -> dict[str, Shape]:
     """The meshes, with the points that rectangles have and meshes from files have not."""
     return {body: corner_points(shape) for body, shape in scene.shapes.items()}
@@ -100,11 +95,16 @@ def mirrored(scene: Scene) -> Changed:
                    f"mirrored, {axis} to -{axis}")
 
 
+def _demand_meshes(scene: Scene) -> None:
+    if scene.wants_rectangles:
+        raise NotApplicable("a rod is a rectangle along x, and stays one")
+
+
 def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
     """The scene at turn @ x + shift."""
+    _demand_meshes(scene)
     doc = restated(scene)
     move = _Move(turn, shift)
-    _meshes_may_change(doc)
     if not move.only_shifts and (seen := monitors(doc) - FRAMELESS):
         raise NotApplicable(f"rules look at {', '.join(sorted(seen))}")
     for b in doc["thermal"]["boundary"]:
@@ -304,8 +304,8 @@ def combined(parts: list[tuple[float, Any]]) -> Any:
 
 def renumbered(scene: Scene, rng: np.random.Generator) -> Changed:
     """Nodes, cells and edges in another order; boundary conditions too, but for those of which the later one holds."""
+    _demand_meshes(scene)
     doc = restated(scene)
-    _meshes_may_change(doc)
     shapes = {body: shape.renumbered(rng)[0] for body, shape in _shapes(scene).items()}
     boundary = doc["thermal"]["boundary"]
     doc["thermal"]["boundary"] = _shuffled(boundary, lambda b: "temperature" in b, rng)
@@ -375,10 +375,10 @@ def in_other_length(scene: Scene, length: float) -> Changed:
 
     Probes of a half's own outputs are left out: their unit is not in the document.
     """
+    _demand_meshes(scene)
     doc = restated(scene, length=length)
     doc["probes"] = {n: p for n, p in doc.get("probes", {}).items() if not any("." in quantity for quantity in p)}
     powers = {"u_x": 1.0, "u_y": 1.0, "gap": 1.0, "p": -1.0}
-    _meshes_may_change(doc)
     shapes = {b: shape.at(length * shape.nodes) for b, shape in _shapes(scene).items()}
     probes = {n: length ** -powers.get(next(iter(p)), 0.0) for n, p in doc["probes"].items()}
     return Changed(replace(scene, doc=doc, moved=shapes), f"in a unit of 1/{length:g} m", length=length, probes=probes)

@@ -15,7 +15,7 @@ from random_scenes.scene import Scene
 from random_scenes.story import COMPLETED, Story, told
 
 HOLDS, WARNED, SILENT = "holds", "warned", "silent"
-DRAWN = 2  # invariants that run scenes of their own, a seed
+DRAWN = 2  # laws that run scenes of their own, a seed; of those with several forms (frame: shift, turn, ...) one
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,13 @@ def drawn(scene: Scene, rng: np.random.Generator) -> list[Invariant]:
     from random_scenes.invariants import INVARIANTS  # they import what this file needs
 
     fit = [i for i in INVARIANTS if i.applies(scene)]
-    costly = [i for i in fit if i.runs]
-    picked = {id(costly[k]) for k in rng.permutation(len(costly))[:DRAWN]}
-    return [i for i in fit if not i.runs or id(i) in picked]
+    families: dict[str, list[Invariant]] = {}
+    for i in fit:
+        if i.runs:
+            families.setdefault(i.name.partition(":")[0], []).append(i)
+    laws = list(families.values())
+    picked = [laws[k][rng.integers(len(laws[k]))] for k in rng.permutation(len(laws))[:DRAWN]]
+    return [i for i in fit if not i.runs] + picked
 
 
 def row_of(invariant: Invariant, scene: Scene, story: Story, rng: np.random.Generator) -> Row:

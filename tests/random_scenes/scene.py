@@ -58,7 +58,7 @@ class Scene:
         folder.mkdir(parents=True, exist_ok=True)
         doc = self.copied_doc()
         for body, shape in self.shapes.items():
-            if self.moved is None and (rectangle := rectangle_of(self.recipes[body])):
+            if self.wants_rectangles and (rectangle := rectangle_of(self.recipes[body])):
                 doc["bodies"][body] = {"mesh": {"rectangle": rectangle}, **doc["bodies"][body]}
                 continue
             file = f"{name}.{body}.msh"
@@ -76,6 +76,12 @@ class Scene:
     def checked(self, folder: Path) -> Scenario:
         """The scenario as the coupler reads it.  Raises ScenarioError where it is refused."""
         return load_scenario(self.written(folder))
+
+    @property
+    def wants_rectangles(self) -> bool:
+        """Whether a half takes rectangles alone; such a scene can be neither turned nor renumbered, and its nodes have
+        the coupler's order, not that of `shapes`."""
+        return "rod" in (self.doc["thermal"].get("half"), self.doc["mechanical"]["half"])
 
     @property
     def pairs(self) -> Mapping[str, Mapping[str, Any]]:
