@@ -39,3 +39,22 @@ def two_blocks(gap: float = 0.0, push: float | dict[str, Any] = -2e-5, *, end: f
            "coupling": {"end": end, "windows": [{"until": end, "size": size}]}}
     recipes = {"lower": box(0, 0, 0.04, 0.02, (6, 3)), "upper": box(0.005, 0.02 + gap, 0.03, 0.02, (5, 3))}
     return Scene(doc, recipes).edited(**values)
+
+
+def corner(gap: float, *, end: float = 8.0, size: float = 1.0, gap_max: float = 0.01) -> Scene:
+    """A block (600 K) that rests on a floor and stands `gap` [m] beside a wall (300 K both): two pairs share its corner."""
+    doc = {"slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
+           "materials": {"steel": {**STEEL, "alpha": 0}},
+           "bodies": {"floor": {"material": "steel", "T0": 300}, "wall": {"material": "steel", "T0": 300},
+                      "block": {"material": "steel", "T0": 600}},
+           "contact": {name: {"slave": f"block.{side}", "master": master, "gap_max": gap_max, "conduction": {
+               "closed": {"law": "constant", "h": 2e4}, "open": {"law": "constant", "h": 20}}}
+               for name, side, master in (("below", "bottom", "floor.top"), ("beside", "left", "wall.right"))},
+           "thermal": {"method": "backward_euler"},
+           "mechanical": {"half": "elastic", "elastic": {"boundary": [
+               {"on": "floor.bottom", **HELD}, {"on": "wall.left", **HELD},
+               {"on": "block.top", "u_x": 0, "u_y": {"t": [0, end / 2], "value": [0, -2e-6]}}]}},
+           "coupling": {"end": end, "windows": [{"until": end, "size": size}]}}
+    recipes = {"floor": box(0, -0.01, 0.05, 0.01, (5, 2)), "wall": box(-0.01 - gap, 0, 0.01, 0.04, (2, 4)),
+               "block": box(0, 0, 0.04, 0.03, (4, 3))}
+    return Scene(doc, recipes)
