@@ -42,7 +42,7 @@ def two_blocks(gap: float = 0.0, push: float | dict[str, Any] = -2e-5, *, end: f
 
 
 def corner(gap: float, *, end: float = 8.0, size: float = 1.0, gap_max: float = 0.01) -> Scene:
-    """A block (600 K) that rests on a floor and stands `gap` [m] beside a wall (300 K both): two pairs share its corner."""
+    """A block (600 K) on a floor and `gap` [m] beside a wall (300 K both): two pairs share its corner."""
     doc = {"slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
            "materials": {"steel": {**STEEL, "alpha": 0}},
            "bodies": {"floor": {"material": "steel", "T0": 300}, "wall": {"material": "steel", "T0": 300},

@@ -1,4 +1,4 @@
-"""Laws of contact: bodies do not go through each other, however long the windows are, and what is open does not press."""
+"""Laws of contact: bodies do not go through each other in any windows, and what is open does not press."""
 
 from __future__ import annotations
 
@@ -96,8 +96,8 @@ def passing(story: Story, about: str = "") -> list[Finding]:
                     limits += tip_depths(story, pair, nodes, x, line)
                 if k and (excess := deep / limits).max() > 1.0:
                     i = int(excess.argmax())
-                    what = (f"{about}pair {pair.name}: node {nodes[i]} of {own} lies {deep[i]:.4g} m deep in {other} at "
-                            f"t = {times[k]:.6g} s, where {limits[i] - floor:.4g} m are told")
+                    what = (f"{about}pair {pair.name}: node {nodes[i]} of {own} lies {deep[i]:.4g} m deep in {other} "
+                            f"at t = {times[k]:.6g} s, where {limits[i] - floor:.4g} m are told")
                     worst["deep"] = max(worst.get("deep", (0.0, "")), (float(excess[i]), what))
                 if k and np.abs(x - places[k - 1]).max() > allowed:
                     before = places[k - 1]
@@ -117,9 +117,9 @@ def _pairs(scene: Scene) -> bool:
 
 
 PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story))
-"""Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (of the gap where
-no force acts), half more since it is a mean over what a node faces, and where a flank meets the other side at a slope
-what contact between Gauss points does not feel (docs/contact.md).  Nor does a node's straight way in a window lead
+"""Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where no
+force acts), half more since it is a mean over what a node faces, and where a flank meets the other side at a slope what
+contact between Gauss points does not feel (docs/contact.md).  Nor does a node's straight way in a window lead
 through a body, out of which both of its ends lie.  From the coordinates alone, by the crossing number of polygons.
 """
 
@@ -170,8 +170,8 @@ def _same_order(scene: Scene, story: Story, rng: np.random.Generator) -> list[Fi
                 does, should = ("presses", "is apart") if states[k] else ("is apart", "presses")
                 findings.append(Finding(
                     f"in windows ten times as long pair {name} {does} at t = {t:.6g} s; in short ones it {should} from "
-                    f"{max(t - step, 0.0):.6g} to {t + step:.6g} s", 2.0, (*THROUGH, "up and down", "gap", "touch", "windows"),
-                    other))
+                    f"{max(t - step, 0.0):.6g} to {t + step:.6g} s", 2.0,
+                    (*THROUGH, "up and down", "missed a touch", "did not notice"), other))
                 break
     return findings
 
@@ -182,9 +182,9 @@ def _pairs_in_windows(scene: Scene) -> bool:
 
 
 LONGER_WINDOWS = Invariant("long windows tell the same", _pairs_in_windows, _same_order)
-"""In windows ten times as long bodies do not pass through each other either, and what touches, presses and parts does so
-in the same order: at the end of a long window a pair is in the state in which the short windows have it for a long window
-on either side.  A run that fails says why, and that is right.
+"""In windows ten times as long bodies do not pass through each other either, and what touches, presses and parts does
+so in the same order: at the end of a long window a pair is in the state in which the short windows have it for a long
+window on either side.  A run that fails says why, and that is right.
 """
 
 
@@ -221,8 +221,8 @@ def _open_does_not_press(scene: Scene, story: Story, rng: np.random.Generator) -
         if off.max() > allowed:
             k, i = np.unravel_index(int(off.argmax()), off.shape)
             findings.append(Finding(
-                f"pair {pair.name} is {apart:.4g} m apart at least, but its closed law moves node {i} by {off[k, i]:.4g} K "
-                f"at t = {story.t[k]:.6g} s", float(off[k, i] / allowed), CORNER))
+                f"pair {pair.name} is {apart:.4g} m apart at least, but its closed law moves node {i} by "
+                f"{off[k, i]:.4g} K at t = {story.t[k]:.6g} s", float(off[k, i] / allowed), CORNER))
     return findings
 
 

@@ -43,7 +43,7 @@ class Swing:
 
 
 def quantities(story: Story) -> Mapping[str, Floats]:
-    """Temperature (n, n_nodes) [K], gap and pressure (n, n_s) [m], [Pa] at every level; a gap nobody faces stands still."""
+    """Temperature (n, n_nodes) [K], gap and pressure (n, n_s) [m], [Pa] at every level; a gap of gap_max is 0."""
     gap = np.array([level.gap for level in story.levels])
     if gap.size:
         reach = max(pair.gap_max for pair in story.interface.pairs)
@@ -144,10 +144,8 @@ def _without_cycles(scene: Scene, story: Story, rng: np.random.Generator) -> lis
     if not cycles_in(story, None):
         return []
     factor = min(FINER, MOST_WINDOWS // len(story.t))
-    if factor >= FINER // 2:
-        other = finer(scene, story, factor)
-    else:
-        other = scene.edited(coupling__scheme="iterated")
+    enough = factor >= FINER // 2
+    other = finer(scene, story, factor) if enough else scene.edited(coupling__scheme="iterated")
     reference = told(other)
     return cycles_in(story, reference) if reference.outcome == COMPLETED else []
 
@@ -161,9 +159,10 @@ CYCLES = Invariant("no cycles", _at_rest_some_time, _without_cycles)
 """Data are straight lines in time, and after the last change a scene without inertia goes to rest: temperature, gap and
 pressure that go up and down window by window, or in cycles of 2 to 7 windows that do not die, are the method's.
 
-Suspect is what alternates over 4 windows or more by over 0.1 % of its range, or after the last change turns as often as a
-period of 7 windows does and loses less than half in that.  It is a finding where the scene in windows an eighth as long (iterated, where
-those are too many) does not do so: off by half an increment for what alternates, by 5 % of the range for a lasting cycle.
+Suspect is what alternates over 4 windows or more by over 0.1 % of its range, or after the last change turns as often as
+a period of 7 windows does and loses less than half in that.  It is a finding where the scene in windows an eighth as
+long (iterated, where those are too many) does not do so: off by half an increment for what alternates, by 5 % of the
+range for a lasting cycle.
 """
 
 INVARIANTS: Sequence[Invariant] = (CYCLES,)

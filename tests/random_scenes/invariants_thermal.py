@@ -91,7 +91,7 @@ def bounds_of(story: Story, bodies: tuple[str, ...]) -> Bounds:
 # Whether the mesh keeps the maximum principle: off-diagonals of conduction, with films and contact, are not positive.
 
 def gradients(x: Floats, cells: NDArray[Any], axisymmetric: bool) -> tuple[Floats, Floats]:
-    """Gradients (n_e, n_q, n_n, 2) [1/m] of linear shape functions and volumes (n_e, n_q) of cells at x : (n, 2) [m]."""
+    """Gradients (n_e, n_q, n_n, 2) [1/m] of shape functions and volumes (n_e, n_q) of cells at x : (n, 2) [m]."""
     if cells.shape[1] == 3:
         N = np.full((1, 3), 1.0 / 3.0)
         dN = np.array([[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]])
@@ -262,8 +262,8 @@ MAXIMUM = Invariant("maximum principle", lambda scene: True, _within_data)
 the time seen (the maximum principle of div(k grad T) = rho c dT/dt with films, contact and radiation, melting too:
 enthalpy rises with temperature).  A source that only heats leaves the lower bound, one that only cools the upper one.
 
-In exact time it holds on a mesh whose matrix has no positive off-diagonal (an M-matrix; Ciarlet & Raviart 1973): 1e-6 of
-the span is asked there, far above Newton's tolerance of 1e-10; elsewhere 1e-3, the least that would be seen in a picture.
+In exact time it holds on a mesh whose matrix has no positive off-diagonal (an M-matrix; Ciarlet & Raviart 1973): 1e-6
+of the span is asked there, far above Newton's tolerance of 1e-10; elsewhere 1e-3, the least that would be seen.
 The scene is also run in windows of 1e-4 to 1e4 h^2/a, a factor drawn anew.  Nothing is ever below 0 K.
 """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ def outline_of(interface: Interface, body: str) -> Ints:
 
 
 def inside(points: Floats, a: Floats, b: Floats) -> NDArray[np.bool_]:
-    """Whether points (n, 2) lie inside the closed polygons of edges from a to b : (m, 2); how often a ray crosses them."""
+    """Whether points (n, 2) lie inside the polygons of edges a to b : (m, 2), by how often a ray crosses them."""
     x, y = points[:, :1], points[:, 1:]
     over = (a[:, 1] > y) != (b[:, 1] > y)
     rise = np.where(a[:, 1] == b[:, 1], 1.0, b[:, 1] - a[:, 1])
@@ -86,7 +87,7 @@ def jumped(points: tuple[Floats, Floats], a: tuple[Floats, Floats], b: tuple[Flo
     crossings = []
     for i, times in enumerate(found):
         times.sort()
-        for first, last in zip(times, times[1:], strict=False):
+        for first, last in pairwise(times):
             s = 0.5 * (first + last)
             now, from_, to = ((1.0 - s) * v[0] + s * v[1] for v in (points, a, b))
             deep = float(depth(now[i:i + 1], from_, to)[0])
