@@ -117,9 +117,9 @@ def _pairs(scene: Scene) -> bool:
 
 
 PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story))
-"""Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where no
-force acts), half more since it is a mean over what a node faces, and where a flank meets the other side at a slope what
-contact between Gauss points does not feel (docs/contact.md).  Nor does a node's straight way in a window lead
+"""Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where
+no force acts), half more since it is a mean over what a node faces, and where a flank meets the other side at a slope
+what contact between Gauss points does not feel (docs/contact.md).  Nor does a node's straight way in a window lead
 through a body, out of which both of its ends lie.  From the coordinates alone, by the crossing number of polygons.
 """
 

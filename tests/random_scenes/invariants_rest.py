@@ -101,9 +101,10 @@ def _solid(scene: Scene) -> bool:
 
 
 REST = Invariant("rest", _solid, _rests)
-"""A scene at one temperature, that of its surroundings and of its materials free of stress, without loads and motion, stays
-as it is: temperature to 1e-9, places to 1e-10 of its size, stress and pressure to 1e-8 of E, all far above what the
-solvers' tolerances leave.  Of bodies that overlap in the mesh only temperature is looked at.  Melts shrink by themselves.
+"""A scene at one temperature, that of its surroundings and of its materials free of stress, without loads and motion,
+stays as it is: temperature to 1e-9, places to 1e-10 of its size, stress and pressure to 1e-8 of E, all far above what
+the solvers' tolerances leave.  Of bodies that overlap in the mesh only temperature is looked at.  Melts are left out:
+they shrink by themselves.
 """
 
 
@@ -149,8 +150,8 @@ def stress_of_nothing(story: Story) -> list[Finding]:
         most = np.abs(sigma[:until, of_cell == number]).max(initial=0.0)
         if most > STRESS * E:
             findings.append(Finding(
-                f"nothing touches or pulls {body} up to t = {story.t[until - 1]:.6g} s, but its stress is {most:.4g} Pa, "
-                f"{most / E:.2g} of E", float(most / (STRESS * E)), RESTLESS, story))
+                f"nothing touches or pulls {body} up to t = {story.t[until - 1]:.6g} s, but its stress is "
+                f"{most:.4g} Pa, {most / E:.2g} of E", float(most / (STRESS * E)), RESTLESS, story))
     return findings
 
 

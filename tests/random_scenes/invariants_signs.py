@@ -30,13 +30,14 @@ def _model(story: Story, half: str) -> Mapping[str, Any]:
     return story.scenario.models[half]
 
 
-def _worst(story: Story, what: str, unit: str, beyond: Floats, allowed: float, named_by: tuple[str, ...]) -> list[Finding]:
+def _worst(story: Story, what: str, unit: str, beyond: Floats, allowed: float,
+           named_by: tuple[str, ...]) -> list[Finding]:
     """A finding of the largest of beyond : (n, m), where it is more than allowed."""
     if not beyond.size or not beyond.max() > allowed:
         return []
     k, i = np.unravel_index(int(beyond.argmax()), beyond.shape)
-    return [Finding(f"{what} {i} by {beyond[k, i]:.4g} {unit} at t = {story.t[k]:.6g} s, where {allowed:.2g} {unit} are "
-                    "round-off", float(beyond[k, i] / max(allowed, 1e-300)), named_by)]
+    return [Finding(f"{what} {i} by {beyond[k, i]:.4g} {unit} at t = {story.t[k]:.6g} s, where {allowed:.2g} {unit} "
+                    "are round-off", float(beyond[k, i] / max(allowed, 1e-300)), named_by)]
 
 
 # Contact presses, friction brakes, work heats.
@@ -52,9 +53,9 @@ PRESSURE = Invariant("contact presses", lambda scene: bool(scene.pairs), _pressi
 def friction_excess(story: Story, pair: Pair) -> Floats:
     """(n, n_slave) [Pa] by how much |t_T| of a slave node exceeds Coulomb's bound; 0 where that can not be told.
 
-    Told is t_T = before + mean(tau - before) over what the node touches, `before` linear between nodes: so it may exceed
-    the mean of tau by what `before` differs to its neighbours.  Nodes are looked at that touch with all they face: both
-    neighbours press at all, and their own gap is not open.
+    Told is t_T = before + mean(tau - before) over what the node touches, `before` linear between nodes: so it may
+    exceed the mean of tau by what `before` differs to its neighbours.  Nodes are looked at that touch with all they face:
+    they and both neighbours press, and no gap of theirs is open.
     """
     interface, surface = story.interface, story.interface.surfaces[pair.slave]
     nodes = np.unique(surface)
@@ -89,8 +90,8 @@ def _coulomb(scene: Scene, story: Story, rng: np.random.Generator) -> list[Findi
 
 
 COULOMB = Invariant("Coulomb's bound", lambda scene: any(p.get("friction") for p in scene.pairs.values()), _coulomb)
-"""|t_T| <= mu |t_N| at nodes that touch with all they face, to round-off and to what the memory of shear at nodes may differ
-from its mean (friction_excess derives it).
+"""|t_T| <= mu |t_N| at nodes that touch with all they face, to round-off and to what the memory of shear at nodes may
+differ from its mean (friction_excess derives it).
 """
 
 
@@ -145,7 +146,9 @@ def loads_on(story: Story, k: int, side: int) -> dict[str, Floats]:
         for c, axis in enumerate("xy"):
             for kind, share in (("t", None), ("f", 1.0), ("b", V[body])):
                 if entry.get(f"{kind}_{axis}") is not None:
-                    size = _edge_forces(story, interface.surfaces[place], interface.nodes)[0] if share is None else share
+                    size = share
+                    if size is None:
+                        size = _edge_forces(story, interface.surfaces[place], interface.nodes)[0]
                     found[body][c] += signal_at(entry[f"{kind}_{axis}"], t, side) * size
         if entry.get("pressure") is not None:
             normal = _edge_forces(story, interface.surfaces[place], story.x[k])[1]
@@ -176,6 +179,7 @@ def unbalanced(story: Story) -> list[Finding]:
     floor = FORCE_FLOOR * stiffest(story) * size_of(story)
     axes = [1] if interface.axisymmetric else [0, 1]
     ring = 2.0 * np.pi * float(interface.nodes[:, 0].max()) if interface.axisymmetric else 1.0
+    tolerance = TIMES_TOLERANCE * model["tolerance"] * np.sqrt(len(interface.nodes))
     for k in range(len(story.t)):
         loads = [loads_on(story, k, side) for side in (-1, 1)]
         inner = float(np.abs(story.extra["mechanical.sigma"][k]).max()) * size_of(story) * ring
@@ -183,10 +187,10 @@ def unbalanced(story: Story) -> list[Finding]:
             held = sum((story.extra[f"mechanical.reaction.{b}"][k] for b in bodies), np.zeros(2))
             off = min(float(np.abs((held + sum(side[b] for b in bodies))[axes]).max()) for side in loads)
             outer = sum(float(np.abs(side[b]).max()) for side in loads for b in bodies)
-            allowed = TIMES_TOLERANCE * model["tolerance"] * np.sqrt(len(interface.nodes)) * max(inner, outer, floor * ring)
+            allowed = tolerance * max(inner, outer, floor * ring)
             if off / allowed > worst[0]:
-                worst = (off / allowed, f"supports and loads of {', '.join(bodies)} are {off:.4g} N out of balance at t = "
-                         f"{story.t[k]:.6g} s, where {allowed:.2g} N are the solver's tolerance")
+                worst = (off / allowed, f"supports and loads of {', '.join(bodies)} are {off:.4g} N out of balance at "
+                         f"t = {story.t[k]:.6g} s, where {allowed:.2g} N are the solver's tolerance")
     return [Finding(worst[1], worst[0], ("out of balance", "equilibrium"))] if worst[1] else []
 
 
@@ -200,8 +204,8 @@ FORCES = Invariant("forces add up", _static, lambda scene, story, rng: unbalance
 """Without inertia, what holds a group of bodies that press on each other and what loads it add up to nothing: supports
 (mechanical.reaction), tractions and body forces on the reference, pressure on the current surface, weight, forces.  To
 ten times the tolerance of the force residual, of the largest of inner force, loads and 1e-4 E L, for the square root of
-the number of nodes (the residual is a norm over them, the sum is not).  Bodies that touch nothing stand alone, so a pair
-that is apart passes no force.  About an axis only the sum along it is 0.
+the number of nodes (the residual is a norm over them, the sum is not).  Bodies that touch nothing stand alone, so a
+pair that is apart passes no force.  About an axis only the sum along it is 0.
 """
 
 
@@ -262,9 +266,9 @@ def heat_lost(story: Story) -> list[Finding]:
 
 HEATS = Invariant("heats add up", lambda scene: scene.doc["thermal"].get("method") != "steady",
                   lambda scene, story, rng: heat_lost(story))
-"""What crosses all surfaces, sources and work add up to what is stored, to ten times the tolerance of Newton's method (1e-10
-of the terms of each step); and where rho and c are numbers and nothing melts, what a body stores is int rho c (T - T0) dV0
-by its temperatures, to 1e-9 of its content.
+"""What crosses all surfaces, sources and work add up to what is stored, to ten times the tolerance of Newton's method
+(1e-10 of the terms of each step); and where rho and c are numbers and nothing melts, what a body stores is
+int rho c (T - T0) dV0 by its temperatures, to 1e-9 of its content.
 """
 
 
@@ -294,9 +298,9 @@ def _isolated(scene: Scene) -> bool:
 
 
 ENTROPY_RISES = Invariant("entropy does not fall", _isolated, lambda scene, story, rng: entropy_fall(story))
-"""Entropy, the sum of int rho c ln T dV0, of a scene that no heat enters or leaves does not fall in any window (second law);
-heat of friction and of flow only adds to it.  A midpoint step keeps it to third order in the differences of temperature:
-1e-3 of what levelling them would gain is allowed.
+"""Entropy, the sum of int rho c ln T dV0, of a scene that no heat enters or leaves does not fall in any window (second
+law); heat of friction and of flow only adds to it.  A midpoint step keeps it to third order in the differences of
+temperature: 1e-3 of what levelling them would gain is allowed.
 """
 
 INVARIANTS: Sequence[Invariant] = (PRESSURE, COULOMB, DISSIPATION, FORCES, HEATS, ENTROPY_RISES)

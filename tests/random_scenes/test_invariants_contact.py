@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import contact.half.contact_client
 import thermal_fmu.contact_quadrature
 from random_scenes.by_hand import HELD, box, corner, two_blocks
 from random_scenes.direct_half import DirectHalf
 from random_scenes.invariants_contact import LONGER_WINDOWS, OPEN, PASSING
 from random_scenes.outlines import depth, jumped, outline_of
+from random_scenes.planted import pairs_otherwise
 from random_scenes.scene import Scene
 from random_scenes.story import told
 
@@ -49,12 +49,7 @@ def test_bodies_that_meet_are_right(law, scene):
 
 
 def test_a_penalty_that_is_not_the_one_told_is_found(monkeypatch):
-    right = contact.half.contact_client.register_message
-
-    def softer(interface):
-        return right(replace(interface, pairs=tuple(replace(p, eps_N=p.eps_N / 30) for p in interface.pairs)))
-
-    monkeypatch.setattr(contact.half.contact_client, "register_message", softer)
+    pairs_otherwise(monkeypatch, eps_N=1 / 30)
     scene = two_blocks(push=-2e-4)
     found = PASSING.check(scene, told(scene), RNG)
     assert found
