@@ -171,7 +171,7 @@ def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[
     #   thermal_fmu/test_thermal_radiation
     strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m - 1.0)
     q = strength * (_fourth(T_s) - _fourth(T_m))
-    per_resistance = q * strength / (sigma * group.area)
+    per_resistance = q / (1.0 / eps_s + 1.0 / eps_m - 1.0)  # a point may have no area
     dq_s = 4.0 * strength * np.abs(T_s) ** 3 + per_resistance * deps_s / eps_s**2
     # fault: derivative of the master's emissivity forgotten -> dq_m = -4.0 * strength * np.abs(T_m) ** 3 + 0.0 *
     #   per_resistance | thermal_fmu/test_thermal_fields

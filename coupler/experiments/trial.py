@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from contact.half.build import package_directory
 from contact.half.entry import sources_hash
@@ -97,7 +96,7 @@ def run_trial(scenario: Scenario, deadline: float = float("inf"),
     """
     pace: list[float] = []
     started = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="slideline-trial-") as folder, threadpool_limits(1):
+    with tempfile.TemporaryDirectory(prefix="slideline-trial-") as folder:
         out, failed = Path(folder) / "run.h5", ""
         try:
             with Run(scenario, out) as run:

@@ -12,6 +12,7 @@ from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
@@ -76,6 +77,11 @@ class Run:
         with ExitStack() as stack:
             stack.enter_context(self._interrupts)
             launched = stack.enter_context(launch(self.scenario, processes=self.processes))
+            # As in processes of their own: BLAS rounds otherwise on more threads, and on matrices of this size waits
+            # for them more than it gains.  After the launch, for it holds for libraries that are loaded.
+            # fault: halves in the caller's process run on as many threads of BLAS as there are -> pass |
+            #   coupler/test_threads
+            stack.enter_context(threadpool_limits(1))
             self.plan, interface = plan_of(self.scenario), self.scenario.interface
             self.halves = halves_of(launched.thermal, launched.mechanical, self.plan, interface)
             check_halves(launched.thermal, launched.mechanical, self.scenario)

@@ -31,13 +31,15 @@ class Invariant:
     """A law.
 
     name : its word.  applies : whether it says anything about a scene, from the scene alone.
-    check : the scene, its story (completed) and a generator of random numbers -> what does not hold.  It may run changed
-    scenes (story.told); the same numbers give the same answer.
+    check : the scene, its story (completed) and a generator of random numbers -> what does not hold.  It may run
+    changed scenes (story.told); the same numbers give the same answer.
+    runs : about how many scenes a check runs; those that run none are checked in every scene.
     """
 
     name: str
     applies: Callable[[Scene], bool]
     check: Callable[[Scene, Story, np.random.Generator], Sequence[Finding]]
+    runs: int = 1
 
     def __str__(self) -> str:
         return self.name

@@ -58,6 +58,9 @@ class Scene:
         folder.mkdir(parents=True, exist_ok=True)
         doc = self.copied_doc()
         for body, shape in self.shapes.items():
+            if self.wants_rectangles and (rectangle := rectangle_of(self.recipes[body])):
+                doc["bodies"][body] = {"mesh": {"rectangle": rectangle}, **doc["bodies"][body]}
+                continue
             file = f"{name}.{body}.msh"
             shape.write(folder / file)
             doc["bodies"][body] = {"mesh": {"file": {"path": file, "region": "cells"}}, **doc["bodies"][body]}
@@ -75,9 +78,27 @@ class Scene:
         return load_scenario(self.written(folder))
 
     @property
+    def wants_rectangles(self) -> bool:
+        """Whether a half takes rectangles alone; such a scene can be neither turned nor renumbered, and its nodes have
+        the coupler's order, not that of `shapes`."""
+        return "rod" in (self.doc["thermal"]["half"], self.doc["mechanical"]["half"])
+
+    @property
     def pairs(self) -> Mapping[str, Mapping[str, Any]]:
         return self.doc.get("contact", {})
 
     @property
     def axisymmetric(self) -> bool:
         return self.doc["geometry"] == "axisymmetric"
+
+
+def rectangle_of(recipe: Mapping[str, Any]) -> dict[str, Any]:
+    """The rectangle of a scenario that a recipe stands for, or nothing where it is none."""
+    if "patch" not in recipe or recipe.get("jitter") or recipe.get("triangles") == "mixed":
+        return {}
+    a, b, c, d = recipe["patch"]
+    if a[1] != b[1] or b[0] != c[0] or c[1] != d[1] or d[0] != a[0]:
+        return {}
+    found = {"origin": list(a), "size": [float(f"{u - v:.12g}") for u, v in zip(c, a, strict=True)],
+             "cells": list(recipe["cells"])}
+    return found | {k: recipe[k] for k in ("grading", "triangles") if k in recipe}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler import CouplingError, HalfError, Results, Run, ScenarioError
+from coupler.record.tables import ERROR_FIELDS
 from coupler.scenario import Scenario
 from coupler.schemes.state import Level
 from random_scenes.direct_half import without_fmus
@@ -22,7 +24,8 @@ from random_scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
-MOST_WINDOWS = 400  # tried ones; a scene that wants more is left: it is not small
+MOST_WINDOWS = 200  # tried ones; a scene that wants more is left: it is not small
+MOST_SECONDS = 20.0
 
 
 class TooLongError(Exception):
@@ -36,6 +39,7 @@ class Story:
     outcome : refused (by the check of the scenario), failed (with a message), completed.  message : its words.
     words : all notes and warnings that a user is shown, before, during and after the run.
     levels : at the start and the end of every accepted window.  extra : output of a half -> its values then.
+    errors : quantity (coupler.record.tables.ERROR_FIELDS) -> estimated error of every accepted window, nan if unknown.
     """
 
     scene: Scene
@@ -48,6 +52,7 @@ class Story:
     probes: Mapping[str, Floats] = field(default_factory=dict)
     ledger: Mapping[str, Floats] = field(default_factory=dict)
     imbalance: float = 0.0
+    errors: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def interface(self) -> Interface:
@@ -98,8 +103,10 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
         probes: dict[str, Floats] = {}
         ledger: dict[str, Floats] = {}
         imbalance = 0.0
+        errors: dict[str, Floats] = {}
         outcome, message = COMPLETED, ""
         said = io.StringIO()
+        started = time.perf_counter()
         try:
             with without_fmus(), redirect_stderr(said):
                 with Run(scenario, folder / "run.h5") as run:
@@ -117,17 +124,28 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                         words += progress.notes
                         if run.state.now.t > levels[-1].t:
                             keep()
-                        if number >= most:
-                            raise TooLongError(f"{number} windows tried, at t = {run.state.now.t:.6g} s")
+                        if number >= most or time.perf_counter() - started > MOST_SECONDS:
+                            raise TooLongError(f"{number + 1} windows tried, at t = {run.state.now.t:.6g} s")
                 results = Results(folder / "run.h5")
                 words += results.notes
                 probes = {n: results.probe(n)[1] for n in results.probe_names}
                 ledger = {k: np.asarray(v) for k, v in results.ledger_history()[1].items()}
                 imbalance = results.heat_imbalance
+                errors = _errors(results)
         except (CouplingError, HalfError, ScenarioError) as error:
             outcome, message = FAILED, str(error)
         except TooLongError as error:
             outcome, message = FAILED, f"too long for a small scene: {error}"
         words += [line for line in said.getvalue().splitlines() if line]
         return Story(scene, outcome, message, tuple(dict.fromkeys(words)), scenario, tuple(levels),
-                     {n: tuple(v) for n, v in extra.items()}, probes, ledger, imbalance)
+                     {n: tuple(v) for n, v in extra.items()}, probes, ledger, imbalance, errors)
+
+
+def _errors(results: Results) -> dict[str, Floats]:
+    """Quantity -> estimated error of every accepted window (n,) [K, m, J, m], nan where it is not known."""
+    found = {}
+    for name, _ in ERROR_FIELDS[1:]:
+        rows = np.full(len(results.windows), np.nan)
+        rows[results.errors["window"]] = results.errors[name]
+        found[name] = rows[results.windows.taken]
+    return found

@@ -1,0 +1,200 @@
+"""The answer of a changed scene carried back and held against that of the scene itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from contact.problem.mechanical import Solution
+from random_scenes.change import Changed
+from random_scenes.declared import form_of
+from random_scenes.invariant import Finding
+from random_scenes.scene import Scene
+from random_scenes.shapes import Floats, Ints
+from random_scenes.story import COMPLETED, Story
+
+LEAST = 1e-9  # of a range: no answer is asked to agree better
+SOLVED = 10.0  # times the tolerance of a solver: two runs stop on either side of it, and what they leave adds up
+ROUND_OFF = 1e-14  # of the largest number that took part, some fifty times the machine's
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How nearly two runs of one scene agree: of the range of each quantity, and beside that in its unit.
+
+    relative : of any quantity.  t_N : of pressures.  T [K], x [m], heat [J]: what tolerances of the document allow.
+    """
+
+    relative: float
+    t_N: float
+    T: float = 0.0
+    x: float = 0.0
+    heat: float = 0.0
+
+
+def agreement(scene: Scene) -> Agreement:
+    """What the tolerances of a scene allow: of the solvers ten times, of iterations and adaptive windows the same.
+
+    An iteration ends where a window's change is met to rtol, so what two runs end with differs by rtol of the range at
+    most; an adaptive window or inner step may be taken in one run and refused in the other.
+    """
+    file = form_of(scene.doc)
+    elastic = file.mechanical.elastic if file.mechanical.half == "elastic" else None
+    relative = max(LEAST, SOLVED * file.thermal.tolerance)
+    t_N, T, x, heat = 0.0, 0.0, 0.0, 0.0
+    if elastic is not None:
+        # Explicit steps solve nothing.
+        relative = max(relative, SOLVED * elastic.tolerance if elastic.method is not Solution.EXPLICIT else 0.0)
+        x += SOLVED * elastic.skip.u if elastic.skip is not None else 0.0
+        t_N = max([0.0, *(SOLVED * p.augmented.tolerance for p in file.contact.values() if p.augmented is not None)])
+    if file.thermal.adaptive is not None:
+        T += SOLVED * (file.thermal.adaptive.tolerance or 0.0)
+    coupling = file.coupling
+    if coupling.scheme.value in ("iterated", "auto") or coupling.on_cycle is not None or coupling.adaptive is not None:
+        ends = coupling.iteration.tolerance
+        relative = max(relative, SOLVED * max(ends.temperature.rtol, ends.gap.rtol, ends.pressure.rtol))
+        T, x = T + SOLVED * ends.temperature.atol, x + SOLVED * ends.gap.atol
+    if coupling.adaptive is not None:
+        error = coupling.adaptive.tolerance
+        relative = max(relative, SOLVED * max(error.temperature.rtol, error.gap.rtol, error.heat.rtol))
+        T, x, heat = (T + SOLVED * error.temperature.atol, x + SOLVED * error.displacement.atol,
+                      heat + SOLVED * error.heat.atol)
+    return Agreement(relative, max(relative, t_N), T, x, heat)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What is not the same: words with numbers, and the difference over what is allowed."""
+
+    what: str
+    size: float
+
+
+def differences(old: Story, changed: Changed, new: Story, allowed: Agreement | None = None) -> list[Difference]:
+    """Every quantity of two completed runs that differs by more than is allowed: T, x, t_N, probes, ledger."""
+    allowed = agreement(old.scene) if allowed is None else allowed
+    return [d for d in _all(old, changed, new, allowed) if d.size > 1.0]
+
+
+def findings(old: Story, changed: Changed, new: Story, named_by: tuple[str, ...] = (),
+             allowed: Agreement | None = None) -> list[Finding]:
+    """The same as findings, the worst alone; and one where only the changed scene does not end well."""
+    if new.outcome != COMPLETED:
+        return [Finding(f"{changed.what} it is {new.outcome}: {new.message}", float("inf"), named_by, new)]
+    found = differences(old, changed, new, allowed)
+    if not found:
+        return []
+    worst = max(found, key=lambda d: d.size)
+    return [Finding(f"{changed.what}: " + "; ".join(d.what for d in found), worst.size, named_by, new)]
+
+
+def numbers_of(old: Story, changed: Changed, new: Story) -> Ints:
+    """(n_nodes,) number in the new run of each node of the old one."""
+    number = np.empty(old.T.shape[1], dtype=np.int64)
+    for body in old.interface.bodies:
+        there = new.nodes_of(body)
+        number[old.nodes_of(body)] = there[changed.order[body]] if body in changed.order else there
+    return number
+
+
+def _all(old: Story, changed: Changed, new: Story, allowed: Agreement) -> Iterator[Difference]:
+    number = numbers_of(old, changed, new)
+    a, b = _common(old, changed, new)
+    # Temperatures
+    T = new.T[b][:, number]
+    yield _worst("T", "K", old.T[a], T, allowed.relative * float(np.ptp(old.T)) + allowed.T
+                 + ROUND_OFF * float(np.abs(old.T).max()) * len(old.t), old.t[a])
+    # Displacements, turned back
+    x = (new.x[b][:, number] / changed.length - changed.shift) @ changed.turn
+    u, moved = old.x - old.x[0], float(np.abs(old.x - old.interface.nodes).max())
+    far = max(float(np.abs(old.x).max()), float(np.abs(new.x).max()) / changed.length)
+    yield _worst("x", "m", old.x[a], x, allowed.relative * max(float(np.abs(u).max()), moved) + allowed.x
+                 + ROUND_OFF * far, old.t[a])
+    # Pressures: what round-off of a place does, its penalty makes a pressure of
+    if old.t_N.size:
+        place = np.searchsorted(new.interface.contact_nodes, number[old.interface.contact_nodes])
+        eps_N = max((p.eps_N for p in old.interface.pairs), default=0.0)
+        yield _worst("t_N", "Pa", old.t_N[a], new.t_N[b][:, place] * changed.length,
+                     allowed.t_N * float(np.abs(old.t_N).max()) + eps_N * (allowed.x + ROUND_OFF * far), old.t[a])
+    # Probes that mean the same
+    if len(a) == len(old.t):
+        for name in old.probes.keys() & new.probes.keys() & changed.probes.keys():
+            yield from _probe(name, old, changed, new, a, b, allowed, far)
+    yield from _ledger(old, changed, new, a, b, allowed)
+
+
+def _common(old: Story, changed: Changed, new: Story) -> tuple[Ints, Ints]:
+    """Numbers of levels of both runs at the same times; where windows differ, the last ones alone."""
+    late = np.flatnonzero(new.t >= changed.lead * (1.0 - 1e-12))
+    same = len(late) == len(old.t) and np.allclose(new.t[late] - changed.lead, old.t, rtol=0.0,
+                                                   atol=1e-9 * old.t[-1])
+    if same:
+        return np.arange(len(old.t)), late
+    return np.array([len(old.t) - 1]), np.array([len(new.t) - 1])
+
+
+def _worst(name: str, unit: str, old: Floats, new: Floats, allowed: float, t: Floats) -> Difference:
+    off = np.abs(new - old)
+    at = np.unravel_index(int(off.argmax()), off.shape)
+    worst, scale = float(off[at]), float(np.abs(old).max())
+    return Difference(f"{name} differs by {worst:.3g} {unit} at t = {t[at[0]]:.6g} s (largest {scale:.4g} {unit}, "
+                      f"allowed {allowed:.2g})", worst / allowed if allowed > 0.0 else np.inf * worst if worst else 0.0)
+
+
+def _probe(name: str, old: Story, changed: Changed, new: Story, a: Ints, b: Ints, allowed: Agreement,
+           far: float) -> Iterator[Difference]:
+    p, q = old.probes[name], new.probes[name] * changed.probes[name]
+    assert old.scenario is not None
+    unit = old.scenario.probes[name].unit
+    if not unit or unit == "1" or not (np.isfinite(p).all() and np.isfinite(q).all()):
+        return  # of a half's own output the scale is not known: it may be round-off alone
+    eps_N = max((pair.eps_N for pair in old.interface.pairs), default=0.0)
+    room = {"K": allowed.relative * float(np.ptp(old.T)) + allowed.T + ROUND_OFF * float(np.abs(old.T).max()) * len(p),
+            "m": allowed.relative * float(np.abs(old.x - old.interface.nodes).max()) + allowed.x + ROUND_OFF * far,
+            "Pa": allowed.t_N * (float(np.abs(old.t_N).max()) if old.t_N.size else 0.0)
+            + eps_N * (allowed.x + ROUND_OFF * far)}[unit]
+    if old.scenario.probes[name].quantity == "gap":
+        return  # beside a corner a node faces something or nothing by round-off
+    yield _worst(f"probe {name}", unit, p[a], q[b], room, old.t[a])
+
+
+def _ledger(old: Story, changed: Changed, new: Story, a: Ints, b: Ints, allowed: Agreement) -> Iterator[Difference]:
+    """Heat by mechanism [J]; in plane geometry per metre of depth."""
+    per = changed.length ** (2.0 if old.scene.axisymmetric else 1.0)
+    terms = sorted(old.ledger.keys() & new.ledger.keys())
+    if not terms:
+        return
+    mine = np.array([_at_levels(old.ledger[n], old, a) for n in terms])
+    theirs = np.array([_at_levels(new.ledger[n], new, b) - _at_levels(new.ledger[n], new, b[:1]) * (len(b) > 1)
+                       + _at_levels(old.ledger[n], old, a[:1]) * (len(b) > 1) for n in terms])
+    scale = float(np.abs(mine).max())
+    room = allowed.relative * scale + allowed.heat + ROUND_OFF * _content(old) * len(old.t)
+    off = np.abs(theirs / per - mine)
+    k, t = np.unravel_index(int(off.argmax()), off.shape)
+    yield Difference(f"{terms[k]} differs by {off[k, t]:.3g} J at t = {old.t[a][t]:.6g} s (it is {mine[k, t]:.4g} J, "
+                     f"allowed {room:.2g})", float(off[k, t]) / room if room > 0.0 else 0.0)
+
+
+def _at_levels(values: Floats, story: Story, at: Ints) -> Floats:
+    """The history of a ledger term, whose rows are window ends, at levels."""
+    if len(values) == len(story.t):
+        return np.asarray(values[at])
+    return np.concatenate([[0.0], values])[-len(story.t):][at]
+
+
+def _content(story: Story) -> float:
+    """Heat in all bodies above 0 K [J], roughly: what the round-off of an enthalpy is of."""
+    total = 0.0
+    for body, spec in story.scene.doc["bodies"].items():
+        material: Any = story.scene.doc["materials"][spec["material"]]
+        x = story.scene.shapes[body].nodes
+        depth = 2.0 * np.pi * float(np.abs(x[:, 0]).max()) if story.scene.axisymmetric else 1.0
+        c = material.get("c", 0.0)
+        each = c if isinstance(c, int | float) else 1000.0
+        total += float(material.get("rho", 0.0)) * each * float(np.ptp(x[:, 0]) * np.ptp(x[:, 1])) * depth
+    return total * float(np.abs(story.T).max())
+
+

@@ -1,0 +1,12 @@
+"""All invariants there are."""
+
+from __future__ import annotations
+
+from random_scenes.invariant import Invariant
+from random_scenes.invariants_frame import FRAME
+from random_scenes.invariants_monolithic import ONE_SYSTEM, STEADY
+from random_scenes.invariants_refine import ESTIMATE, SETTLES
+from random_scenes.invariants_thermal import MAXIMUM
+from random_scenes.invariants_work import SAME_BITS
+
+INVARIANTS: tuple[Invariant, ...] = (*FRAME, MAXIMUM, ESTIMATE, SETTLES, ONE_SYSTEM, STEADY, SAME_BITS)
