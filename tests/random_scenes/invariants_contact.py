@@ -116,7 +116,7 @@ def _pairs(scene: Scene) -> bool:
     return bool(scene.pairs)
 
 
-PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story))
+PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story), runs=0)
 """Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where
 no force acts), half more since it is a mean over what a node faces, and where a flank meets the other side at a slope
 what contact between Gauss points does not feel (docs/contact.md).  Nor does a node's straight way in a window lead

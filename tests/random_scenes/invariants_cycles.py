@@ -155,14 +155,14 @@ def _at_rest_some_time(scene: Scene) -> bool:
     return "dynamics" not in elastic and not scene.doc.get("rules")
 
 
-CYCLES = Invariant("no cycles", _at_rest_some_time, _without_cycles)
+CYCLES = Invariant("no cycles", _at_rest_some_time, _without_cycles, runs=0)
 """Data are straight lines in time, and after the last change a scene without inertia goes to rest: temperature, gap and
 pressure that go up and down window by window, or in cycles of 2 to 7 windows that do not die, are the method's.
 
 Suspect is what alternates over 4 windows or more by over 0.1 % of its range, or after the last change turns as often as
 a period of 7 windows does and loses less than half in that.  It is a finding where the scene in windows an eighth as
 long (iterated, where those are too many) does not do so: off by half an increment for what alternates, by 5 % of the
-range for a lasting cycle.
+range for a lasting cycle.  Nothing is run where nothing is suspect.
 """
 
 INVARIANTS: Sequence[Invariant] = (CYCLES,)

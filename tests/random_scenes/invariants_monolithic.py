@@ -163,7 +163,7 @@ def _has_steady_state(scene: Scene) -> bool:
     if scene.doc["mechanical"].get("elastic", {}).get("dynamics") is not None:
         return False
     held = {str(entry.get("on", entry.get("at", ""))).split(".")[0] for entry in scene.doc["thermal"].get("boundary", ())
-            if "temperature" in entry or "convection" in entry and "gap" not in entry["convection"]}
+            if "temperature" in entry or ("convection" in entry and "gap" not in entry["convection"])}
     return held >= set(scene.doc["bodies"])
 
 

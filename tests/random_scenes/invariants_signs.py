@@ -37,7 +37,7 @@ def _worst(story: Story, what: str, unit: str, beyond: Floats, allowed: float,
         return []
     k, i = np.unravel_index(int(beyond.argmax()), beyond.shape)
     return [Finding(f"{what} {i} by {beyond[k, i]:.4g} {unit} at t = {story.t[k]:.6g} s, where {allowed:.2g} {unit} "
-                    "are round-off", float(beyond[k, i] / max(allowed, 1e-300)), named_by)]
+                    "are round-off", float(beyond[k, i] / allowed) if allowed else np.inf, named_by)]
 
 
 # Contact presses, friction brakes, work heats.
@@ -46,7 +46,7 @@ def _pressing(scene: Scene, story: Story, rng: np.random.Generator) -> list[Find
     return _worst(story, "contact pulls at contact node", "Pa", story.t_N, 0.0, ("pulls", "tension"))
 
 
-PRESSURE = Invariant("contact presses", lambda scene: bool(scene.pairs), _pressing)
+PRESSURE = Invariant("contact presses", lambda scene: bool(scene.pairs), _pressing, runs=0)
 """t_N <= 0, without any tolerance (Eq. 18; docs/design.md states it of the exchange)."""
 
 
@@ -54,8 +54,8 @@ def friction_excess(story: Story, pair: Pair) -> Floats:
     """(n, n_slave) [Pa] by how much |t_T| of a slave node exceeds Coulomb's bound; 0 where that can not be told.
 
     Told is t_T = before + mean(tau - before) over what the node touches, `before` linear between nodes: so it may
-    exceed the mean of tau by what `before` differs to its neighbours.  Nodes are looked at that touch with all they face:
-    they and both neighbours press, and no gap of theirs is open.
+    exceed the mean of tau by what `before` differs to its neighbours.  Nodes are looked at that touch with all they
+    face: they and both neighbours press, and no gap of theirs is open.
     """
     interface, surface = story.interface, story.interface.surfaces[pair.slave]
     nodes = np.unique(surface)
@@ -89,7 +89,8 @@ def _coulomb(scene: Scene, story: Story, rng: np.random.Generator) -> list[Findi
     return findings
 
 
-COULOMB = Invariant("Coulomb's bound", lambda scene: any(p.get("friction") for p in scene.pairs.values()), _coulomb)
+COULOMB = Invariant("Coulomb's bound", lambda scene: any(p.get("friction") for p in scene.pairs.values()), _coulomb,
+                    runs=0)
 """|t_T| <= mu |t_N| at nodes that touch with all they face, to round-off and to what the memory of shear at nodes may
 differ from its mean (friction_excess derives it).
 """
@@ -108,7 +109,7 @@ def _dissipation(scene: Scene, story: Story, rng: np.random.Generator) -> list[F
     return findings
 
 
-DISSIPATION = Invariant("work makes heat", lambda scene: True, _dissipation)
+DISSIPATION = Invariant("work makes heat", lambda scene: True, _dissipation, runs=0)
 """Friction, plastic flow and creep give off heat and never take it (second law): E_friction and E_M >= 0 to round-off.
 Squeezing (thermoelastic heat) does both, and is left out.
 """
@@ -200,7 +201,7 @@ def _static(scene: Scene) -> bool:
             and elastic.get("method") != "explicit" and not scene.doc.get("rules"))
 
 
-FORCES = Invariant("forces add up", _static, lambda scene, story, rng: unbalanced(story))
+FORCES = Invariant("forces add up", _static, lambda scene, story, rng: unbalanced(story), runs=0)
 """Without inertia, what holds a group of bodies that press on each other and what loads it add up to nothing: supports
 (mechanical.reaction), tractions and body forces on the reference, pressure on the current surface, weight, forces.  To
 ten times the tolerance of the force residual, of the largest of inner force, loads and 1e-4 E L, for the square root of
@@ -265,7 +266,7 @@ def heat_lost(story: Story) -> list[Finding]:
 
 
 HEATS = Invariant("heats add up", lambda scene: scene.doc["thermal"].get("method") != "steady",
-                  lambda scene, story, rng: heat_lost(story))
+                  lambda scene, story, rng: heat_lost(story), runs=0)
 """What crosses all surfaces, sources and work add up to what is stored, to ten times the tolerance of Newton's method
 (1e-10 of the terms of each step); and where rho and c are numbers and nothing melts, what a body stores is
 int rho c (T - T0) dV0 by its temperatures, to 1e-9 of its content.
@@ -297,7 +298,7 @@ def _isolated(scene: Scene) -> bool:
             and doc["thermal"].get("half", "thermal") == "thermal" and doc["thermal"].get("method") != "steady")
 
 
-ENTROPY_RISES = Invariant("entropy does not fall", _isolated, lambda scene, story, rng: entropy_fall(story))
+ENTROPY_RISES = Invariant("entropy does not fall", _isolated, lambda scene, story, rng: entropy_fall(story), runs=0)
 """Entropy, the sum of int rho c ln T dV0, of a scene that no heat enters or leaves does not fall in any window (second
 law); heat of friction and of flow only adds to it.  A midpoint step keeps it to third order in the differences of
 temperature: 1e-3 of what levelling them would gain is allowed.

@@ -29,7 +29,7 @@ def rod(scheme: str = "staggered", size: float = 20.0) -> Scene:
            "bodies": {"bar": {"material": "m", "T0": 300}, "wall": {"material": "m", "T0": 300}},
            "contact": {"tip": {"slave": "bar.right", "master": "wall.left", "gap_max": 0.01, "conduction": {
                "closed": {"law": "constant", "h": k_g / 1e-6}, "open": {"law": "gas", "k_g": k_g, "g_m": 1e-6}}}},
-           "thermal": {"method": "backward_euler", "boundary": held},
+           "thermal": {"half": "thermal", "method": "backward_euler", "boundary": held},
            "mechanical": {"half": "elastic", "elastic": {"boundary": rollers}},
            "coupling": {"scheme": scheme, "end": 30 * size, "windows": [{"until": 30 * size, "size": size}]}}
     return Scene(doc, {"bar": box(0, 0, 0.1, 0.01, (10, 1)), "wall": box(0.1 + 3.3e-4, 0, 0.01, 0.01, (2, 1))})
