@@ -50,10 +50,12 @@ def told_depth(story: Story, pair: Pair, k: int) -> float:
     return max(float(-level.gap[s].min()), 0.0)
 
 
-def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints) -> Floats:
-    """How far (n,) [m] tips at nodes (n,) may sink in between Gauss points, against the outline (m, 2) of the other.
+def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints, told_m: float) -> Floats:
+    """How far (n,) [m] tips at nodes (n,) may sink in beyond what is told, against the outline (m, 2) of the other.
 
-    0.21 h s for a flank of length h in a surface of the pair that rises by s against what it meets; the flatter of two.
+    Of a flank of length h in a surface of the pair that rises by s against what it meets, the flatter of two: contact
+    between Gauss points is not felt, 0.21 h s (docs/contact.md); and of a tip d < h s deep its node is told the mean of
+    max(d - s y, 0) by its shape function, m = d^2/(h s) - d^3/(3 h^2 s^2) >= 2/3 d^2/(h s), so d <= (1.5 m h s)^(1/2).
     """
     a, b = x[other[:, 0]], x[other[:, 1]]
     _, e = nearest_edge(x[nodes], a, b)
@@ -67,7 +69,8 @@ def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints) ->
             d = x[edge[1]] - x[edge[0]]
             length = float(np.linalg.norm(d))
             rises.append(max(length, h) * abs(float(d[0] * t[i, 1] - d[1] * t[i, 0])) / length)
-        depths[i] = TIP * min(rises, default=0.0)
+        rise = min(rises, default=0.0)
+        depths[i] = TIP * rise + np.sqrt(1.5 * told_m * rise)
     return depths
 
 
@@ -93,7 +96,7 @@ def passing(story: Story, about: str = "") -> list[Finding]:
                 limits = np.full(len(nodes), allowed)
                 deep = depth(x[nodes], a, b)
                 if deep.max() > allowed:
-                    limits += tip_depths(story, pair, nodes, x, line)
+                    limits += tip_depths(story, pair, nodes, x, line, told_depth(story, pair, level))
                 if k and (excess := deep / limits).max() > 1.0:
                     i = int(excess.argmax())
                     what = (f"{about}pair {pair.name}: node {nodes[i]} of {own} lies {deep[i]:.4g} m deep in {other} "
@@ -118,9 +121,9 @@ def _pairs(scene: Scene) -> bool:
 
 PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story), runs=0)
 """Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where
-no force acts), half more since it is a mean over what a node faces, and where a flank meets the other side at a slope
-what contact between Gauss points does not feel (docs/contact.md).  Nor does a node's straight way in a window lead
-through a body, out of which both of its ends lie.  From the coordinates alone, by the crossing number of polygons.
+no force acts), half more since it is a mean over what a node faces, and for tips what tip_depths derives.  Nor does a
+node's straight way in a window lead through a body, out of which both of its ends lie.  From the coordinates alone, by
+the crossing number of polygons.
 """
 
 
@@ -191,16 +194,17 @@ window on either side.  A run that fails says why, and that is right.
 # OPEN: a pair that is apart takes no part.
 
 def clearance(story: Story, pair: Pair) -> float:
-    """The least distance of a pair's sides at any level [m], below 0 where one lies in the other's body."""
+    """The least distance of a pair's sides at any level [m], below 0 where a node lies behind its nearest edge."""
     interface = story.interface
     least = np.inf
     for own, other in ((pair.slave, pair.master), (pair.master, pair.slave)):
         nodes, edges = np.unique(interface.surfaces[own]), interface.surfaces[other]
-        line = outline_of(interface, body_of(other))
         for x in story.x:
-            distance, _ = nearest_edge(x[nodes], x[edges[:, 0]], x[edges[:, 1]])
-            sunk = depth(x[nodes], x[line[:, 0]], x[line[:, 1]]) > 0.0
-            least = min(least, float(np.where(sunk, -distance, distance).min()))
+            a, b = x[edges[:, 0]], x[edges[:, 1]]
+            distance, e = nearest_edge(x[nodes], a, b)
+            t, r = (b - a)[e], x[nodes] - a[e]
+            outside = r[:, 0] * t[:, 1] - r[:, 1] * t[:, 0] > 0.0  # the body is on the left
+            least = min(least, float(np.where(outside, distance, -distance).min()))
     return least
 
 
