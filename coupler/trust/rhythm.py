@@ -24,7 +24,7 @@ NOTE_AT, LIMIT = 1e-3, 1e-2
 # Periods looked for [windows], how nearly a cycle comes back, as a share of its height, and how often it must.
 LEAST_PERIOD, MOST_PERIOD, RETURNS, ROUNDS = 3, 7, 0.1, 3
 RINGS, CYCLES = "no ringing in time", "no cycle of the exchange"
-FLOORS = (1e-2, 1e-8, 1e3)  # K, m, Pa: changes below are round-off and iteration error
+FLOOR = 1e-2  # K; changes below are round-off and iteration error
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class RhythmLog:
     change : (n_nodes,) [K] of the last window.  turns : (n_nodes,) signs turned on end.  least : (n_nodes,) [K] the
     smallest change among those.  low, high [K]: of all temperatures.  share : the largest ringing over their span, of
     a node at t [s].
-    history : (n, m) of the last windows, a row each: what is watched for cycles.  ranges : (2, m) least and largest.
+    history : (n, n_bodies) [K] mean temperatures of the last windows, a row each: gaps and pressures of what slides go
+    up and down with every edge it passes.  ranges : (2, n_bodies) [K] their least and largest.
     period [windows], cycle_share (of the range), column : of the largest cycle seen, at cycle_t [s].
     """
 
@@ -78,12 +79,12 @@ def _ringing(log: RhythmLog, before: Level, now: Level, fresh: bool) -> RhythmLo
     log = replace(log, change=change, turns=turns, least=least, low=low, high=high)
     rings = np.where(turns >= TURNS, least, 0.0)
     worst = int(rings.argmax())
-    share = float(rings[worst]) / max(high - low, FLOORS[0])
-    return replace(log, share=share, node=worst, t=now.t) if rings[worst] > FLOORS[0] and share > log.share else log
+    share = float(rings[worst]) / max(high - low, FLOOR)
+    return replace(log, share=share, node=worst, t=now.t) if rings[worst] > FLOOR and share > log.share else log
 
 
 def _cycles(log: RhythmLog, now: Level, bodies: Sequence[NDArray[np.intp]], fresh: bool) -> RhythmLog:
-    row, floors = _row(now, bodies)
+    row = np.array([now.T[nodes].mean() for nodes in bodies])
     ranges = np.array([row, row]) if not log.ranges.size else np.array([np.minimum(log.ranges[0], row),
                                                                         np.maximum(log.ranges[1], row)])
     kept = np.empty((0, len(row))) if fresh or not log.history.size else log.history
@@ -97,20 +98,12 @@ def _cycles(log: RhythmLog, now: Level, bodies: Sequence[NDArray[np.intp]], fres
         height = np.ptp(last[-period - 1:], axis=0)
         back = np.abs(last[period:] - last[:-period]).max(axis=0)
         # Each round goes up and down: a slow drift comes back to nothing.
-        share = np.where((back <= RETURNS * height) & (height > floors),
-                         height / np.maximum(np.ptp(ranges, axis=0), floors), 0.0)
+        share = np.where((back <= RETURNS * height) & (height > FLOOR),
+                         height / np.maximum(np.ptp(ranges, axis=0), FLOOR), 0.0)
         column = int(share.argmax())
         if share[column] > log.cycle_share:
             log = replace(log, period=period, cycle_share=float(share[column]), column=column, cycle_t=now.t)
     return log
-
-
-def _row(now: Level, bodies: Sequence[NDArray[np.intp]]) -> tuple[Array, Array]:
-    """Return what is watched for cycles, (m,), and the floor of each: mean T of bodies, mean gap, largest pressure."""
-    T = [float(now.T[nodes].mean()) for nodes in bodies]
-    gap = float(np.mean(now.gap)) if now.gap.size and np.isfinite(now.gap).all() else 0.0
-    p = float(-now.t_N.min()) if now.t_N.size else 0.0
-    return np.array([*T, gap, p]), np.array([*(FLOORS[0] for _ in T), FLOORS[1], FLOORS[2]])
 
 
 def checks(log: RhythmLog, where: str, bodies: Sequence[str]) -> tuple[Check, Check]:
@@ -123,10 +116,9 @@ def checks(log: RhythmLog, where: str, bodies: Sequence[str]) -> tuple[Check, Ch
                "where the exchange makes it. What is still there in windows of half the size is physics")
     if not log.history.size:
         return ringing, Check(CYCLES, TrustVerdict.UNCHECKED, what="there was no window")
-    names = [f"the mean temperature of {b}" for b in bodies] + ["the mean gap", "the largest pressure"]
     cycle = measured(
         CYCLES, log.cycle_share, (NOTE_AT, LIMIT), t=log.cycle_t,
-        what=f"{names[log.column]} repeats itself every {log.period} windows, a cycle of {100 * log.cycle_share:.3g} % "
-             f"of its range, to t = {log.cycle_t:.6g} s: an explicit exchange does that beyond its stability limit",
+        what=f"the mean temperature of {bodies[log.column]} repeats itself every {log.period} windows, a cycle of "
+             f"{100 * log.cycle_share:.3g} % of its range, to t = {log.cycle_t:.6g} s: an explicit exchange does that beyond its stability limit",
         remedy="scheme: iterated, or smaller windows, end it. What stays in windows of half the size is physics")
     return ringing, cycle

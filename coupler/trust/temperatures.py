@@ -21,7 +21,7 @@ from coupler.trust.checks import Check, TrustVerdict, measured
 
 Array = NDArray[np.float64]
 
-NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span of the data; round-off and iteration lie below, consistent elements between
+NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span; round-off and iteration lie below, consistent elements between
 LEAST_SPAN = 1e-3  # K; a scene at rest has no span
 MADE = ("source", "flux", "mechanical", "friction.slave", "friction.master")
 """Terms of the ledger by which heat comes from nowhere; `entropy` goes both ways."""
@@ -33,7 +33,7 @@ class TemperatureLog:
     """low, high [K]: bounds of the data up to now.  made, taken : whether heat was made, or taken away.
 
     least, most [K]: of all temperatures so far.  excess [K]: the largest way out of the bounds, of a node at t [s];
-    negative: below.  share : of the span it had then.
+    negative: below.  share : of the span then.
     """
 
     low: float = math.inf
@@ -130,7 +130,8 @@ def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Leve
     taken = log.taken or both or mixed or any(v < 0.0 for v in heats)
     least, most = float(now.T.min()), float(now.T.max())
     log = replace(log, made=made, taken=taken, least=min(log.least, least), most=max(log.most, most))
-    span, found = max(log.high - log.low, LEAST_SPAN), log
+    # Heat that is made opens a span that the data have not.
+    span, found = max(max(log.high, log.most) - min(log.low, log.least), LEAST_SPAN), log
     for sign, outside, node, free in ((-1.0, log.low - least, now.T.argmin(), taken),
                                       (1.0, most - log.high, now.T.argmax(), made)):
         if not free and outside / span > found.share:
@@ -148,5 +149,5 @@ def check(log: TemperatureLog, where: str) -> Check:
         return Check(NAME, TrustVerdict.UNCHECKED, what="heat is made and taken away inside the bodies or by a flux")
     side = "below the lowest" if log.excess < 0.0 else "above the highest"
     what = (f"{where} is {abs(log.excess):.3g} K {side} of the data ({log.low:.6g} to {log.high:.6g} K) at "
-            f"t = {log.t:.6g} s, {100 * log.share:.3g} % of their span: undershoot or overshoot that no physics makes")
+            f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: undershoot or overshoot that no physics makes")
     return measured(NAME, log.share, (NOTE_AT, LIMIT), what=what, remedy=remedy, t=log.t)
