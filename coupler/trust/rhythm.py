@@ -119,6 +119,7 @@ def checks(log: RhythmLog, where: str, bodies: Sequence[str]) -> tuple[Check, Ch
     cycle = measured(
         CYCLES, log.cycle_share, (NOTE_AT, LIMIT), t=log.cycle_t,
         what=f"the mean temperature of {bodies[log.column]} repeats itself every {log.period} windows, a cycle of "
-             f"{100 * log.cycle_share:.3g} % of its range, to t = {log.cycle_t:.6g} s: an explicit exchange does that beyond its stability limit",
+             f"{100 * log.cycle_share:.3g} % of its range, to t = {log.cycle_t:.6g} s: an explicit exchange does that "
+             "beyond its stability limit",
         remedy="scheme: iterated, or smaller windows, end it. What stays in windows of half the size is physics")
     return ringing, cycle
