@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from contact import messages
 from contact.messages import WIRE_VERSION
+from contact.problem.part import Part
 
 MAGIC = b"SLDW"
 ALIGNMENT = 64  # a cache line, and the widest vector load
@@ -294,7 +295,9 @@ def _form_of(hint: Any) -> WireForm:
     if hint is bytes:
         return _bytes_form()
     if isinstance(hint, type) and is_dataclass(hint):
-        return _dataclass_form(hint)
+        return _record_form(hint, hint, [f.name for f in fields(hint)])
+    if isinstance(hint, type) and issubclass(hint, Part):
+        return _record_form(hint, hint.model_construct, list(hint.model_fields))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return _enum_form(hint)
     if hint in _PLAIN:
@@ -433,9 +436,9 @@ def _pair(row: Any, path: str) -> bool:
     return True
 
 
-def _dataclass_form(kind: type[Any]) -> WireForm:
+def _record_form(kind: type[Any], make: Callable[..., Any], names: list[str]) -> WireForm:
     hints = get_type_hints(kind)
-    forms = {f.name: _form_of(hints[f.name]) for f in fields(kind)}
+    forms = {name: _form_of(hints[name]) for name in names}
 
     def pack(value: Any, path: str, arrays: Arrays) -> dict[str, Any]:
         if type(value) is not kind:
@@ -446,7 +449,7 @@ def _dataclass_form(kind: type[Any]) -> WireForm:
         _expect(raw, dict, path)
         if raw.keys() != forms.keys():
             raise WireError(f"{path}: fields {sorted(map(str, raw))} where {sorted(forms)} were expected")
-        return kind(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
+        return make(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
 
     return WireForm(pack, unpack)
 

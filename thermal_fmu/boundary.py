@@ -168,8 +168,8 @@ def demand_limits(substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
         _demand_emissivity(radiator.radiator.emissivity, T_a, where)
     for group in substep.radiation_groups:
         for side, emissivity, N, nodes in (
-                ("slave", group.spec.emissivity_slave, group.N_s, group.nodes[:, :2]),
-                ("master", group.spec.emissivity_master, group.N_m, group.nodes[:, 2:])):
+                ("slave", group.emissivities[0], group.N_s, group.nodes[:, :2]),
+                ("master", group.emissivities[1], group.N_m, group.nodes[:, 2:])):
             T_a = (N * T[nodes]).sum(axis=1)
             _demand_kelvin(T_a, f"the {side} side of a pair")
             _demand_emissivity(emissivity, T_a, f"the {side} side of a pair")

@@ -51,7 +51,7 @@ def no_heat(n_bodies: int) -> Heat:
 
 def terms_of(model: Model) -> frozenset[str]:
     """Return those of boundary.TERMS that a scene can have."""
-    near = any(pair is not None and pair.radiation is not None for pair in model.pairs)
+    near = any(pair is not None and pair.emissivities is not None for pair in model.pairs)
     possible = {"radiation": bool(model.radiators), "near_radiation": near, "friction": bool(model.pairs)}
     return frozenset(name for name in TERMS if possible.get(name.partition(".")[0], True))
 

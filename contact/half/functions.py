@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.problem.curves import FieldSum, Form, Polynomial, PropertyTable, SignalTable
 from contact.problem.errors import made
-from contact.problem.values import FieldSum, Form, Polynomial, PropertyTable, SignalName, SignalTable
+from contact.problem.values import SignalName
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -335,17 +336,3 @@ def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) 
         cubic = PchipInterpolator(T, value)
         curve = PPoly(cubic.c, cubic.x)
     return Property(None, curve, float(T[0]), float(T[-1]))
-
-
-def positive_property(spec: float | Mapping[str, Any], what: str) -> Property:
-    """A Property that is positive wherever its number or table says what it is.  Raises ValueError: `what` must be.
-
-    A polynomial cannot be checked here: the step that meets a value <= 0 is discarded.
-    """
-    made = property_from(spec)
-    if isinstance(spec, Mapping) and "polynomial" in spec:
-        return made
-    values = np.asarray(spec["value"] if isinstance(spec, Mapping) else spec, dtype=float)
-    if not (np.isfinite(values) & (values > 0.0)).all():
-        raise ValueError(f"{what} must be positive, not {values.min():g}")
-    return made

@@ -13,6 +13,7 @@ from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.interface import Interface
 from contact.problem.boundary import FORMAT, Supported
+from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
 from contact.problem.material import Latent, Material
 from contact.problem.mechanical import (
@@ -29,8 +30,8 @@ from contact.problem.mechanical import (
     RodProblem,
 )
 from contact.problem.pairs import PairData
+from contact.problem.part import Part, properties_in
 from contact.problem.thermal import BodyHeat, ForeignThermal, ThermalProblem, ThermalSettings
-from contact.problem.values import FieldSum, Part, Phases, properties_in
 from coupler.scenario.document import Key
 from coupler.scenario.kinds import OWN, fmu_path
 from coupler.scenario.schema import ScenarioFile

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from contact.compiled import inner
-from contact.half.functions import Property
+from contact.half.functions import Property, property_from
+from contact.problem.flow import LinearHardening, Plastic
 from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening, Point, Points, lowest
 
 
@@ -26,6 +27,13 @@ class LinearLaw(IsotropicHardening):
     NAME: ClassVar = "linear"
     FIELDS: ClassVar[Fields] = {"yield_stress": float, "hardening_modulus": float}
     FLOW_STRESS: ClassVar = flow_stress
+
+    @classmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states it, or no hardening at all."""
+        assert stated.s_y is not None, "checked by the class"
+        H = stated.hardening.H if isinstance(stated.hardening, LinearHardening) else 0.0
+        return cls(property_from(stated.s_y), property_from(H))
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
         """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1]."""

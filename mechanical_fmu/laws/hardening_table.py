@@ -7,11 +7,13 @@ its stresses (n) and slopes (n).  Between two temperatures the flow stress is li
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from contact.compiled import inner
+from contact.problem.curves import Beyond, Form
+from contact.problem.flow import Plastic, TableHardening
 from mechanical_fmu.laws.law import Fields, Floats, IsotropicHardening, Point, Points
 
 # A table is cubic between its knots (else straight), and goes on with its last slope (else flat).
@@ -79,6 +81,22 @@ class TableLaw(IsotropicHardening):
     FIELDS: ClassVar[Fields] = {"table_start": int, "table_knots": int, "table_row": int, "table_form": int,
                                 "table_next": float, "table_factor": float}
     FLOW_STRESS: ClassVar = flow_stress
+
+    @classmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states it, with the slopes of its curves."""
+        law = stated.hardening
+        assert isinstance(law, TableHardening)
+        strain, T = np.array(law.strain), np.array(law.T or (0.0,))
+        stress = [np.array(row) for row in law.rows]
+        cubic, sloped = law.form is Form.CUBIC, law.beyond is Beyond.SLOPE
+        if cubic:
+            from scipy.interpolate import PchipInterpolator  # 0.2 s, and most scenes have no such table
+
+            slope = [PchipInterpolator(strain, row).derivative()(strain) for row in stress]
+        else:
+            slope = [np.append(d := np.diff(row) / np.diff(strain), d[-1]) for row in stress]
+        return cls(strain, T, np.array(stress), np.array(slope), CUBIC * cubic + SLOPED * sloped)
 
     @property
     def data(self) -> Floats:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from contact.compiled import inner
-from contact.half.functions import Property
+from contact.half.functions import Property, property_from
+from contact.problem.flow import Plastic, VoceHardening
 from mechanical_fmu.laws.hardening_linear import refused_yield
 from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening, Point, Points
 
@@ -34,6 +35,14 @@ class VoceLaw(IsotropicHardening):
     FIELDS: ClassVar[Fields] = {"yield_stress": float, "saturation_stress": float, "saturation_rate": float,
                                 "hardening_modulus": float}
     FLOW_STRESS: ClassVar = flow_stress
+
+    @classmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states it."""
+        law = stated.hardening
+        assert isinstance(law, VoceHardening)
+        assert stated.s_y is not None, "checked by the class"
+        return cls(property_from(stated.s_y), property_from(law.Q), law.b, property_from(law.H))
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
         """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1]."""

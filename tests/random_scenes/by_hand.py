@@ -20,7 +20,8 @@ def plate(*boundary: dict[str, Any], size: float, end: float, cells: tuple[int, 
     """A plate of 40 x 40 mm in windows of `size` [s]."""
     doc = {"slideline": 2, "units": {"temperature": "K"}, "geometry": "plane", "materials": {"steel": STEEL},
            "bodies": {"plate": {"material": "steel", "T0": T0}},
-           "thermal": {"method": method, "boundary": list(boundary)}, "mechanical": {"half": "rigid"},
+           "thermal": {"half": "thermal", "method": method, "boundary": list(boundary)},
+           "mechanical": {"half": "rigid"},
            "coupling": {"end": end, "windows": [{"until": end, "size": size}]}}
     return Scene(doc, {"plate": box(0, 0, 0.04, 0.04, cells, **recipe)})
 
@@ -33,9 +34,28 @@ def two_blocks(gap: float = 0.0, push: float | dict[str, Any] = -2e-5, *, end: f
            "bodies": {"lower": {"material": "steel", "T0": 300}, "upper": {"material": "steel", "T0": 400}},
            "contact": {"face": {"slave": "upper.bottom", "master": "lower.top", "gap_max": 0.01, "conduction": {
                "closed": {"law": "constant", "h": 2000}, "open": {"law": "constant", "h": 50}}, **(pair or {})}},
-           "thermal": {"method": "sdirk2"},
+           "thermal": {"half": "thermal", "method": "sdirk2"},
            "mechanical": {"half": "elastic", "elastic": {"boundary": [
                {"on": "lower.bottom", **HELD}, {"on": "upper.top", "u_x": 0, "u_y": move}]}},
            "coupling": {"end": end, "windows": [{"until": end, "size": size}]}}
     recipes = {"lower": box(0, 0, 0.04, 0.02, (6, 3)), "upper": box(0.005, 0.02 + gap, 0.03, 0.02, (5, 3))}
     return Scene(doc, recipes).edited(**values)
+
+
+def corner(gap: float, *, end: float = 8.0, size: float = 1.0, gap_max: float = 0.01) -> Scene:
+    """A block (600 K) on a floor and `gap` [m] beside a wall (300 K both): two pairs share its corner."""
+    doc = {"slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
+           "materials": {"steel": {**STEEL, "alpha": 0}},
+           "bodies": {"floor": {"material": "steel", "T0": 300}, "wall": {"material": "steel", "T0": 300},
+                      "block": {"material": "steel", "T0": 600}},
+           "contact": {name: {"slave": f"block.{side}", "master": master, "gap_max": gap_max, "conduction": {
+               "closed": {"law": "constant", "h": 2e4}, "open": {"law": "constant", "h": 20}}}
+               for name, side, master in (("below", "bottom", "floor.top"), ("beside", "left", "wall.right"))},
+           "thermal": {"half": "thermal", "method": "backward_euler"},
+           "mechanical": {"half": "elastic", "elastic": {"boundary": [
+               {"on": "floor.bottom", **HELD}, {"on": "wall.left", **HELD},
+               {"on": "block.top", "u_x": 0, "u_y": {"t": [0, end / 2], "value": [0, -2e-6]}}]}},
+           "coupling": {"end": end, "windows": [{"until": end, "size": size}]}}
+    recipes = {"floor": box(0, -0.01, 0.05, 0.01, (5, 2)), "wall": box(-0.01 - gap, 0, 0.01, 0.04, (2, 4)),
+               "block": box(0, 0, 0.04, 0.03, (4, 3))}
+    return Scene(doc, recipes)

@@ -91,7 +91,7 @@ def property_span(value: Any, low: float, high: float) -> Interval:
 
 
 def last_change(*parts: Any) -> float:
-    """The last time [s] at which a signal anywhere in these mappings and lists changes its slope; 0: all is constant."""
+    """The last time [s] at which a signal anywhere in these mappings and lists bends; 0: all is constant."""
     return max((t for part in parts for t in _signal_ends(part)), default=0.0)
 
 

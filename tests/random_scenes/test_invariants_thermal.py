@@ -20,7 +20,8 @@ STEP = 0.01**2 * 7800 * 480 / 45  # [s], h^2/a of the plate's cells of 10 mm
 RANGE = (300.0, 800.0)
 
 
-@pytest.mark.parametrize(("method", "cells"), [("backward_euler", (4, 4)), ("backward_euler", (3, 4)), ("midpoint", (4, 4))])
+@pytest.mark.parametrize(("method", "cells"), [
+    ("backward_euler", (4, 4)), ("backward_euler", (3, 4)), ("midpoint", (4, 4))])
 def test_a_plate_stays_within_its_data(method, cells):
     scene = plate(FILM, HOT, size=0.5 * STEP, end=10 * STEP, method=method, cells=cells)
     story = told(scene)

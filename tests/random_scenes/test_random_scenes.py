@@ -47,7 +47,7 @@ def _faults():
         yield pytest.param(kept, id=path.stem, marks=pytest.mark.xfail(strict=True, reason=kept.cause))
 
 
-@pytest.mark.parametrize("kept", _faults())
+@pytest.mark.parametrize("kept", list(_faults()))
 def test_a_fault_that_was_found_is_mended(kept):
     row = kept.judged(BY_NAME[kept.invariant])
     assert row.verdict != SILENT, row.what
