@@ -15,9 +15,10 @@ from enum import Enum
 from typing import Any
 
 from contact.problem import laws
-from contact.problem.curves import FieldSum, Polynomial, ProfilePolynomial, PropertyTable, SignalName, SignalTable
+from contact.problem.curves import FieldSum, Polynomial, ProfilePolynomial, PropertyTable, SignalTable
 from contact.problem.flow import Creep
 from contact.problem.part import Entry, Part
+from contact.problem.values import SignalName
 from coupler.scenario.schema import ScenarioFile
 from random_scenes.scene import Scene
 

@@ -62,11 +62,14 @@ def _turns(scene: Scene) -> bool:
 def felt(scene: Scene, story: Story, windows: int) -> list[Finding]:
     """What is felt of a turn by 90 degrees in so many windows, behind the end of the story.
 
-    Nothing is said where a run fails, for that is told, or puts windows back, for then it goes along other chords.
+    Nothing is said where a run fails, for that is told, or where a window is put back or cut inside the half: supports
+    go along a chord then, which squeezes the bodies on the way.
     """
     still_scene, turned_scene, _ = continued(scene, story, windows)
     still, turned = told(still_scene), told(turned_scene)
     if still.outcome != COMPLETED or turned.outcome != COMPLETED or not np.array_equal(still.t, turned.t):
+        return []
+    if max(float(np.max(cuts)) for cuts in turned.extra["mechanical.cuts"][-windows:]) > 0.0:
         return []
     rows = sorted((row for row in apart(scene, still, turned, windows) if row[1] > 1.0), key=lambda r: -r[1])
     if not rows:

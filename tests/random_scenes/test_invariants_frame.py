@@ -19,7 +19,7 @@ import mechanical_fmu.masses
 import thermal_fmu.cells
 from contact.problem import laws
 from contact.problem.mechanical import ElasticBoundary, Motion
-from contact.problem.values import Part
+from contact.problem.part import Part
 from coupler.scenario.si import ToSI
 from random_scenes.by_hand_frame import disc, heat, pressed, stack
 from random_scenes.change import PSEUDOSCALARS, VECTORS, NotApplicable, combined, moved_profile, shifted, turned
