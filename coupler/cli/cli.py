@@ -1,7 +1,8 @@
 """The command line.
 
 Exit codes: 0 done; 1 the run failed (a window that cannot be solved, a half that died, a broken link);
-2 the input is wrong (scenario, options); 3 a results file cannot be read or written; 130 interrupted.
+2 the input is wrong (scenario, options); 3 a results file cannot be read or written; 4 the run finished, but a check of
+its own says that its answer is not to be trusted; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario, parse_override
 from coupler.verify.verify import verify_half_command
 
-FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
+FAILED, BAD_INPUT, BAD_RESULTS, UNTRUSTED, INTERRUPTED = 1, 2, 3, 4, 130
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   help="Heat and deformation of bodies in contact: two solvers, each an FMU, coupled.")
@@ -152,8 +153,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:
         typer.echo(f"  report: slideline report {out}")
-    if results.outcome == "interrupted":
-        raise typer.Exit(INTERRUPTED)
+    _leave(results)
 
 
 @app.command("resume")
@@ -167,8 +167,16 @@ def resume_command(results: Annotated[Path, typer.Argument(help="The results fil
     with ProgressLine(scenario.temperature_unit) as line:
         done = resume(continued, until=until, on_window=line)
     typer.echo(summary(done))
-    if done.outcome == "interrupted":
+    _leave(done)
+
+
+def _leave(results: Results) -> None:
+    """End with the exit code of a run that was not finished, or is not to be trusted."""
+    if results.outcome == "interrupted":
         raise typer.Exit(INTERRUPTED)
+    # fault: a run that does not trust itself ends with 0 -> if False: | coupler/test_trust
+    if results.broken:
+        raise typer.Exit(UNTRUSTED)
 
 
 @app.command("report")
@@ -260,6 +268,7 @@ def demo_command(folder: Annotated[Path, typer.Argument(help="Where the demo goe
     demo = run_demo(folder, on_start=lambda s: ProgressLine(s.temperature_unit))
     typer.echo(summary(demo.results))
     typer.echo(f"  the scenario: {demo.scenario}\n  the report:   {demo.page}")
+    _leave(demo.results)
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ from coupler.record.paths import can_resume
 from coupler.record.results import Results, iteration_words
 from coupler.running.progress import Progress
 from coupler.schemes.state import Verdict
+from coupler.trust.checks import TrustVerdict
 
 ZERO_CELSIUS = 273.15
 # The first windows load compiled code and solve from cold: an estimate from them is ten times too long.
@@ -144,4 +145,19 @@ def summary(results: Results, printed: Collection[str] = ()) -> str:
         lines.append(f"  to resume: slideline resume {results.path}")
     # fault: notes printed at the start are printed at the end again -> return "\n".join(lines + [f"  note: {n}" for n
     #   in results.notes]) | coupler/test_console
-    return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in printed])
+    return "\n".join(lines + [f"  note: {n}" for n in results.notes if n not in printed] + _trust(results))
+
+
+def _trust(results: Results) -> list[str]:
+    """Return the last lines of a run: what its checks found."""
+    checks = results.trust
+    if not checks:
+        return []
+    noted = [f"  note: {c.sentence}" for c in checks if c.verdict is TrustVerdict.NOTED]
+    if wrong := results.broken:
+        return [*noted, f"do not trust this run: {len(wrong)} of {len(checks)} checks failed",
+                *(f"  {c.sentence}" for c in wrong)]
+    held = sum(c.verdict is TrustVerdict.HOLDS for c in checks)
+    rest = [f"{len(noted)} noted"] * bool(noted) + [
+        f"not checked: {c.name} ({c.what})" for c in checks if c.verdict is TrustVerdict.UNCHECKED]
+    return [*noted, f"  trust: {held} of {len(checks)} checks hold" + "".join(f"; {text}" for text in rest)]

@@ -37,6 +37,7 @@ from coupler.scenario import Scenario
 from coupler.scenario.document import plain_value
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.state import Ledger
+from coupler.trust.watch import TrustLog
 
 MAGIC = b"SLIDELINE-CHECKPOINT-1\n"
 _HEAD = struct.Struct("<32sQ")
@@ -64,7 +65,7 @@ class RunRecord:
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
     resumed : the times [s] from which it was resumed.  rows : of the windows table.  rules : those in
-    force, which the user may have changed.
+    force, which the user may have changed.  trust : what was measured of the run.
     """
 
     mark: Mark
@@ -78,6 +79,7 @@ class RunRecord:
     resumed: tuple[float, ...] = ()
     rows: int = 0
     rules: tuple[Rule, ...] = ()
+    trust: TrustLog = field(default_factory=TrustLog)
 
 
 @dataclass(frozen=True)

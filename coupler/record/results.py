@@ -29,6 +29,7 @@ from coupler.record.tables import (
 )
 from coupler.record.vtkhdf import FieldReader, FileField, in_plane
 from coupler.schemes.state import PREFIX, imbalance
+from coupler.trust.checks import Check, broken
 
 Array = NDArray[np.float64]
 
@@ -147,6 +148,16 @@ class Results:
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: of the scenario, then of what happened in the run."""
         return tuple(map(str, (*self.header.get("notes", ()), *self.totals.get("notes", ()))))
+
+    @property
+    def trust(self) -> tuple[Check, ...]:
+        """What was measured of the run, check by check; empty for a file of an earlier version, or a killed run's."""
+        return tuple(Check.of(row) for row in self.totals.get("trust", ()))
+
+    @property
+    def broken(self) -> tuple[Check, ...]:
+        """The checks that say the answer is not to be trusted."""
+        return broken(self.trust)
 
     @property
     def probe_names(self) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ from coupler.report.fields import field_pictures
 from coupler.report.figures import counted, duration, number, shown
 from coupler.report.heat import depth_of, heat_picture, heat_table
 from coupler.schemes.state import HEATS
+from coupler.trust.checks import TrustVerdict
 
 # The numbers of a run in words.
 
@@ -59,8 +60,10 @@ class Rejected:
 
 
 def banner(results: Results) -> tuple[str, str] | None:
-    """(headline, what follows) for a run that did not complete."""
+    """(headline, what follows) for a run that did not complete, or is not to be trusted."""
     if results.outcome == "completed":
+        if wrong := results.broken:
+            return "Do not trust this run.", "\n".join(f"{c.name}: {c.what}." for c in wrong)
         return None
     end = float(results.header["coupling"]["end"])
     reached = float(results.t[-1]) if len(results.t) else 0.0
@@ -151,6 +154,45 @@ def rejected_windows(results: Results) -> tuple[list[Rejected], int]:
             for k in rows[:LISTED_AT_MOST]], len(rows)
 
 
+@dataclass(frozen=True)
+class TrustRow:
+    """A check as a row of the page.  style : its class."""
+
+    name: str
+    verdict: str
+    number: str
+    limit: str
+    what: str
+    style: str
+
+
+def trust_rows(results: Results) -> list[TrustRow]:
+    """The trust table: what is broken first, what was not checked last."""
+    order = (TrustVerdict.BROKEN, TrustVerdict.NOTED, TrustVerdict.HOLDS, TrustVerdict.UNCHECKED)
+    rows = []
+    for c in sorted(results.trust, key=lambda c: order.index(c.verdict)):
+        seen = c.verdict is not TrustVerdict.UNCHECKED
+        what = f"{c.what[:1].upper()}{c.what[1:]}." if c.what else ""
+        rows.append(TrustRow(c.name, c.verdict.value, _size(c.number, c.unit) if seen else "",
+                             _size(c.limit, c.unit) if seen else "", " ".join([what, f"{c.remedy}." * bool(c.remedy)]),
+                             {TrustVerdict.UNCHECKED: "unchecked"}.get(c.verdict, c.verdict.value)))
+    return rows
+
+
+def _size(value: float, unit: str) -> str:
+    return number(value, 2) + ("" if unit == "1" else f" {unit}")
+
+
+def trust_in_a_word(results: Results) -> str:
+    """The trust table in a sentence."""
+    checks, wrong = results.trust, results.broken
+    if wrong:
+        return f"No: {', '.join(c.name for c in wrong)} does not hold. What the checks measured in every window:"
+    noted = sum(c.verdict is TrustVerdict.NOTED for c in checks)
+    return ("Nothing was found that says otherwise" + (f"; {counted(noted, 'small thing')} noted" if noted else "")
+            + ". What the checks measured in every window:")
+
+
 TEMPLATE = "page.html.j2"
 
 
@@ -212,7 +254,7 @@ def render(results: Results) -> str:
         iterates=iterates_picture(results), shares=parts, asked=asked(results),
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
         rejected_count=rejected_count, rules=rules_that_fired(results), watched=watched_pictures(results),
-        notes=[*_notes(results), *remarks],
+        notes=[*_notes(results), *remarks], trust=trust_rows(results), trust_in_a_word=trust_in_a_word(results),
         versions=results.header["versions"], scenario=results.header["scenario"]["text"],
         resolved=_resolved(results), file=results.path.name,
         field_files=[p.name for p in results.field_files.values()])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +32,7 @@ from coupler.running.setup import check_halves, first_state, halves_of, plan_of,
 from coupler.scenario import Scenario
 from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.state import HEATS, CoupledState, Ledger
+from coupler.trust.watch import TrustWatch
 
 Array = NDArray[np.float64]
 
@@ -97,6 +98,8 @@ class Run:
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
+            self._trust_watch = TrustWatch(interface, self.scenario.models)
+            self._trust = self._trust_watch.begun(self.state.now)
             if self._since is not None:
                 self._continue_from(self._since, both)
             header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about),
@@ -163,6 +166,9 @@ class Run:
             notes = tried.notes
             if tried.accepted:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now))
+                self._trust = self._trust_watch.after(
+                    self._trust, (self.state.now, tried.solved.state.now), heat_of(tried.solved.terms),
+                    fresh=self.state.now.t in kinks, forced=tried.solved.anyway)
                 for terms in tried.solved.terms:
                     self.ledger = self.ledger.plus(terms)
             self._at = tried.after
@@ -222,6 +228,7 @@ class Run:
         self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
         self._warnings.put_back(record.seen, record.said)
+        self._trust = record.trust
         self._recorder.rewind(to.t, record.rows)
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
@@ -261,7 +268,7 @@ class Run:
         contact, warned = self._warnings.memory
         return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
-                    tuple(self.plan.rules))
+                    tuple(self.plan.rules), self._trust)
 
     def _continue_from(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Restore everything from a checkpoint."""
@@ -283,6 +290,7 @@ class Run:
         #   | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
         self._framed, self._begun = record.framed, True
         self._warnings.put_back(record.seen, record.said)
+        self._trust = record.trust
         number = since.committed.control.number
         t = self.state.now.t
         self._time_to_go = RemainingTime(number / self._total if self._total else t / self.scenario.coupling.end)
@@ -308,9 +316,19 @@ class Run:
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
+                "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.terms)],
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}
+
+
+def heat_of(substeps: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the heat of a window by mechanism [J].  substeps : that of each thermal substep."""
+    found: dict[str, float] = {}
+    for terms in substeps:
+        for name, energy in terms.items():
+            found[name] = found.get(name, 0.0) + energy
+    return found
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,

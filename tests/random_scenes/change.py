@@ -13,23 +13,25 @@ from math import comb, cos, radians, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from random_scenes.declared import NotApplicable, restated, value_at
 from random_scenes.scene import Scene
-from random_scenes.shapes import Floats, Ints, Shape
+from random_scenes.shapes import Floats, Shape
 
 KELVIN = {"degC": 273.15, "K": 0.0}  # what makes kelvin of a temperature
 VECTORS = (("u_x", "u_y"), ("t_x", "t_y"), ("f_x", "f_y"), ("b_x", "b_y"))
 FREE_IF_MISSING = ("u_x", "u_y")  # a component that is not given is free; of the others it is 0
 PSEUDOSCALARS = ("angle", "moment")
+FRAMELESS = {"t", "window", "number", "failures", "iterations", "contraction", "error", "max_T", "max_p", "touching",
+             "slipping", "imbalance", "max_dT", "heat_stored"}
+"""Monitors of rules that are the same however a scene is turned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Changed:
     """scene : the new one.  what : in words.  x_new = length (turn @ x + shift): (2, 2) [1], (2,) [m].
 
-    order : body -> (n,) number in the new mesh of each old node; empty: as it was.  lead : quiet [s] before all.
+    lead : quiet [s] before all.
     probes : name -> sign of those that mean the same; the others were left out, or are no more to be compared.
     """
 
@@ -38,9 +40,32 @@ class Changed:
     turn: Floats = field(default_factory=lambda: np.eye(2))
     shift: Floats = field(default_factory=lambda: np.zeros(2))
     length: float = 1.0
-    order: Mapping[str, Ints] = field(default_factory=dict)
     lead: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
+
+
+def monitors(doc: Mapping[str, Any]) -> set[str]:
+    """What the rules of a document look at and what they set."""
+    found: set[str] = set()
+    for rule in doc.get("rules", ()):
+        for when in (rule.get("when", {}), *rule.get("when", {}).get("any", ())):
+            found |= when.keys() - {"any"}
+        found |= {*rule.get("drive", {}).get("so_that", {})}.union(*(do.get("set", ()) for do in rule.get("do", ())))
+    return found
+
+
+def _shapes(scene: Scene) -> dict[str, Shape]:
+    """The meshes, with the points that rectangles have and meshes from files have not."""
+    return {body: corner_points(shape) for body, shape in scene.shapes.items()}
+
+
+def corner_points(shape: Shape) -> Shape:
+    """A mesh with the names that a rectangle's corners have too, such as top.left and left.top."""
+    if "top_left" not in shape.points:
+        return shape
+    corners = {f"{a}.{b}": shape.points[f"{a}_{b}"] for a in ("top", "bottom") for b in ("left", "right")}
+    turned = {".".join(reversed(name.split("."))): k for name, k in corners.items()}
+    return replace(shape, points={**corners, **turned, **shape.points})
 
 
 # In space
@@ -80,8 +105,8 @@ def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
     _demand_meshes(scene)
     doc = restated(scene)
     move = _Move(turn, shift)
-    if not move.only_shifts and doc.get("rules"):
-        raise NotApplicable("rules may look at components")
+    if not move.only_shifts and (seen := monitors(doc) - FRAMELESS):
+        raise NotApplicable(f"rules look at {', '.join(sorted(seen))}")
     for b in doc["thermal"]["boundary"]:
         move.fields(b, ("temperature", "flux"))
         for part in ("convection", "radiation"):
@@ -104,7 +129,7 @@ def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
             del doc["probes"][name]
         else:
             doc["probes"][name], probes[name] = moved
-    shapes = {b: shape.at(shape.nodes @ turn.T + shift, flip=move.det < 0.0) for b, shape in scene.shapes.items()}
+    shapes = {b: shape.at(shape.nodes @ turn.T + shift, flip=move.det < 0.0) for b, shape in _shapes(scene).items()}
     return Changed(replace(scene, doc=doc, moved=shapes), what, turn, shift, probes=probes)
 
 
@@ -139,7 +164,7 @@ class _Move:
 
     @property
     def degrees(self) -> float:
-        """Of a turn; of a mirror x to -x that of the axis it keeps, so that det * angle + degrees is an axis' new angle."""
+        """Where the x axis goes: det * angle + degrees is the new angle of an axis that stood at `angle`."""
         return float(np.degrees(np.arctan2(self.turn[1, 0], self.turn[0, 0])))
 
     @property
@@ -281,17 +306,14 @@ def renumbered(scene: Scene, rng: np.random.Generator) -> Changed:
     """Nodes, cells and edges in another order; boundary conditions too, but for those of which the later one holds."""
     _demand_meshes(scene)
     doc = restated(scene)
-    shapes: dict[str, Shape] = {}
-    order: dict[str, NDArray[np.int64]] = {}
-    for body, shape in scene.shapes.items():
-        shapes[body], order[body] = shape.renumbered(rng)
+    shapes = {body: shape.renumbered(rng)[0] for body, shape in _shapes(scene).items()}
     boundary = doc["thermal"]["boundary"]
     doc["thermal"]["boundary"] = _shuffled(boundary, lambda b: "temperature" in b, rng)
     if "elastic" in doc["mechanical"]:
         elastic = doc["mechanical"]["elastic"]
         elastic["boundary"] = _shuffled(elastic["boundary"], lambda b: any(n in b for n in ("u_x", "u_y", "angle")),
                                         rng)
-    return Changed(replace(scene, doc=doc, moved=shapes), "numbered otherwise", order=order, probes=_all_probes(doc))
+    return Changed(replace(scene, doc=doc, moved=shapes), "numbered otherwise", probes=_all_probes(doc))
 
 
 def _shuffled(entries: list[Any], ordered: Callable[[Any], bool], rng: np.random.Generator) -> list[Any]:
@@ -357,7 +379,7 @@ def in_other_length(scene: Scene, length: float) -> Changed:
     doc = restated(scene, length=length)
     doc["probes"] = {n: p for n, p in doc.get("probes", {}).items() if not any("." in quantity for quantity in p)}
     powers = {"u_x": 1.0, "u_y": 1.0, "gap": 1.0, "p": -1.0}
-    shapes = {b: shape.at(length * shape.nodes) for b, shape in scene.shapes.items()}
+    shapes = {b: shape.at(length * shape.nodes) for b, shape in _shapes(scene).items()}
     probes = {n: length ** -powers.get(next(iter(p)), 0.0) for n, p in doc["probes"].items()}
     return Changed(replace(scene, doc=doc, moved=shapes), f"in a unit of 1/{length:g} m", length=length, probes=probes)
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from contact.problem.mechanical import Solution
 from random_scenes.change import Changed
@@ -18,51 +19,58 @@ from random_scenes.story import COMPLETED, Story
 
 LEAST = 1e-9  # of a range: no answer is asked to agree better
 SOLVED = 10.0  # times the tolerance of a solver: two runs stop on either side of it, and what they leave adds up
+BOTH = 2.0  # runs are wrong by what their windows may be
 ROUND_OFF = 1e-14  # of the largest number that took part, some fifty times the machine's
+
+
+JUMPS = ("conductance jumps",)  # a warning that the answer turns on whether two surfaces touch
 
 
 @dataclass(frozen=True)
 class Agreement:
     """How nearly two runs of one scene agree: of the range of each quantity, and beside that in its unit.
 
-    relative : of any quantity.  t_N : of pressures.  T [K], x [m], heat [J]: what tolerances of the document allow.
+    T, x, t_N, heat : of the range.  K, m, J : what absolute tolerances of the document allow.
     """
 
-    relative: float
+    T: float
+    x: float
     t_N: float
-    T: float = 0.0
-    x: float = 0.0
-    heat: float = 0.0
+    heat: float
+    K: float = 0.0
+    m: float = 0.0
+    J: float = 0.0
 
 
-def agreement(scene: Scene) -> Agreement:
-    """What the tolerances of a scene allow: of the solvers ten times, of iterations and adaptive windows the same.
+def agreement(scene: Scene, same_windows: bool = True) -> Agreement:
+    """What the tolerances of a scene allow: of solvers and iterations ten times, of adaptive windows twice.
 
     An iteration ends where a window's change is met to rtol, so what two runs end with differs by rtol of the range at
-    most; an adaptive window or inner step may be taken in one run and refused in the other.
+    most.  Adaptive windows tell nothing as long as they are the same ones; where one run takes a window that the other
+    refuses, each is wrong by what its windows may be.
     """
     file = form_of(scene.doc)
     elastic = file.mechanical.elastic if file.mechanical.half == "elastic" else None
-    relative = max(LEAST, SOLVED * file.thermal.tolerance)
-    t_N, T, x, heat = 0.0, 0.0, 0.0, 0.0
+    solved = max(LEAST, SOLVED * file.thermal.tolerance)
+    augmented, K, m, J = 0.0, 0.0, 0.0, 0.0
     if elastic is not None:
         # Explicit steps solve nothing.
-        relative = max(relative, SOLVED * elastic.tolerance if elastic.method is not Solution.EXPLICIT else 0.0)
-        x += SOLVED * elastic.skip.u if elastic.skip is not None else 0.0
-        t_N = max([0.0, *(SOLVED * p.augmented.tolerance for p in file.contact.values() if p.augmented is not None)])
+        solved = max(solved, SOLVED * elastic.tolerance if elastic.method is not Solution.EXPLICIT else 0.0)
+        m += SOLVED * elastic.skip.u if elastic.skip is not None else 0.0
+        augmented = max([0.0, *(SOLVED * p.augmented.tolerance for p in file.contact.values() if p.augmented)])
     if file.thermal.adaptive is not None:
-        T += SOLVED * (file.thermal.adaptive.tolerance or 0.0)
+        K += SOLVED * (file.thermal.adaptive.tolerance or 0.0)
     coupling = file.coupling
     if coupling.scheme.value in ("iterated", "auto") or coupling.on_cycle is not None or coupling.adaptive is not None:
         ends = coupling.iteration.tolerance
-        relative = max(relative, SOLVED * max(ends.temperature.rtol, ends.gap.rtol, ends.pressure.rtol))
-        T, x = T + SOLVED * ends.temperature.atol, x + SOLVED * ends.gap.atol
-    if coupling.adaptive is not None:
+        solved = max(solved, SOLVED * max(ends.temperature.rtol, ends.gap.rtol, ends.pressure.rtol))
+        K, m = K + SOLVED * ends.temperature.atol, m + SOLVED * ends.gap.atol
+    T = x = heat = solved
+    if coupling.adaptive is not None and not same_windows:
         error = coupling.adaptive.tolerance
-        relative = max(relative, SOLVED * max(error.temperature.rtol, error.gap.rtol, error.heat.rtol))
-        T, x, heat = (T + SOLVED * error.temperature.atol, x + SOLVED * error.displacement.atol,
-                      heat + SOLVED * error.heat.atol)
-    return Agreement(relative, max(relative, t_N), T, x, heat)
+        T, x, heat = (max(solved, BOTH * e.rtol) for e in (error.temperature, error.displacement, error.heat))
+        K, m, J = (a + BOTH * e.atol for a, e in ((K, error.temperature), (m, error.displacement), (J, error.heat)))
+    return Agreement(T, x, max(x, augmented), heat, K, m, J)
 
 
 @dataclass(frozen=True)
@@ -73,52 +81,68 @@ class Difference:
     size: float
 
 
-def differences(old: Story, changed: Changed, new: Story, allowed: Agreement | None = None) -> list[Difference]:
+def differences(old: Story, changed: Changed, new: Story) -> list[Difference]:
     """Every quantity of two completed runs that differs by more than is allowed: T, x, t_N, probes, ledger."""
-    allowed = agreement(old.scene) if allowed is None else allowed
-    return [d for d in _all(old, changed, new, allowed) if d.size > 1.0]
+    return [d for d in all_differences(old, changed, new) if d.size > 1.0]
 
 
-def findings(old: Story, changed: Changed, new: Story, named_by: tuple[str, ...] = (),
-             allowed: Agreement | None = None) -> list[Finding]:
+def findings(old: Story, changed: Changed, new: Story) -> list[Finding]:
     """The same as findings, the worst alone; and one where only the changed scene does not end well."""
+    named_by = JUMPS if on_a_jump(old) else ()
     if new.outcome != COMPLETED:
-        return [Finding(f"{changed.what} it is {new.outcome}: {new.message}", float("inf"), named_by, new)]
-    found = differences(old, changed, new, allowed)
+        # What is refused or fails has told it: its message is its warning.
+        failed = replace(new, words=(*new.words, new.message))
+        return [Finding(f"{changed.what} it is {new.outcome}: {new.message}", float("inf"),
+                        (new.message.lower(), *named_by), failed)]
+    found = differences(old, changed, new)
     if not found:
         return []
     worst = max(found, key=lambda d: d.size)
-    return [Finding(f"{changed.what}: " + "; ".join(d.what for d in found), worst.size, named_by, new)]
+    return [Finding(f"{changed.what}: " + "; ".join(d.what for d in found), worst.size, named_by)]
+
+
+def on_a_jump(story: Story) -> bool:
+    """Whether two surfaces just touch somewhere, so that round-off says whether they do."""
+    size = float(np.ptp(story.interface.nodes, axis=0).max())
+    if not story.t_N.size:
+        return False
+    gap = np.array([level.gap for level in story.levels])
+    return bool(((np.abs(gap) <= 1e-9 * size) & (np.abs(story.t_N) <= 1e-9 * np.abs(story.t_N).max())).any())
 
 
 def numbers_of(old: Story, changed: Changed, new: Story) -> Ints:
-    """(n_nodes,) number in the new run of each node of the old one."""
+    """(n_nodes,) number in the new run of each node of the old one, body by body: the one where it should lie."""
     number = np.empty(old.T.shape[1], dtype=np.int64)
     for body in old.interface.bodies:
-        there = new.nodes_of(body)
-        number[old.nodes_of(body)] = there[changed.order[body]] if body in changed.order else there
+        mine, theirs = old.nodes_of(body), new.nodes_of(body)
+        X = changed.length * (old.interface.nodes[mine] @ changed.turn.T + changed.shift)
+        distance, nearest = cKDTree(new.interface.nodes[theirs]).query(X)
+        assert distance.max() <= 1e-9 * np.abs(X).max(), "the meshes are not the same"
+        number[mine] = theirs[nearest]
     return number
 
 
-def _all(old: Story, changed: Changed, new: Story, allowed: Agreement) -> Iterator[Difference]:
+def all_differences(old: Story, changed: Changed, new: Story) -> Iterator[Difference]:
+    """Every quantity with its difference, allowed or not."""
     number = numbers_of(old, changed, new)
     a, b = _common(old, changed, new)
+    allowed = agreement(old.scene, same_windows=len(a) == len(old.t))
     # Temperatures
     T = new.T[b][:, number]
-    yield _worst("T", "K", old.T[a], T, allowed.relative * float(np.ptp(old.T)) + allowed.T
+    yield _worst("T", "K", old.T[a], T, allowed.T * float(np.ptp(old.T)) + allowed.K
                  + ROUND_OFF * float(np.abs(old.T).max()) * len(old.t), old.t[a])
     # Displacements, turned back
     x = (new.x[b][:, number] / changed.length - changed.shift) @ changed.turn
     u, moved = old.x - old.x[0], float(np.abs(old.x - old.interface.nodes).max())
     far = max(float(np.abs(old.x).max()), float(np.abs(new.x).max()) / changed.length)
-    yield _worst("x", "m", old.x[a], x, allowed.relative * max(float(np.abs(u).max()), moved) + allowed.x
+    yield _worst("x", "m", old.x[a], x, allowed.x * max(float(np.abs(u).max()), moved) + allowed.m
                  + ROUND_OFF * far, old.t[a])
     # Pressures: what round-off of a place does, its penalty makes a pressure of
     if old.t_N.size:
         place = np.searchsorted(new.interface.contact_nodes, number[old.interface.contact_nodes])
         eps_N = max((p.eps_N for p in old.interface.pairs), default=0.0)
         yield _worst("t_N", "Pa", old.t_N[a], new.t_N[b][:, place] * changed.length,
-                     allowed.t_N * float(np.abs(old.t_N).max()) + eps_N * (allowed.x + ROUND_OFF * far), old.t[a])
+                     allowed.t_N * float(np.abs(old.t_N).max()) + eps_N * (allowed.m + ROUND_OFF * far), old.t[a])
     # Probes that mean the same
     if len(a) == len(old.t):
         for name in old.probes.keys() & new.probes.keys() & changed.probes.keys():
@@ -152,10 +176,10 @@ def _probe(name: str, old: Story, changed: Changed, new: Story, a: Ints, b: Ints
     if not unit or unit == "1" or not (np.isfinite(p).all() and np.isfinite(q).all()):
         return  # of a half's own output the scale is not known: it may be round-off alone
     eps_N = max((pair.eps_N for pair in old.interface.pairs), default=0.0)
-    room = {"K": allowed.relative * float(np.ptp(old.T)) + allowed.T + ROUND_OFF * float(np.abs(old.T).max()) * len(p),
-            "m": allowed.relative * float(np.abs(old.x - old.interface.nodes).max()) + allowed.x + ROUND_OFF * far,
+    room = {"K": allowed.T * float(np.ptp(old.T)) + allowed.K + ROUND_OFF * float(np.abs(old.T).max()) * len(p),
+            "m": allowed.x * float(np.abs(old.x - old.interface.nodes).max()) + allowed.m + ROUND_OFF * far,
             "Pa": allowed.t_N * (float(np.abs(old.t_N).max()) if old.t_N.size else 0.0)
-            + eps_N * (allowed.x + ROUND_OFF * far)}[unit]
+            + eps_N * (allowed.m + ROUND_OFF * far)}[unit]
     if old.scenario.probes[name].quantity == "gap":
         return  # beside a corner a node faces something or nothing by round-off
     yield _worst(f"probe {name}", unit, p[a], q[b], room, old.t[a])
@@ -164,18 +188,30 @@ def _probe(name: str, old: Story, changed: Changed, new: Story, a: Ints, b: Ints
 def _ledger(old: Story, changed: Changed, new: Story, a: Ints, b: Ints, allowed: Agreement) -> Iterator[Difference]:
     """Heat by mechanism [J]; in plane geometry per metre of depth."""
     per = changed.length ** (2.0 if old.scene.axisymmetric else 1.0)
-    terms = sorted(old.ledger.keys() & new.ledger.keys())
-    if not terms:
+    mine, theirs = _terms(old, a), _terms(new, b)
+    if not mine:
         return
-    mine = np.array([_at_levels(old.ledger[n], old, a) for n in terms])
-    theirs = np.array([_at_levels(new.ledger[n], new, b) - _at_levels(new.ledger[n], new, b[:1]) * (len(b) > 1)
-                       + _at_levels(old.ledger[n], old, a[:1]) * (len(b) > 1) for n in terms])
-    scale = float(np.abs(mine).max())
-    room = allowed.relative * scale + allowed.heat + ROUND_OFF * _content(old) * len(old.t)
-    off = np.abs(theirs / per - mine)
-    k, t = np.unravel_index(int(off.argmax()), off.shape)
-    yield Difference(f"{terms[k]} differs by {off[k, t]:.3g} J at t = {old.t[a][t]:.6g} s (it is {mine[k, t]:.4g} J, "
-                     f"allowed {room:.2g})", float(off[k, t]) / room if room > 0.0 else 0.0)
+    scale = max(float(np.abs(heat).max()) for heat in mine.values())
+    room = allowed.heat * scale + allowed.J + ROUND_OFF * _content(old) * len(old.t)
+    off = {name: np.abs(theirs[name] / per - heat) for name, heat in mine.items()}
+    worst = max(off, key=lambda name: float(off[name].max()))
+    t = int(off[worst].argmax())
+    by = float(off[worst][t])
+    yield Difference(f"{worst} differs by {by:.3g} J at t = {old.t[a][t]:.6g} s (it is {mine[worst][t]:.4g} J, "
+                     f"allowed {room:.2g})", by / room if room > 0.0 else 0.0)
+
+
+def _terms(story: Story, at: Ints) -> dict[str, Floats]:
+    """Heat since the first of some levels, or since the start for one alone.
+
+    Heat through contact and through the gap are one: two surfaces that just touch do either by round-off.
+    """
+    found: dict[str, Floats] = {}
+    for name, values in story.ledger.items():
+        one = f"contact and gap, into the {name.partition('.')[2]}" if name.startswith(("contact.", "gap.")) else name
+        heat = _at_levels(values, story, at)
+        found[one] = found.get(one, 0.0) + (heat - heat[0] if len(at) > 1 else heat)
+    return found
 
 
 def _at_levels(values: Floats, story: Story, at: Ints) -> Floats:

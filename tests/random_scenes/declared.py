@@ -2,7 +2,8 @@
 
 Which number is a temperature, and what power of the metre is in its unit, is read from contact.problem and the
 scenario's schema (Entry), so a key that is added there is converted here.  Only three units stand where no Entry says
-them: of a table of conductance (pressure, gap or temperature), of tolerances (their parent's), of profiles over a place.
+them: of a table of conductance (pressure, gap or temperature), of tolerances (their parent's), of polynomials over a
+place.
 """
 
 from __future__ import annotations
@@ -14,17 +15,9 @@ from enum import Enum
 from typing import Any
 
 from contact.problem import laws
+from contact.problem.curves import FieldSum, Polynomial, ProfilePolynomial, PropertyTable, SignalName, SignalTable
 from contact.problem.flow import Creep
-from contact.problem.values import (
-    Entry,
-    FieldSum,
-    Part,
-    Polynomial,
-    ProfilePolynomial,
-    PropertyTable,
-    SignalName,
-    SignalTable,
-)
+from contact.problem.part import Entry, Part
 from coupler.scenario.schema import ScenarioFile
 from random_scenes.scene import Scene
 
@@ -85,8 +78,8 @@ class Restating:
             field = type(part).model_fields.get(name)
             if value is None and not (field is not None and field.is_required()):
                 continue
-            made[(field.alias or name) if field is not None else name] = self.value(value, self.entry(part, name, entry),
-                                                                                      part)
+            key = (field.alias or name) if field is not None else name
+            made[key] = self.value(value, self.entry(part, name, entry), part)
         return made
 
     def entry(self, part: Part, name: str, whole: Entry | None) -> Entry | None:
@@ -144,7 +137,7 @@ class Restating:
         raise NotApplicable(f"a {type(value).__name__} is not understood")
 
     def sum(self, value: FieldSum, entry: Entry | None, part: Part) -> dict[str, Any]:
-        """A sum of products: its unit is carried by `t`; a temperature gets one term more, as the others are differences."""
+        """A sum of products: `t` carries its unit; one of temperatures gets one more, the others are differences."""
         difference = None if entry is None else replace(entry, temperature=False)
         terms = [{"t": self.value(term.t, difference, part),
                   **{axis: self.value(profile, None, term) for axis in ("x", "y")

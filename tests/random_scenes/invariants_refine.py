@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,10 @@ SOLVED_TO = 1e-6  # of the range of a field: what Newton's tolerances leave, 1e-
 
 # Meshes and windows
 LEVELS = 4
-MOST_NODES = 1600  # on the finest mesh
+MOST_NODES = 600  # on the finest mesh
+MOST_REFINED = 120  # windows of one run
 FLOOR = 0.02  # of the range of a measure in time
+ROUND_OFF = 1e-7  # of what a measure is made of, hundreds of times what Newton's tolerances leave
 
 
 def _apart(a: Floats, b: Floats) -> Floats:
@@ -97,6 +100,13 @@ def measures(story: Story) -> Mapping[str, Floats]:
     return found
 
 
+def _made_of(name: str, story: Story) -> float:
+    """The size of what a measure is a sum or a difference of [K, m, J]."""
+    if "heat" in name:
+        return max(float(np.abs(values).max()) for values in story.ledger.values())
+    return float(np.abs(story.T).max()) if " T " in name else float(np.ptp(story.x[0], axis=0).max())
+
+
 def _share_of_nodes(nodes: Floats, *cells: NDArray[np.integer]) -> Floats:
     """(n,) the share of the area that is a node's: that of its cells, in equal parts to their corners."""
     w = np.zeros(len(nodes))
@@ -118,18 +128,19 @@ def check_settles(scene: Scene, story: Story, rng: np.random.Generator) -> Seque
     runs, refined = [story], scene
     changes: dict[str, list[float]] = {}
     for level in range(1, LEVELS):
-        refined = finer_windows(finer_mesh(refined), 2.0 if "windows" in scene.doc["coupling"] else 4.0)
+        refined = finer_windows(finer_mesh(refined))
         if sum(len(s.nodes) for s in refined.shapes.values()) > MOST_NODES:
             return []
-        run = told(refined, most=2000)
+        run = told(refined, most=MOST_REFINED)
         if run.outcome != COMPLETED or abs(run.t[-1] - story.t[-1]) > 1e-9 * story.t[-1]:
             return []  # told, and left out
         runs.append(run)
-        for name, values in measures(story).items():
+        for name in measures(story):
             a, b = _on(story.t, runs[-2], name), _on(story.t, run, name)
             change = float(np.sqrt(np.mean((b - a) ** 2)))
             scale = max(float(np.ptp(_on(story.t, s, name))) for s in runs)
-            changes.setdefault(name, []).append(change if change > FLOOR * scale and np.ptp(values) > 0.0 else 0.0)
+            floor = FLOOR * scale + ROUND_OFF * _made_of(name, story)
+            changes.setdefault(name, []).append(change if change > floor else 0.0)
         if level > 1:
             grown = {n: c for n, c in changes.items() if _grows(c)}
             if not grown:
@@ -141,7 +152,7 @@ def check_settles(scene: Scene, story: Story, rng: np.random.Generator) -> Seque
 
 def _grows(changes: Sequence[float]) -> bool:
     """Whether each change is larger than the one before; those below the floor are none."""
-    return all(b > a for a, b in zip(changes, changes[1:], strict=False)) and changes[-1] > 0.0
+    return all(b > a for a, b in pairwise(changes)) and changes[-1] > 0.0
 
 
 def _estimates(scene: Scene) -> bool:
@@ -160,7 +171,7 @@ def _refines(scene: Scene) -> bool:
     return not softens and nodes <= MOST_NODES
 
 
-ESTIMATE = Invariant("estimated error", _estimates, check_estimate)
+ESTIMATE = Invariant("estimated error", _estimates, check_estimate, runs=8)
 """The error at a window's end is at most 3 times the sum of those estimated up to there, in 98 % of windows.
 
 What a window adds is at most its local error where the problem is one of diffusion: what was wrong before decays.
@@ -169,7 +180,7 @@ local error of a scheme to its leading order; 3 is what the doubling factors of 
 The true error is the difference to runs along the same windows cut in eight, wherever those have settled.
 """
 
-SETTLES = Invariant("settles", _refines, check_settles)
+SETTLES = Invariant("settles", _refines, check_settles, runs=2)
 """Halving cells and windows changes means, displacements and stored heat less and less.
 
 Linear elements, cut contact edges and every scheme converge in these measures (Cea; Lax and Richtmyer), if not from the

@@ -81,7 +81,7 @@ class Scene:
     def wants_rectangles(self) -> bool:
         """Whether a half takes rectangles alone; such a scene can be neither turned nor renumbered, and its nodes have
         the coupler's order, not that of `shapes`."""
-        return "rod" in (self.doc["thermal"]["half"], self.doc["mechanical"]["half"])
+        return "rod" in (self.doc["thermal"].get("half"), self.doc["mechanical"]["half"])
 
     @property
     def pairs(self) -> Mapping[str, Mapping[str, Any]]:

@@ -19,6 +19,7 @@ from coupler import CouplingError, HalfError, Results, Run, ScenarioError
 from coupler.record.tables import ERROR_FIELDS
 from coupler.scenario import Scenario
 from coupler.schemes.state import Level
+from coupler.trust.checks import told as told_checks
 from random_scenes.direct_half import without_fmus
 from random_scenes.scene import Scene
 
@@ -106,7 +107,6 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
         errors: dict[str, Floats] = {}
         outcome, message = COMPLETED, ""
         said = io.StringIO()
-        started = time.perf_counter()
         try:
             with without_fmus(), redirect_stderr(said):
                 with Run(scenario, folder / "run.h5") as run:
@@ -120,7 +120,9 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                                 extra.setdefault(f"{half.name}.{name}", []).append(value)
 
                     keep()
+                    started = 0.0  # the first window of all compiles
                     for number, progress in enumerate(run.windows(until=until)):
+                        started = started or time.perf_counter()
                         words += progress.notes
                         if run.state.now.t > levels[-1].t:
                             keep()
@@ -128,6 +130,7 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                             raise TooLongError(f"{number + 1} windows tried, at t = {run.state.now.t:.6g} s")
                 results = Results(folder / "run.h5")
                 words += results.notes
+                words += [c.sentence for c in told_checks(results.trust)]
                 probes = {n: results.probe(n)[1] for n in results.probe_names}
                 ledger = {k: np.asarray(v) for k, v in results.ledger_history()[1].items()}
                 imbalance = results.heat_imbalance

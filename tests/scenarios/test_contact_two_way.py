@@ -96,6 +96,19 @@ def test_what_staggering_costs_halves_with_the_window(scheme: str, cap: float, t
     assert 1.5 < found[0] / found[1] < 2.5
 
 
+def test_iterated_windows_that_see_the_end_are_the_one_system(tmp_path: Path) -> None:
+    """Backward Euler on both fields at once is what they iterate to: only the size of the strain is left.
+
+    Windows of 4 s would end one in which a node overlaps by a hair and no quadrature point does yet: there the rule of
+    `touched` is the reference's own.
+    """
+    scene = blocks("iterated", [{"until": 60, "size": 2}])
+    scene["coupling"]["iteration"] = {"level": "end"}
+    found = solve(tmp_path, scene)
+    assert worst(found, tmp_path, 2.0) < 2e-3
+    assert found.probe("p")[1][-1] > P_0
+
+
 def test_the_steady_state_is_that_of_both_fields_at_once(tmp_path: Path) -> None:
     """Where all is steady no scheme is left in the answer: both agree to the size of the strain."""
     windows = [{"until": 60, "size": 4}, {"until": 600, "first": 4, "last": 60}]

@@ -1,0 +1,153 @@
+"""Temperatures stay within their data: the maximum principle of conduction.
+
+Where no heat is made and none flows in by a prescribed flux, every temperature lies between the lowest and the highest
+of the initial, the prescribed and the surrounding temperatures up to then (docs/theory.md).  Heat that is made lifts
+the upper bound alone, heat that is taken away the lower; where both happen nothing is said.  0 K bounds every scene.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.functions import Field, Profile, field_from
+from coupler.schemes.state import Level
+from coupler.trust.checks import Check, TrustVerdict, measured
+
+Array = NDArray[np.float64]
+
+NOTE_AT, LIMIT = 1e-6, 1e-3  # of the span; round-off and iteration lie below, consistent elements between
+LEAST_SPAN = 1e-3  # K; a scene at rest has no span
+MADE = ("source", "flux", "mechanical", "friction.slave", "friction.master")
+"""Terms of the ledger by which heat comes from nowhere; `entropy` goes both ways."""
+NAME = "temperatures within their data"
+
+
+@dataclass(frozen=True)
+class TemperatureLog:
+    """low, high [K]: bounds of the data up to now.  made, taken : whether heat was made, or taken away.
+
+    least, most [K]: of all temperatures so far.  excess [K]: the largest way out of the bounds, of a node at t [s];
+    negative: below.  share : of the span then.
+    """
+
+    low: float = math.inf
+    high: float = -math.inf
+    made: bool = False
+    taken: bool = False
+    least: float = math.inf
+    most: float = -math.inf
+    excess: float = 0.0
+    share: float = 0.0
+    node: int = -1
+    t: float = 0.0
+
+
+class TemperatureData:
+    """The temperatures that a scene prescribes.  model : of the thermal half (model.json), SI and kelvin."""
+
+    def __init__(self, model: Mapping[str, Any]) -> None:
+        self._fields = tuple(_fields(model))
+
+    def between(self, t0: float, t1: float, x: Array) -> tuple[float, float]:
+        """Return the lowest and highest [K] of the data from t0 to t1 [s], jumps at both ends included.
+
+        x : (n, 2) [m], in whose box a field over place is bounded.  (inf, -inf) where there are no such data.
+        """
+        low, high = math.inf, -math.inf
+        for field in self._fields:
+            times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
+            for t in times:
+                for side in (-1, 1):
+                    a, b = _bounds(field, t, side, x)
+                    low, high = min(low, a), max(high, b)
+        return low, high
+
+
+def _fields(model: Mapping[str, Any]) -> Iterator[Field]:
+    for condition in model.get("boundary", ()):
+        if condition.get("temperature") is not None:
+            yield field_from(condition["temperature"])
+        for kind in ("convection", "radiation"):
+            if condition.get(kind) is not None:
+                yield field_from(condition[kind]["T"])
+
+
+def _bounds(field: Field, t: float, side: int, x: Array) -> tuple[float, float]:
+    if field.is_uniform:
+        value = float(np.sum(field.level(t, side)))
+        return value, value
+    low = high = 0.0
+    for term in field.terms:
+        a = b = term.t.at(t, side)
+        for profile, s in ((term.x, x[:, 0]), (term.y, x[:, 1])):
+            if profile is not None:
+                least, most = _profile_bounds(profile, float(s.min()), float(s.max()))
+                products = (a * least, a * most, b * least, b * most)
+                a, b = min(products), max(products)
+        low, high = low + a, high + b
+    return low, high
+
+
+def _profile_bounds(profile: Profile, first: float, last: float) -> tuple[float, float]:
+    if profile.at is None:
+        # Extremes of a polynomial: at the ends and where its slope is 0.
+        roots = np.polynomial.polynomial.polyroots(np.polynomial.polynomial.polyder(profile.value)) if (
+            len(profile.value) > 2 and profile.value[2:].any()) else np.empty(0)
+        inner = roots.real[(np.abs(roots.imag) < 1e-12) & (roots.real > first) & (roots.real < last)]
+        values = profile(np.concatenate([[first, last], inner]))
+    else:
+        inside = profile.at[(profile.at > first) & (profile.at < last)]
+        values = profile(np.concatenate([[first, last], inside]))
+    return float(values.min()), float(values.max())
+
+
+def begun(now: Level) -> TemperatureLog:
+    """Return the log at the start: T : (n_nodes,) [K] of `now` are data."""
+    low, high = float(now.T.min()), float(now.T.max())
+    return TemperatureLog(low, high, least=low, most=high)
+
+
+def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Level,
+            terms: Mapping[str, float], adiabatic: bool = False) -> TemperatureLog:
+    """Return the log after one more window.
+
+    terms : of the window's heat, mechanism -> [J].  adiabatic : mechanics heats and cools by its entropy.
+    """
+    a, b = data.between(before.t, now.t, now.x)
+    log = replace(log, low=min(log.low, a), high=max(log.high, b))
+    scale = sum(abs(v) for v in terms.values())
+    heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]
+    both = adiabatic or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
+    # A flux may enter here and leave there: its sum has one sign, its parts may not.
+    mixed = any(n.removeprefix("heat.") == "flux" and v for n, v in terms.items())
+    made = log.made or both or mixed or any(v > 0.0 for v in heats)
+    taken = log.taken or both or mixed or any(v < 0.0 for v in heats)
+    least, most = float(now.T.min()), float(now.T.max())
+    log = replace(log, made=made, taken=taken, least=min(log.least, least), most=max(log.most, most))
+    # Heat that is made opens a span that the data have not.
+    span, found = max(max(log.high, log.most) - min(log.low, log.least), LEAST_SPAN), log
+    for sign, outside, node, free in ((-1.0, log.low - least, now.T.argmin(), taken),
+                                      (1.0, most - log.high, now.T.argmax(), made)):
+        if not free and outside / span > found.share:
+            found = replace(found, excess=sign * outside, share=outside / span, node=int(node), t=now.t)
+    return found
+
+
+def check(log: TemperatureLog, where: str) -> Check:
+    """Return the check at the end.  where : of the worst node, in words."""
+    remedy = ("Smaller windows, thermal.method: sdirk2 or backward_euler, or a mesh finer at the surface end it; if it "
+              "grows as windows get shorter, the mesh is too coarse for them")
+    if not log.least > 0.0:
+        return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K", log.t, f"the lowest is {log.least:.6g} K", remedy)
+    if log.made and log.taken:
+        return Check(NAME, TrustVerdict.UNCHECKED, what="heat is made and taken away inside the bodies or by a flux")
+    side = "below the lowest" if log.excess < 0.0 else "above the highest"
+    what = (f"{where} is {abs(log.excess):.3g} K {side} of the data ({log.low:.6g} to {log.high:.6g} K) at "
+            f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: undershoot or overshoot that no physics makes")
+    return measured(NAME, log.share, (NOTE_AT, LIMIT), what=what, remedy=remedy, t=log.t)

@@ -1,0 +1,81 @@
+"""One system of both fields: quiet on what is right, loud where the halves are told something else of each other."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import coupler.schemes.iterate as iterate
+import coupler.schemes.sweep as sweep
+import thermal_fmu.methods as methods
+from random_scenes import invariants_monolithic as one_system_laws
+from random_scenes.scene import Scene
+from random_scenes.small import across_a_film, pressed
+from random_scenes.story import told
+
+
+def found(check, scene: Scene, seed: int = 0) -> list[str]:
+    story = told(scene)
+    assert story.outcome == "completed", story.message
+    return [f.what for f in check(scene, story, np.random.default_rng(seed))]
+
+
+def at_the_end(scene: Scene) -> Scene:
+    return scene.edited(thermal__method="sdirk2", coupling__substeps={"thermal": 2, "mechanical": 3},
+                        coupling__iteration={"level": "end"})
+
+
+@pytest.fixture
+def solved(monkeypatch) -> list[float]:
+    """Collects how far [K] each window that Newton's method solved is from the coupler's."""
+    apart: list[float] = []
+    right = one_system_laws.Both.solve
+
+    def solve(self, window, guess, tolerance):
+        end = right(self, window, guess, tolerance)
+        apart.append(float(np.abs(end.T - guess.T).max()))
+        return end
+
+    monkeypatch.setattr(one_system_laws.Both, "solve", solve)
+    return apart
+
+
+@pytest.mark.parametrize("scene", [pressed(), at_the_end(pressed()), across_a_film(), at_the_end(across_a_film())])
+def test_iterated_windows_solve_the_one_system(scene, solved):
+    assert one_system_laws.ONE_SYSTEM.applies(scene)
+    assert found(one_system_laws.check_one_system, scene) == []
+    assert len(solved) >= one_system_laws.WINDOWS, "each window was solved from its start"
+    assert max(solved) > 0.1, "and its start is not its end"
+
+
+def test_geometry_of_another_time_is_found(monkeypatch):
+    right = sweep.geometry_at
+    monkeypatch.setattr(sweep, "geometry_at", lambda now, slope, t: right(now, slope, t + 0.5))
+    assert any("does not solve the system" in text for text in found(one_system_laws.check_one_system, across_a_film()))
+
+
+def test_iterating_that_ends_too_early_is_found(monkeypatch):
+    right = iterate.misfits
+    monkeypatch.setattr(iterate, "misfits", lambda *how: {n: 1e-3 * v for n, v in right(*how).items()})
+    assert found(one_system_laws.check_one_system, across_a_film())
+
+
+def test_damped_methods_come_to_rest():
+    for scene in (across_a_film(), at_the_end(across_a_film())):
+        assert one_system_laws.STEADY.applies(scene)
+        for seed in (0, 1):
+            assert found(one_system_laws.check_steady, scene, seed) == []
+    assert not one_system_laws.STEADY.applies(pressed()), "nothing holds its upper body"
+
+
+def test_methods_that_damp_no_more_are_found(monkeypatch):
+    for name in ("backward_euler", "sdirk2"):
+        nearly_midpoint = (methods.Stage(0.55, 1.0, 0.55),)
+        monkeypatch.setitem(methods.METHODS, name, replace(methods.METHODS[name], stages=nearly_midpoint,
+                                                           weights=(1.0,)))
+    assert found(one_system_laws.check_steady, across_a_film())
