@@ -55,7 +55,7 @@ def friction_excess(story: Story, pair: Pair) -> Floats:
 
     Told is t_T = before + mean(tau - before) over what the node touches, `before` linear between nodes: so it may
     exceed the mean of tau by what `before` differs to its neighbours.  Nodes are looked at that touch with all they
-    face: they and both neighbours press, and no gap of theirs is open.
+    face: they and both neighbours press, and are deeper than the edges on both sides bend between them.
     """
     interface, surface = story.interface, story.interface.surfaces[pair.slave]
     nodes = np.unique(surface)
@@ -67,11 +67,33 @@ def friction_excess(story: Story, pair: Pair) -> Floats:
         around = [s[int(n)] for n in np.unique(surface[(surface == node).any(axis=1)])]
         own = s[int(node)]
         sure = ((story.t_N[:, around] < 0.0) & (gap[:, around] <= 0.0) & (covered[:, around] > 0.999)).all(axis=1)
+        sure &= -gap[:, around].max(axis=1) > bends(story, pair, int(node))
         before = np.vstack([t_T[:1], t_T[:-1]])
         uneven = np.abs(before[:, around] - before[:, [own]]).max(axis=1)
         excess = np.abs(t_T[:, own]) - pair.mu * np.abs(story.t_N[:, own]) - uneven
         beyond[1:, j] = np.where(sure, np.maximum(excess, 0.0), 0.0)[1:]
     return beyond
+
+
+def bends(story: Story, pair: Pair, node: int) -> Floats:
+    """(n,) [m] how far the gap between a slave node and its neighbours may be from a straight line, at each level.
+
+    A chain of edges over h whose directions differ by at most an angle from one another is h/2 times that from its
+    chord at most.
+    """
+    own, other = (story.interface.surfaces[name] for name in (pair.slave, pair.master))
+    edges = own[(own == node).any(axis=1)]
+    found = np.zeros(len(story.t))
+    for k, x in enumerate(story.x):
+        t = x[edges[:, 1]] - x[edges[:, 0]]
+        a, b = x[other[:, 0]], x[other[:, 1]]
+        h = float(np.linalg.norm(t, axis=1).max())
+        middle = x[edges].mean(axis=1)
+        reach = np.linalg.norm(0.5 * (a + b)[:, None] - middle, axis=2).min(axis=1) < h + np.linalg.norm(b - a, axis=1)
+        all_t = np.vstack([t, (a - b)[reach]])
+        all_t = all_t / np.linalg.norm(all_t, axis=1)[:, None]
+        found[k] = 0.5 * h * np.abs(all_t[:, 0] * all_t[0, 1] - all_t[:, 1] * all_t[0, 0]).max()
+    return found
 
 
 def _coulomb(scene: Scene, story: Story, rng: np.random.Generator) -> list[Finding]:
