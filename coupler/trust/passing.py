@@ -193,5 +193,7 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
                          f"t = {log.soft_t:.6g} s",
                     remedy="augmented: {} in the pair drives it out; a larger penalty makes it smaller")
     if prescribed:
-        soft = Check(SOFT, TrustVerdict.UNCHECKED, what="motion and pressure are prescribed")
+        soft = measured(SOFT, log.soft, (DEPTHS[1], np.inf), t=log.soft_t, unit="edges",
+                        what=f"pair {log.soft_pair}: the prescribed motion goes through, {log.soft:.3g} edges deep at "
+                             f"t = {log.soft_t:.6g} s", remedy="The half rigid moves bodies as it is told")
     return passes, soft

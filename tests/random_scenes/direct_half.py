@@ -82,7 +82,7 @@ class DirectHalf:
         seconds = time.perf_counter() - begin
         if not done:
             if self._code() != DISCARDED:
-                raise HalfError(self._message() or "the step failed", half=self.name, t=t, dt=h, log=self.log_tail())
+                raise HalfError(self._message() or "the step failed", half=self.name, log=self.log_tail())
             return Advance(Status.DISCARD, self._message(), {}, seconds,
                            float(self._store.reals[self._store.layout.first["status.dt_suggest"]]))
         return Advance(Status.OK, "", self.read(outputs), seconds)
