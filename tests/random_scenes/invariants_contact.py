@@ -20,8 +20,8 @@ Ints = NDArray[np.intp]
 MARGIN = 1.5  # of what is told: nodes are deeper than the mean over what they face
 TIP = 0.2114  # (1 - 1/sqrt 3)/2 of an edge: from a tip to the first Gauss point (docs/contact.md)
 ROUND_OFF = 1e-9  # of a body's size
-THROUGH = ("went through", "passed through", "pass through", "goes through", "passes through", "start inside", "jumped", "crossed",
-           "penetrat", "skipped over")
+THROUGH = ("went through", "passed through", "pass through", "goes through", "passes through", "start inside",
+           "jumped", "crossed", "penetrat", "skipped over")
 CORNER = ("corner", "shared", "shares", "several pairs", "two pairs")
 LONGER = 10.0
 
