@@ -448,7 +448,8 @@ def _of_the_kink(memory: Memory, i: int, reach: Reach) -> bool:
 
 WORDS = {ContactState.OPEN: "opens", ContactState.CLOSED: "closes", ContactState.STICKS: "sticks",
          ContactState.SLIPS: "slips", ContactState.SLIPS_IN_PART: "slips in part",
-         ContactState.BELOW: "is passed downwards", ContactState.ABOVE: "is passed upwards"}
+         ContactState.BELOW: "is passed downwards", ContactState.ABOVE: "is passed upwards",
+         ContactState.APART: "changes as its surfaces part or meet"}
 
 
 NEXT = {ContactState.OPEN: ContactState.CLOSED, ContactState.CLOSED: ContactState.OPEN,

@@ -12,7 +12,7 @@ import pytest
 
 from contact.half.interface import Interface, Pair
 from coupler.control.contact_status import SLIPPING, ContactState, PairNodes, changed, contact_status, pair_nodes_of
-from coupler.control.events import root
+from coupler.control.events import NEXT, WORDS, root
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
 from coupler.fmu.half import Block
@@ -236,3 +236,9 @@ def test_where_something_will_reach_zero():
     rose = root(t, [9.0, 1.0, 4.0, 3.0])
     assert rose is not None
     assert rose.t == pytest.approx(6.0), "what was before it rose does not count"
+
+
+@pytest.mark.parametrize("state", list(ContactState))
+def test_whatever_changes_next_has_words(state):
+    """A pair with friction that is apart may be due to change too."""
+    assert WORDS[NEXT[state]]
