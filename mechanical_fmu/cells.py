@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from contact.half.quadrature import CellQuadrature, table_of
-from mechanical_fmu.laws.kinds import history_size
+from mechanical_fmu.laws.law import history_size
 from mechanical_fmu.point_loop import CellShapes
 from mechanical_fmu.strain import Modes, mode_count, mode_gradients
 

@@ -13,13 +13,24 @@ from contact.half.contact_client import History
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from mechanical_fmu.advance import Departure, PartWayError, StepResult, Task, in_pieces, loading_of, predicted
+from mechanical_fmu.advance import (
+    NOT_GIVEN,
+    Departure,
+    PartWayError,
+    StepDrive,
+    StepResult,
+    Task,
+    between,
+    drive_of,
+    expected_change,
+    in_pieces,
+    loading_of,
+    may_skip,
+    predicted,
+)
 from mechanical_fmu.contact import contact_outputs, contact_variables
-from mechanical_fmu.contact_query import ContactQuery, contact_history, contact_query
-from mechanical_fmu.drive import NOT_GIVEN, StepDrive, between, drive_of, expected_change, may_skip
-from mechanical_fmu.dynamics import BodyMotion, first_motion
-from mechanical_fmu.enforcement import solve_step
-from mechanical_fmu.explicit import stable_step
+from mechanical_fmu.dynamics import BodyMotion, first_motion, stable_step
+from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query, solve_step
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings

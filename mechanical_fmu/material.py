@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Property
 from mechanical_fmu.laws.catalogue import POINT, creep_number, hardening_number
-from mechanical_fmu.laws.kinds import CREEP, KINEMATIC, LIQUID, OVERSTRESS, PLASTIC
-from mechanical_fmu.laws.kinematic import KinematicLaw
-from mechanical_fmu.laws.law import ONE, CreepLaw, IsotropicHardening, Points, lowest
+from mechanical_fmu.laws.hardening import KinematicLaw, OverstressLaw
+from mechanical_fmu.laws.law import (
+    CREEP,
+    KINEMATIC,
+    LIQUID,
+    ONE,
+    OVERSTRESS,
+    PLASTIC,
+    CreepLaw,
+    IsotropicHardening,
+    Points,
+    lowest,
+)
 from mechanical_fmu.laws.liquid import LiquidLaw
-from mechanical_fmu.laws.overstress import OverstressLaw
 
 Floats = NDArray[np.float64]
 

@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 
 from contact.compiled import inner
 from mechanical_fmu.laws.catalogue import creep_exponent, creep_relaxed, creep_strain, flow_stress
-from mechanical_fmu.laws.kinds import (
+from mechanical_fmu.laws.hardening import overstress, overstress_strain
+from mechanical_fmu.laws.law import (
     CREEP,
     H_BACK,
     H_CREEP,
@@ -46,10 +47,9 @@ from mechanical_fmu.laws.kinds import (
     LIQUID,
     OVERSTRESS,
     PLASTIC,
+    Point,
 )
-from mechanical_fmu.laws.law import Point
 from mechanical_fmu.laws.liquid import mix, solidify
-from mechanical_fmu.laws.overstress import overstress, overstress_strain
 
 Floats = NDArray[np.float64]
 

@@ -18,15 +18,10 @@ from contact.problem.boundary import FORCES, MOTIONS, TRACTIONS, WEIGHTS
 from contact.problem.errors import demand, made, read
 from contact.problem.mechanical import ElasticProblem
 from contact.problem.values import Beyond, Form, Part, Phases, PropertyTable
-from mechanical_fmu.laws.creep_norton import NortonLaw
-from mechanical_fmu.laws.creep_power import PowerLaw
-from mechanical_fmu.laws.hardening_linear import LinearLaw
-from mechanical_fmu.laws.hardening_table import CUBIC, SLOPED, TableLaw
-from mechanical_fmu.laws.hardening_voce import VoceLaw
-from mechanical_fmu.laws.kinematic import KinematicLaw
+from mechanical_fmu.laws.creep import NortonLaw, PowerLaw
+from mechanical_fmu.laws.hardening import CUBIC, SLOPED, KinematicLaw, LinearLaw, OverstressLaw, TableLaw, VoceLaw
 from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw, IsotropicHardening
 from mechanical_fmu.laws.liquid import LiquidLaw
-from mechanical_fmu.laws.overstress import OverstressLaw
 from mechanical_fmu.material import ELASTIC, FlowLaws, PlasticFlow, SolidMaterial
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.elastic_loop import cell_forces, cell_stress
-from mechanical_fmu.laws.kinds import has_skew_tangent
+from mechanical_fmu.laws.law import has_skew_tangent
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.point import CODES
 from mechanical_fmu.point_loop import INVERTED, NO_MODES, Out, cell_points

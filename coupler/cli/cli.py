@@ -21,7 +21,7 @@ from coupler.cli.forms import migrate_command, schema_command
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.experiments.advise import AdviceOptions, advise
-from coupler.experiments.trial_lines import TrialLine
+from coupler.experiments.pool import TrialLine
 from coupler.experiments.variants import CELLS
 from coupler.fmu.launch import build_halves
 from coupler.init.init import init_command
@@ -194,9 +194,9 @@ def study_command(scenario: ScenarioFile,
     """Run a grid of settings, and draw error against cost.  After Ctrl-C the same command continues."""
     # Here and not above: a command that makes no study starts a second sooner without matplotlib.
     from coupler.experiments.grid import grid_of, parse_axis
+    from coupler.experiments.pool import StudyLine
     from coupler.experiments.study import StudyOptions, conduct
     from coupler.experiments.study_files import write_study
-    from coupler.experiments.trial_lines import StudyLine
 
     keys: dict[str, Any] = {}
     if grid:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface, Pair
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

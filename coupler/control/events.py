@@ -23,8 +23,9 @@ from coupler.control.auto import schemes_under
 from coupler.control.contact_status import ContactState, ContactStatus, changed
 from coupler.control.plan import Plan
 from coupler.scenario.options import Scheme
+from coupler.schemes.levels import Level
 from coupler.schemes.scheme import CouplingScheme
-from coupler.schemes.state import CoupledState, Level, Solved, Span
+from coupler.schemes.state import CoupledState, Solved, Span
 
 # Where a quantity that falls towards zero will reach it, from a few of its values, and how sure that is.
 

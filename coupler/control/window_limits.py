@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from coupler.control.solve_window import SavedStates
 from coupler.scenario.options import Scheme
-from coupler.schemes.state import CoupledState, Halves, Level, Span, exchanged, predicted
+from coupler.schemes.levels import Level, exchanged, predicted
+from coupler.schemes.schemes import scheme_of
+from coupler.schemes.state import CoupledState, Halves, Span
 from coupler.schemes.sweep import mechanical_first
-from coupler.schemes.table import scheme_of
 
 Array = NDArray[np.float64]
 

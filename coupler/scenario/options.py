@@ -10,7 +10,7 @@ from enum import Enum
 
 
 class Scheme(Enum):
-    """Names of how a window is solved; what each is: coupler.schemes.table."""
+    """Names of how a window is solved; what each is: coupler.schemes.schemes."""
 
     STAGGERED = "staggered"
     MECHANICAL_FIRST = "mechanical_first"

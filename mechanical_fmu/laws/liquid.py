@@ -16,8 +16,19 @@ import numpy as np
 
 from contact.compiled import inner
 from contact.half.functions import Property
-from mechanical_fmu.laws.kinds import H_BACK, H_CREEP, H_INELASTIC, H_PLASTIC, H_SOLID, H_STRAIN
-from mechanical_fmu.laws.law import Fields, Floats, Point, Points, lowest
+from mechanical_fmu.laws.law import (
+    H_BACK,
+    H_CREEP,
+    H_INELASTIC,
+    H_PLASTIC,
+    H_SOLID,
+    H_STRAIN,
+    Fields,
+    Floats,
+    Point,
+    Points,
+    lowest,
+)
 
 
 @inner

@@ -17,7 +17,7 @@ from contact.rpc.open import open_link
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inputs_of
 
-from mechanical_fmu.uzawa import MAX_ROUNDS
+from mechanical_fmu.enforcement import MAX_ROUNDS
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]
 MODULUS, LENGTH, DELTA = STEEL["E"] / (1 - STEEL["nu"] ** 2), 2.0, 5e-7  # two blocks are one bar in plane strain

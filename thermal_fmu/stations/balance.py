@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import TERMS, BoundaryHeat, boundary_flow, demand_limits
+from thermal_fmu.boundary import TERMS, BoundaryHeat, Heat, boundary_flow, demand_limits, inflow_outflow
 from thermal_fmu.cells import BadPropertyError
-from thermal_fmu.heat import Heat, inflow_outflow
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Stage, TimeMethod
 from thermal_fmu.newton import (
     BLUR_FACTOR,
@@ -59,7 +58,7 @@ class StationProblem:
     """Find s with  E(s) - E(s_n) = dt (sum_j a_j F_j + a f(T_n + theta (T(s) - T_n))).
 
     s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
-    earlier : (n,) dt sum_j a_j F_j [J].  blur : as in thermal_fmu/stage.py.
+    earlier : (n,) dt sum_j a_j F_j [J].  blur : as in thermal_fmu/newton.py.
     """
 
     substep: StationSubstep

@@ -14,10 +14,10 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
+from thermal_fmu.boundary import Heat, no_heat
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.half import face_variables, whole
-from thermal_fmu.heat import Heat, no_heat
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_model
