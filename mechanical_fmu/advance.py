@@ -1,4 +1,4 @@
-"""What drives a step: prescribed motions, loads and temperatures, at its end and on the way there."""
+"""A step: what drives it, whether it is worth solving, and how it is gone in one piece or several."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from mechanical_fmu.volume import CellError, PointStep
 
 Floats = NDArray[np.float64]
 
+
+# What drives a step: prescribed motions, loads and temperatures, at its end and on the way there.
 
 # Start value of the input f_s: no share of anything, so that a master that does not connect it gets f_s from T.
 NOT_GIVEN = -1.0

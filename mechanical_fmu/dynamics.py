@@ -1,4 +1,4 @@
-"""Inertia in time: the generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in problem.py."""
+"""Inertia in time: the generalised-alpha method, and explicit central differences."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from mechanical_fmu.volume import PointStep
 
 Floats = NDArray[np.float64]
 
+
+# The generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in problem.py.
 
 @dataclass(frozen=True)
 class BodyMotion:

@@ -112,7 +112,7 @@ def solve_by_penalty(system: System, loading: Loading, start: ForceBalance, anch
 
 # The augmented Lagrangian in rounds: equilibrium, and again with the pressures it found, until nothing penetrates.
 #
-# Uzawa's iteration; semi_smooth.py goes to the same solution at once, where Newton's own method is used.  Each round
+# Uzawa's iteration; `solve_at_once` goes to the same solution at once, where Newton's own method is used.  Each round
 # leaves 1/(1 + eps_N L/E) of the penetration of the round before, so with the default penalty E/h a body of twenty
 # cells is done in three or four.  It ends where the pressures have settled to the tolerance asked for, or where the
 # forces do not feel their change.

@@ -1,6 +1,6 @@
 """Boundary terms of a stage: all heat into the nodes except by conduction inside, and the limits of boundary data.
 
-Flux, film, radiation, sources, contact and friction.
+Flux, film, radiation, sources, contact and friction; and the heat of a substep by mechanism.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ Exit codes: 0 done; 1 the run failed (a window that cannot be solved, a half tha
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -17,7 +19,6 @@ import typer
 
 from contact.rpc.link import LinkError
 from coupler.cli.console import ProgressLine, summary
-from coupler.cli.forms import migrate_command, schema_command
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.experiments.advise import AdviceOptions, advise
@@ -25,18 +26,59 @@ from coupler.experiments.pool import TrialLine
 from coupler.experiments.variants import CELLS
 from coupler.fmu.launch import build_halves
 from coupler.init.init import init_command
-from coupler.record.paths import check_target
+from coupler.record.paths import check_free, check_target, new_files
 from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.running.demo import run_demo
 from coupler.running.pilot import is_quick
 from coupler.running.pilot import pilot as pilot_run
 from coupler.running.replay import rules_report
-from coupler.running.resume import resume, resumed
-from coupler.running.run import run
+from coupler.running.run import resume, resumed, run
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario, parse_override
+from coupler.scenario.load import checked_form
+from coupler.scenario.schema import VERSION
+from coupler.scenario.versions import json_schema, migrated, unsaid
 from coupler.verify.verify import verify_half_command
+
+# `slideline schema` and `slideline migrate`: the form of a scenario, for editors, and of older files.
+
+def schema_command(out: Annotated[Path | None, typer.Option("--out", "-o", help="A new file for it.")] = None) -> None:
+    """Write the JSON Schema of a scenario: editors complete and check its keys by it."""
+    text = json.dumps(json_schema(), indent=1) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    check_free(out)
+    with new_files({out: text}):
+        typer.echo(f"{out}: the keys of a scenario of version {VERSION}.\n"
+                   f"  In the first line of a scenario: # yaml-language-server: $schema={out}")
+
+
+def migrate_command(scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.", show_default=False)]
+                    ) -> None:
+    """Write a scenario of an older version as one of the newest, with the same numbers."""
+    document, file = checked_form(scenario)
+    if file.slideline == VERSION:
+        typer.echo(f"{scenario} is of version {VERSION} already.")
+        return
+    said = unsaid(file)
+    _replace(scenario, migrated(document.text, file))
+    typer.echo(f"{scenario}: version {file.slideline} -> {VERSION}")
+    for at, key, value in said:
+        typer.echo(f"  {'.'.join(map(str, at))}: {key}: {value}, as version {file.slideline} had it")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file anew, whole or not at all.  Raises ScenarioError."""
+    aside = path.with_name(f".{path.name}.new")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
+    except OSError as exc:
+        aside.unlink(missing_ok=True)
+        raise ScenarioError(f"the file cannot be written ({exc.strerror})", file=str(path)) from exc
+
 
 FAILED, BAD_INPUT, BAD_RESULTS, INTERRUPTED = 1, 2, 3, 130
 

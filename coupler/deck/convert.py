@@ -31,7 +31,7 @@ from coupler.deck.mesh import DeckMesh, mesh_of
 from coupler.deck.outline import Outline, outline_of
 from coupler.deck.steps import DeckStep, Signal, amplitudes_of, steps_of
 from coupler.errors import ScenarioError
-from coupler.running.safe_write import check_free, new_files
+from coupler.record.paths import check_free, new_files
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
 from coupler.scenario.document import dumped, layout

@@ -52,7 +52,7 @@ from coupler.experiments.variants import (
     windows_factor,
 )
 from coupler.fmu.launch import make_folder
-from coupler.running.safe_write import write_whole
+from coupler.record.paths import write_whole
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.document import WIDTH, Document, document_from, dumped, layout, read_document

@@ -22,8 +22,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from coupler.experiments.study import PlannedRun, StabilityLimit, Study
 from coupler.experiments.work_precision import LEVELS, Point, cheapest, pareto_front
+from coupler.record.paths import write_whole
 from coupler.report.figures import GRID, INK, Picture, duration, line_style, new_figure, number, plain, styled
-from coupler.running.safe_write import write_whole
 from coupler.scenario.document import Document, dumped, layout
 from coupler.scenario.edits import apply_overrides
 

@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from contact.half.build import package_directory
 from contact.half.entry import sources_hash
 from coupler.errors import CouplingError, HalfError, ResultsError
-from coupler.fmu.builders import known_halves
+from coupler.fmu.launch import known_halves
 from coupler.record.checkpoint import versions
 from coupler.record.paths import part_of
 from coupler.record.results import Results

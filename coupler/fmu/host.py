@@ -18,7 +18,7 @@ from contact.rpc.server import Server
 from contact.rpc.zenoh_session import close_all_sessions, open_session
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
-from coupler.fmu.verbs import (
+from coupler.fmu.remote import (
     VERBS,
     Acknowledged,
     Close,
@@ -72,7 +72,7 @@ def role_of(name: str) -> str:
 
 
 def answer(half: Half, verb: Verb) -> Any:
-    """Carry out a verb on a half.  Returns one of coupler.fmu.verbs.ANSWERS."""
+    """Carry out a verb on a half.  Returns one of coupler.fmu.remote.ANSWERS."""
     try:
         return _answer(half, verb)
     except HalfError as exc:

@@ -14,8 +14,7 @@ from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import Launched
-from coupler.rules.engine import wanted
-from coupler.rules.fit import schemes_of, unfit
+from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
 from coupler.scenario.rule_model import outputs
 from coupler.schemes.levels import Level

@@ -9,11 +9,10 @@ import numpy as np
 
 from contact.half.interface import Interface
 from contact.problem.values import did_you_mean
-from coupler.scenario.context import Context
 from coupler.scenario.document import Key
 from coupler.scenario.mesh import Floats, Ints, body_mean, cell_volumes, cells_along, cells_with, locate
 from coupler.scenario.problems import NEAREST
-from coupler.scenario.scene import surface_key
+from coupler.scenario.scene import Context, surface_key
 from coupler.scenario.schema import Place, ProbeSpec
 
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
