@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import CellQuadrature, table_of
 from contact.half.interface import Interface
-from contact.half.quadrature import CellQuadrature, table_of
 from mechanical_fmu.laws.law import history_size
 from mechanical_fmu.point_loop import CellShapes
 from mechanical_fmu.strain import Modes, mode_count, mode_gradients

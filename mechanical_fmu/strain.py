@@ -359,7 +359,7 @@ def condense(A: Floats) -> None:
 # pressed and free to widen, has a tangent with a negative eigenvalue from a stretch of .64 on (nu = .3; .68 at
 # nu = .4999), by mean dilatation not before .44.
 
-# xi, eta of the four points of contact.half.quadrature' quad table are +-1/sqrt(3); signs follow from its N.
+# xi, eta of the four points of contact.half.functions' quad table are +-1/sqrt(3); signs follow from its N.
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # Newton's method inside a cell: found when the modes strain it by less than this, or by no less than before.
 MODE_TOLERANCE, MODE_ROUND_OFF = 1e-14, 1e-7

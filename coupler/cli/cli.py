@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 import typer
 
-from contact.rpc.link import LinkError
+from contact.rpc.calls import LinkError
 from coupler.cli.console import ProgressLine, summary
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError

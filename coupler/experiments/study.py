@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from coupler.control.auto import chooses
-from coupler.control.window_limits import longest
+from coupler.control.window_size import longest
 from coupler.errors import ResultsError, ScenarioError
 from coupler.experiments.grid import PLAIN, Setting, setting_at, settings_of
 from coupler.experiments.pool import FinishedJob, StudyLine, run_here, run_there

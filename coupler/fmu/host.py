@@ -1,6 +1,6 @@
 """The process around one half:  python -m coupler.fmu.host --name NAME --fmu FILE --extracted DIR --run ID
 
-It lives as long as its parent (contact.rpc.child), which it tells `ready ENDPOINT INSTANCE` and from which it
+It lives as long as its parent (contact.rpc.server), which it tells `ready ENDPOINT INSTANCE` and from which it
 first hears the endpoint of the contact service.  Every call into the FMU comes from the main thread.
 """
 
@@ -13,8 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from contact.rpc.child import become_child
-from contact.rpc.server import Server
+from contact.rpc.server import Server, become_child
 from contact.rpc.zenoh_session import close_all_sessions, open_session
 from coupler.errors import HalfError
 from coupler.fmu.half import Half

@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from contact.rpc.calls import LinkError, ServiceDownError
 from contact.rpc.client import Client
-from contact.rpc.link import LinkError, ServiceDownError
 from contact.rpc.zenoh_session import Session, close_session, open_session
 from coupler.errors import HalfError, indented
 from coupler.fmu.children import Child, ChildError, python, ready_line, reap, start

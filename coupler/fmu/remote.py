@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from contact.codec import WireError, kinds_of
+from contact.codec import kinds_of
+from contact.records import WireError
+from contact.rpc.calls import LinkError
 from contact.rpc.client import Client
-from contact.rpc.link import LinkError
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Array, Block, Status
 

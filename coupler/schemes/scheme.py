@@ -94,7 +94,7 @@ class CouplingScheme:
     frozen_entropy : mechanics step at frozen entropy (`control.mode` 1).
     lacking : thermal half, mechanical half, substeps -> what they lack for this scheme; None: nothing.
     alternating_gain : how often the thermal half sees what alternates from window to window, where that gives the
-        longest stable window (coupler.control.window_limits); None: not known.
+        longest stable window (coupler.control.window_size); None: not known.
     simpler : schemes that an advice tries in its place.
     """
 

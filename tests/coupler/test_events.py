@@ -11,8 +11,15 @@ import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
-from coupler.control.contact_status import SLIPPING, ContactState, PairNodes, changed, contact_status, pair_nodes_of
-from coupler.control.events import root
+from coupler.control.contact_status import (
+    SLIPPING,
+    ContactState,
+    PairNodes,
+    changed,
+    contact_status,
+    pair_nodes_of,
+    root,
+)
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
 from coupler.fmu.half import Block

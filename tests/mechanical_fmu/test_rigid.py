@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from mechanical_fmu.rigid_half import load
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -11,7 +11,7 @@ import pytest
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from mechanical_fmu.rod_half import load
 
 sys.path.insert(0, str(Path(__file__).parent))
