@@ -20,7 +20,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Treatment:
-    """How the cells of a body are computed.  kind : of their points (laws/kinds.py), 0 : neo-Hookean.
+    """How the cells of a body are computed.  kind : of their points (laws/law.py), 0 : neo-Hookean.
 
     enhanced : with modes that let a quad bend; a triangle has none and keeps its mean dilatation.
     plane_stress : no stress through the thickness.

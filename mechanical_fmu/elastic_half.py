@@ -280,8 +280,9 @@ class ElasticHalf:
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
-            found = StepResult(balance, motion, balance.heat, 0, 0.0, dt_stable=self._dt_stable(balance, loading),
-                               last=loading.step)
+            explicit = system.spec.method == "explicit"
+            found = StepResult(balance, motion, balance.heat, 0, 0.0, last=loading.step,
+                               dt_stable=stable_step(system, balance.u, loading) if explicit else 0.0)
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
@@ -338,9 +339,6 @@ class ElasticHalf:
         task = Task(drive, drive, 0.0, contact_query(self.system, link, history), None)
         return loading_of(self.system, task, 1.0, 0.0, self.system.start_history())
 
-    def _predicted(self, u: Floats, loading: Loading, tangent: bool = True) -> ForceBalance:
-        return predicted(self.system, u, loading, tangent)
-
     def _in_pieces(self, state: ElasticState, task: Task, method: str,
                    failed: ArithmeticError | None = None) -> StepResult:
         motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
@@ -358,7 +356,7 @@ class ElasticHalf:
         """One solve with the anchor's factor where that serves; the step in pieces where one solve does not do."""
         anchor = self._anchor(state)
         try:
-            first = self._predicted(_array(state.u), loading, tangent=not state.anchored)
+            first = predicted(self.system, _array(state.u), loading, tangent=not state.anchored)
             anchored = state.anchored or self._adopts(anchor, first)
             solved = self._solved(loading, first, anchor if anchored else None)
         except ArithmeticError as exc:
@@ -422,9 +420,6 @@ class ElasticHalf:
         made: dict[str, Value] = {v.name: np.zeros(v.shape) for v in self.variables if v.name in ("E_M", "E_S")}
         made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
         return out | made
-
-    def _dt_stable(self, balance: ForceBalance, loading: Loading) -> float:
-        return stable_step(self.system, balance.u, loading) if self.system.spec.method == "explicit" else 0.0
 
     def _anchor(self, state: ElasticState) -> StiffnessAnchor:
         # fault: an old factor used whatever the state says -> key = b"" | mechanical_fmu/test_elastic_contact

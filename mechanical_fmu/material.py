@@ -44,7 +44,7 @@ class PlasticFlow:
 
     @property
     def kind(self) -> int:
-        """Return what its points can do (laws/kinds.py)."""
+        """Return what its points can do (laws/law.py)."""
         return (PLASTIC + (KINEMATIC if self.kinematic else 0) + (OVERSTRESS if self.overstress else 0))
 
     def fill(self, p: Points, T: Floats, start: int) -> None:
@@ -125,7 +125,7 @@ class SolidMaterial:
 
     @property
     def kind(self) -> int:
-        """Return what its points can do (laws/kinds.py); 0 : elastic, neo-Hookean."""
+        """Return what its points can do (laws/law.py); 0 : elastic, neo-Hookean."""
         return self.flow.kind
 
 

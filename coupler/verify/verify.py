@@ -17,8 +17,7 @@ from coupler.fmu.description import read_description, unpack
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
 from coupler.fmu.launch import build_half, known_halves
-from coupler.init.templates import templates
-from coupler.running.demo import shipped_scenarios
+from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
 from coupler.verify.behaviour import behaviour_findings, settled
 from coupler.verify.border import (

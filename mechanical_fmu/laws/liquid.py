@@ -35,7 +35,7 @@ from mechanical_fmu.laws.law import (
 def solidify(p: Point, h_n: Floats, h: Floats) -> None:
     """Turn h, a copy of h_n, into the history the solid at the end of the step begins it with.
 
-    h_n, h : (15,) history of a melting point (laws/kinds.py), strains [1], backstress [Pa], solid fraction [1].
+    h_n, h : (15,) history of a melting point (laws/law.py), strains [1], backstress [Pa], solid fraction [1].
     """
     f, f_n = p.solid_fraction, h_n[H_SOLID]
     # fault: what solidifies inherits the strain of the liquid -> w = 1.0 | mechanical_fmu/test_points_melting
