@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import Field, dataclass, replace
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -310,19 +310,35 @@ def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Fac
             raise
         # fault: no detour through blurred laws -> raise |
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
-        solved = _phase_continuation(problem, s, tolerance, factors, anchor)
+        solved = phase_continuation(lambda blur, last, goal: newton(
+            replace(problem, blur=blur), s if last is None else last.s, goal, factors,
+            anchor if last is None else last.anchor), tolerance)
     demand_limits(problem.substep, problem.loads, temperature(problem.scene.melting, solved.s))
     return solved
 
 
-def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
-                        anchor: AnchorMatrix | None) -> SolvedStage:
-    """Solve a stage along problems whose melting is blurred less and less, each from the solution of the one before."""
+class Solution(Protocol):
+    """A dataclass that says what a solution cost.  iterations : linear solves."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def iterations(self) -> int: ...
+
+
+Solved = TypeVar("Solved", bound=Solution)
+
+
+def phase_continuation(solve: Callable[[float, Solved | None, float], Solved], tolerance: float) -> Solved:
+    """Solve a stage along problems whose melting is blurred less and less, each from the solution of the one before.
+
+    solve : (blur, that solution or None, tolerance) -> solution.  Raises NotConvergedError, and what solve raises.
+    """
     blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
+    last: Solved | None = None
     while True:
-        goal = tolerance if blur == 0.0 else BLURRED_TOLERANCE
         try:
-            solved = newton(replace(problem, blur=blur), s, goal, factors, anchor)
+            solved = solve(blur, last, tolerance if blur == 0.0 else BLURRED_TOLERANCE)
         except NotConvergedError:
             if blur == 1.0 or retreats == MAX_RETREATS:
                 raise
@@ -335,7 +351,7 @@ def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, fact
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
         if blur == 0.0:
             return replace(solved, iterations=spent)
-        s, anchor, done = solved.s, solved.anchor, blur
+        last, done = solved, blur
         blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
 
 

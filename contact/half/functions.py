@@ -339,20 +339,6 @@ def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) 
     return Property(None, curve, float(T[0]), float(T[-1]))
 
 
-def positive_property(spec: float | Mapping[str, Any], what: str) -> Property:
-    """A Property that is positive wherever its number or table says what it is.  Raises ValueError: `what` must be.
-
-    A polynomial cannot be checked here: the step that meets a value <= 0 is discarded.
-    """
-    made = property_from(spec)
-    if isinstance(spec, Mapping) and "polynomial" in spec:
-        return made
-    values = np.asarray(spec["value"] if isinstance(spec, Mapping) else spec, dtype=float)
-    if not (np.isfinite(values) & (values > 0.0)).all():
-        raise ValueError(f"{what} must be positive, not {values.min():g}")
-    return made
-
-
 # Shape functions and quadrature of the kinds of cells, as tables that compiled loops can use.
 
 # 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate products of two shape functions, or of two of

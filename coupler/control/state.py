@@ -1,4 +1,4 @@
-"""What control remembers between windows: with the coupled state all that a run is, beside its two halves."""
+"""What control remembers between windows, with the coupled state all that a run is; the monitors of a window."""
 
 from __future__ import annotations
 

@@ -28,7 +28,6 @@ from coupler.scenario.si import ToSI
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.versions import notice, with_old_defaults
 
-# A checked scenario: all a run needs, in SI and kelvin.
 
 @dataclass(frozen=True, eq=False)
 class Scenario:

@@ -19,7 +19,6 @@ from coupler.scenario.problems import NEAREST
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
 
-# All bodies in one numbering: the Interface that both halves and the coupler share.
 
 @dataclass(frozen=True)
 class Scene:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from contact.half.functions import positive_property, property_from
+from contact.half.functions import property_from
 
 TABLE = {"T": [300.0, 400.0, 700.0], "value": [10.0, 40.0, 25.0], "form": "cubic"}
 SPECS = [7.0, TABLE, {"T": [300.0, 500.0], "value": [1.0, 2.0]}, {"polynomial": [2.0, 0.01, 1e-5], "T_ref": 300.0}]
@@ -30,12 +30,6 @@ def test_slope_and_increase_belong_to_the_value(spec):
 def test_increases_of_a_path_add_up():
     p, T = property_from(TABLE), np.linspace(200.0, 900.0, 50)
     assert p.increase(T[:-1], T[1:]).sum() == pytest.approx(float(p.increase(T[:1], T[-1:])[0]), rel=1e-13)
-
-
-@pytest.mark.parametrize("spec", [0.0, -1.0, float("nan"), {"T": [1, 2], "value": [1.0, 0.0]}])
-def test_what_must_be_positive(spec):
-    with pytest.raises(ValueError, match="conductivity must be positive"):
-        positive_property(spec, "conductivity")
 
 
 def test_a_table_is_straight_between_its_points_unless_it_is_said_to_be_cubic():
