@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Element, ElementQuad1, ElementTriP1
-from skfem.quadrature import get_quadrature
 
 from contact.problem.errors import made
 from contact.problem.values import FieldSum, Form, Polynomial, PropertyTable, SignalName, SignalTable
@@ -341,11 +339,6 @@ def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) 
 
 # Shape functions and quadrature of the kinds of cells, as tables that compiled loops can use.
 
-# 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate products of two shape functions, or of two of
-# their gradients, exactly on a straight-sided plane cell, and all weights are positive (a negative one could make the
-# storage at a point negative).
-_KINDS: dict[str, tuple[type[Element], int]] = {"quad": (ElementQuad1, 3), "triangle": (ElementTriP1, 2)}
-
 @dataclass(frozen=True)
 class CellQuadrature:
     """Shape functions of one kind of cell at its quadrature points.
@@ -361,8 +354,14 @@ class CellQuadrature:
 @cache
 def table_of(kind: str) -> CellQuadrature:
     """Return the table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
-    element_type, order = _KINDS[kind]
-    element = element_type()
+    # Loaded where there is a mesh to solve on: a half without one need not wait for it.
+    from skfem import ElementQuad1, ElementTriP1
+    from skfem.quadrature import get_quadrature
+
+    # 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate products of two shape functions, or of two
+    # of their gradients, exactly on a straight-sided plane cell, and all weights are positive (a negative one could
+    # make the storage at a point negative).
+    element, order = {"quad": (ElementQuad1(), 3), "triangle": (ElementTriP1(), 2)}[kind]
     X, w = get_quadrature(element.refdom, order)
     basis = [element.lbasis(X, i) for i in range(element.refdom.nnodes)]
     N = np.array([np.broadcast_to(phi, w.shape) for phi, _ in basis]).T
