@@ -24,8 +24,9 @@ from coupler.control.state import first
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Tolerance, Tolerances, WindowRange
 from coupler.schemes.state import schedule
 
-SHARP = Iteration(Acceleration.IQN_ILS, max_iterations=60, tolerance=Tolerances(
-    Tolerance(1e-7, 1e-8), Tolerance(1e-13, 1e-8), Tolerance(1.0, 1e-8)))
+SHARP = Iteration(acceleration=Acceleration.IQN_ILS, max_iterations=60, tolerance=Tolerances(
+    temperature=Tolerance(atol=1e-7, rtol=1e-8), gap=Tolerance(atol=1e-13, rtol=1e-8),
+    pressure=Tolerance(atol=1.0, rtol=1e-8)))
 # Span [s], window before it [s], numbers of windows in it.  Pressed together the top follows within seconds.
 SPANS = ((3000.0, 9000.0, 50.0, (60, 120, 240)), (10500.0, 12500.0, 20.0, (160, 320, 640)))
 EARLY = ({"until": 2500, "first": 20, "last": 400},)

@@ -19,6 +19,7 @@ from typing import Any, Protocol, Union, get_args, get_origin, get_type_hints
 import numpy as np
 
 from contact import messages
+from contact.problem.part import Part
 from contact.records import Arrays, WireError, decode_record, encode_record
 
 Kinds = Mapping[str, type[Any]]
@@ -94,7 +95,9 @@ def _form_of(hint: Any) -> WireForm:
     if hint is bytes:
         return _bytes_form()
     if isinstance(hint, type) and is_dataclass(hint):
-        return _dataclass_form(hint)
+        return _record_form(hint, hint, [f.name for f in fields(hint)])
+    if isinstance(hint, type) and issubclass(hint, Part):
+        return _record_form(hint, hint.model_construct, list(hint.model_fields))
     if isinstance(hint, type) and issubclass(hint, Enum):
         return _enum_form(hint)
     if hint in _PLAIN:
@@ -233,9 +236,9 @@ def _pair(row: Any, path: str) -> bool:
     return True
 
 
-def _dataclass_form(kind: type[Any]) -> WireForm:
+def _record_form(kind: type[Any], make: Callable[..., Any], names: list[str]) -> WireForm:
     hints = get_type_hints(kind)
-    forms = {f.name: _form_of(hints[f.name]) for f in fields(kind)}
+    forms = {name: _form_of(hints[name]) for name in names}
 
     def pack(value: Any, path: str, arrays: Arrays) -> dict[str, Any]:
         if type(value) is not kind:
@@ -246,7 +249,7 @@ def _dataclass_form(kind: type[Any]) -> WireForm:
         _expect(raw, dict, path)
         if raw.keys() != forms.keys():
             raise WireError(f"{path}: fields {sorted(map(str, raw))} where {sorted(forms)} were expected")
-        return kind(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
+        return make(**{k: form.unpack(raw[k], f"{path}.{k}", arrays) for k, form in forms.items()})
 
     return WireForm(pack, unpack)
 

@@ -73,10 +73,10 @@ def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotio
         if system.rigid is not None and spec.rigid:
             k = int(np.flatnonzero(system.rigid.body == body)[0])
             middle = system.rigid.reference[k] + found.u[system.rigid.point_rows[k]]
-            v[system.rigid.point_rows[k]] = spec.v0[:2]
-            v[system.rigid.turn_rows[k], 0] = spec.v0[2] * system.rigid.size[k]
+            v[system.rigid.point_rows[k]] = spec.v0
+            v[system.rigid.turn_rows[k], 0] = spec.omega0 * system.rigid.size[k]
         arm = x - middle
-        v[here] = np.array(spec.v0[:2]) + spec.v0[2] * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        v[here] = np.array(spec.v0) + spec.omega0 * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     free = system.constraints.free
     v = (v.ravel() * free).reshape(v.shape) if system.rigid is None else v
     v.ravel()[system.constraints.fixed] = 0.0

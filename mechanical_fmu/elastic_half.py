@@ -13,6 +13,7 @@ from contact.half.contact_client import History
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.problem.mechanical import Solution
 from mechanical_fmu.advance import (
     NOT_GIVEN,
     Departure,
@@ -90,7 +91,7 @@ class Moved:
 
 def makes_heat(system: System) -> bool:
     """Say whether E_M can be anything but 0."""
-    return system.volume.makes_heat or system.spec.thermoelastic_heat
+    return system.volume.makes_heat or system.spec.stated.thermoelastic_heat
 
 
 def elastic_variables(system: System) -> tuple[Variable, ...]:
@@ -120,12 +121,12 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     if makes_heat(system):
         outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
                                 on="cells"))
-    if spec.adiabatic:
+    if spec.stated.adiabatic:
         outputs.append(Variable("E_S", (n_cells,), unit="J", description="heat moved by squeezing at frozen entropy",
                                 on="cells"))
         inputs.append(Variable("control.mode", (), "input", start=0, kind="Integer",
                                description="0 isothermal, 1 adiabatic"))
-    if spec.skip is not None:
+    if spec.stated.skip is not None:
         outputs.append(Variable("skipped", description="steps skipped since the start"))
     if system.rigid is not None:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
@@ -156,7 +157,7 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
             name = system.interface.bodies[body]
             outputs[f"motion.{name}"] = np.array([*balance.u[point], balance.u[turn, 0] / system.rigid.size[k]])
             outputs[f"reaction.{name}"] = held[point]
-    if system.spec.skip is not None:
+    if system.spec.stated.skip is not None:
         outputs["skipped"] = float(state.all_skipped)
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
@@ -193,7 +194,7 @@ def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState)
     out: dict[str, Value] = {}
     n = system.volume.n_cells
     made = found.heat if found.heat.size else np.zeros(n)
-    squeezed = moved.frozen or system.spec.thermoelastic_heat
+    squeezed = moved.frozen or system.spec.stated.thermoelastic_heat
     end = state.drive
     heat = np.zeros(n)
     if squeezed:
@@ -202,7 +203,7 @@ def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState)
     if makes_heat(system):
         # What is moved at frozen entropy goes out as E_S: counted once.
         out["E_M"] = made if moved.frozen else made + heat
-    if system.spec.adiabatic:
+    if system.spec.stated.adiabatic:
         out["E_S"] = moved_heat(system, end.T, end.f_s, moved.u, found.balance.u) if moved.frozen else np.zeros(n)
     return out
 
@@ -274,13 +275,13 @@ class ElasticHalf:
         u, none = np.zeros((system.volume.n_nodes, 2)), np.empty((0, 2))
         loading = self._loading(inputs, t, 1, history, link)
         motion = BodyMotion(u, none, none, none)
-        if system.spec.inert:
+        if system.spec.stated.inert:
             at = system.constraints.moved(u, drive.target)
             at.ravel()[system.constraints.fixed] = drive.target
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
-            explicit = system.spec.method == "explicit"
+            explicit = system.spec.stated.method is Solution.EXPLICIT
             found = StepResult(balance, motion, balance.heat, 0, 0.0, last=loading.step,
                                dt_stable=stable_step(system, balance.u, loading) if explicit else 0.0)
         else:
@@ -343,14 +344,14 @@ class ElasticHalf:
                    failed: ArithmeticError | None = None) -> StepResult:
         motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
         settings = replace(self.settings, method=method)
-        cuts = 0 if method == "explicit" else self.system.spec.cuts
+        cuts = 0 if method == "explicit" else self.system.spec.stated.cuts
         return in_pieces(self.system, task, Departure(motion, _array(state.history)), settings, cuts, failed)
 
     @property
     def _anchors_serve(self) -> bool:
         """Whether one tangent may stand for those of many steps: elastic, at rest, no body that turns as a whole."""
         system = self.system
-        return system.volume.elastic and system.rigid is None and not system.spec.inert
+        return system.volume.elastic and system.rigid is None and not system.spec.stated.inert
 
     def _anchored(self, state: ElasticState, task: Task, loading: Loading) -> tuple[StepResult, ElasticState]:
         """One solve with the anchor's factor where that serves; the step in pieces where one solve does not do."""
@@ -360,7 +361,7 @@ class ElasticHalf:
             anchored = state.anchored or self._adopts(anchor, first)
             solved = self._solved(loading, first, anchor if anchored else None)
         except ArithmeticError as exc:
-            if self.system.spec.cuts == 0 or isinstance(exc, MaterialRangeError):
+            if self.system.spec.stated.cuts == 0 or isinstance(exc, MaterialRangeError):
                 raise
             found = self._in_pieces(state, task, "newton", exc)
             return found, replace(state, anchor_u=found.balance.u, anchor_T=task.end.T, anchored=False)
@@ -387,16 +388,16 @@ class ElasticHalf:
         return anchor.drift(first.entries) <= self.settings.adopt
 
     def _method(self, number: int) -> str:
-        return METHODS[number - 1] if number else self.system.spec.method
+        return METHODS[number - 1] if number else self.system.spec.stated.method.value
 
     def _refusal(self, method: int, mode: int) -> str:
         if not 0 <= method <= len(METHODS):
             return f"control.method {method} is none of 0 to {len(METHODS)}"
-        if self._method(method) == "explicit" and not self.system.spec.inert:
+        if self._method(method) == "explicit" and not self.system.spec.stated.inert:
             return "control.method explicit needs dynamics, or method explicit, in model.json"
         if mode not in (ISOTHERMAL, ADIABATIC):
             return f"control.mode {mode} is none of 0 (isothermal), 1 (adiabatic)"
-        if mode == ADIABATIC and not self.system.spec.adiabatic:
+        if mode == ADIABATIC and not self.system.spec.stated.adiabatic:
             return 'control.mode 1 needs "adiabatic": true in model.json'
         return ""
 
@@ -410,7 +411,7 @@ class ElasticHalf:
         return Discard(f"{exc}{reached}", suggest)
 
     def _skips(self, state: ElasticState, drive: StepDrive) -> bool:
-        skip = self.system.spec.skip
+        skip = self.system.spec.stated.skip
         return (skip is not None and state.skipped < skip.most and may_skip(self.system)
                 and expected_change(self.system, state.drive, drive, _array(state.u)) < skip.u)
 
@@ -437,7 +438,7 @@ class ElasticHalf:
 def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
     """Make the elastic half of an interface and a model.json.  Raises ValueError naming what is wrong."""
     spec = parse_elastic(interface, model)
-    return ElasticHalf(system_of(interface, spec), SolverSettings(spec.tolerance))
+    return ElasticHalf(system_of(interface, spec), SolverSettings(spec.stated.tolerance))
 
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:

@@ -106,20 +106,6 @@ class Masses:
         return out
 
 
-def masses_of(interface: Interface, spec: ElasticSpec, kinds: tuple[Cells, ...],
-              rigid: RigidBodies | None) -> Masses:
-    """Make the masses of a scene.
-
-    Raises ValueError where inertia is asked of a rigid body told of by another point than its centre.
-    """
-    inert = spec.dynamics is not None or spec.method == "explicit"
-    for name, body in zip(interface.bodies, spec.bodies, strict=True):
-        if inert and body.reference is not None:
-            raise ValueError(f"model.json: bodies.{name}.reference: with inertia the motion of a rigid body is told "
-                             "of its centre; leave the key out")
-    return Masses(interface, spec, kinds, rigid)
-
-
 # Inertia forces of a step, linear in the displacement at its end.  Eq. (23).
 
 @dataclass(frozen=True)

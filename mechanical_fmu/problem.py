@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from contact.half import checks
 from contact.half.functions import Property, Signal, property_from, signal_from
 from contact.half.interface import Interface
 from contact.problem import flow, material, mechanical
 from contact.problem.boundary import FORCES, MOTIONS, TRACTIONS, WEIGHTS
+from contact.problem.curves import Phases, PropertyTable
 from contact.problem.errors import demand, made, read
 from contact.problem.mechanical import ElasticProblem
-from contact.problem.values import Beyond, Form, Part, Phases, PropertyTable
+from contact.problem.part import Part
+from mechanical_fmu.laws.catalogue import hardening_law
 from mechanical_fmu.laws.creep import NortonLaw, PowerLaw
-from mechanical_fmu.laws.hardening import CUBIC, SLOPED, KinematicLaw, LinearLaw, OverstressLaw, TableLaw, VoceLaw
-from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw, IsotropicHardening
+from mechanical_fmu.laws.hardening import KinematicLaw, OverstressLaw
+from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw
 from mechanical_fmu.laws.liquid import LiquidLaw
 from mechanical_fmu.material import ELASTIC, FlowLaws, PlasticFlow, SolidMaterial
 
@@ -94,53 +96,37 @@ class DynamicsOptions:
 
 
 @dataclass(frozen=True)
-class BodySpec:
-    """What a body is beside its material.
-
-    rigid : it keeps its shape.  reference : the point its motion is told of [m], None for the centre of its volume.
-    v0 : velocity at the start along x and y [m/s] and turning [rad/s] about the reference.  Eq. (21).
-    drawn_at : the temperature [K] at which the body has the shape of the mesh, None where that is the material's T_ref.
-    """
-
-    rigid: bool = False
-    reference: tuple[float, float] | None = None
-    v0: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    drawn_at: float | None = None
-
-
-@dataclass(frozen=True)
 class ElasticSpec:
-    """All of model.json.  body_material : (n_bodies,) index into materials, in the order of interface.bodies.
+    """A scene as it is solved: what model.json states, and what of it has nodes, edges or curves.
 
-    body_element : (n_bodies,) of contact.problem.mechanical.Element.  plane_stress : no stress through the thickness
-        (plane geometry).
-    bodies : of each body.  dead : the dead loads.  method : name of METHODS.  cuts : how often a step is halved inside.
-    dynamics : None where inertia is left out.  skip : None where every step is solved.
+    bodies : as they are stated, in the order of interface.bodies.  body_material : (n_bodies,) index into materials.
+    displacements, pressures, dead : the conditions, a component each.  dynamics : None where inertia is left out.
     rho : (n_materials,) [kg/m3], nan where not said.  c : heat capacities [J/kgK] where said.
-    thermoelastic_heat : whether E_M has it.  adiabatic : whether steps at frozen entropy can be asked for.
-    augmented : pairs whose pressures are driven to no penetration -> to which share of the largest they must settle.
-    enforcement : a name of enforcement.ENFORCEMENTS.
     """
 
-    tolerance: float
+    stated: ElasticProblem
+    bodies: tuple[mechanical.ElasticBody, ...]
     materials: tuple[SolidMaterial, ...]
     body_material: NDArray[np.intp]
     displacements: tuple[Displacement, ...]
     pressures: tuple[Pressure, ...]
-    body_element: tuple[str, ...]
-    plane_stress: bool
-    bodies: tuple[BodySpec, ...]
     dead: tuple[DeadLoad, ...]
-    method: str
-    cuts: int
     dynamics: DynamicsOptions | None
-    skip: mechanical.Skip | None
     rho: NDArray[np.float64]
     c: tuple[Property | None, ...]
-    thermoelastic_heat: bool
-    adiabatic: bool
-    augmented: Mapping[str, float]
-    enforcement: str
+
+    @cached_property
+    def augmented(self) -> dict[str, float]:
+        """Find the pairs driven to no penetration: name -> to which share of the largest pressure they must settle."""
+        return {name: p.augmented.tolerance for name, p in self.stated.pairs.items() if p.augmented is not None}
+
+    @cached_property
+    def enforcement(self) -> str:
+        """Return a name of enforcement.ENFORCEMENTS: that of the augmented pairs, which is one."""
+        ways = [pair.augmented.method.value for pair in self.stated.pairs.values() if pair.augmented is not None]
+        # fault: rounds asked for, solved at once -> return "semi_smooth" if ways else "penalty" |
+        #   coupler/test_scenario_contact mechanical_fmu/test_semi_smooth
+        return next(iter(ways), "penalty")
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -153,41 +139,26 @@ class ElasticSpec:
         """Return the rigid bodies: index -> reference point [m]."""
         return {i: b.reference for i, b in enumerate(self.bodies) if b.rigid}
 
-    @property
-    def inert(self) -> bool:
-        """Say whether mass matters."""
-        return self.dynamics is not None or self.method == "explicit"
-
 
 def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     """Make the model that a model.json describes.  Raises ValueError naming every key that is wrong."""
     problem = read(ElasticProblem, spec, "elastic")
     demand(checks.elastic_wrongs(problem, interface))
-    bodies, names = [problem.bodies[b] for b in interface.bodies], list(problem.materials)
+    bodies, names = tuple(problem.bodies[b] for b in interface.bodies), list(problem.materials)
     rigid = {name: k for k, name in enumerate(n for n in interface.bodies if problem.bodies[n].rigid)}
     conditions = [one for b in problem.boundary for one in _conditions(interface, b, rigid)]
     conditions += _gravity(interface, problem.gravity)
-    augmented = {name: pair.augmented for name, pair in problem.pairs.items() if pair.augmented is not None}
     materials = problem.materials.values()
     return ElasticSpec(
-        tolerance=problem.tolerance,
+        stated=problem, bodies=bodies,
         materials=tuple(made_material(name, m) for name, m in problem.materials.items()),
         body_material=np.array([names.index(b.material) for b in bodies], dtype=np.intp),
         displacements=tuple(b for b in conditions if isinstance(b, Displacement)),
         pressures=tuple(b for b in conditions if isinstance(b, Pressure)),
-        body_element=tuple((b.element or problem.element).value for b in bodies),
-        plane_stress=problem.state is mechanical.State.PLANE_STRESS,
-        bodies=tuple(BodySpec(b.rigid, b.reference, (*b.v0, b.omega0), b.drawn_at) for b in bodies),
         dead=tuple(b for b in conditions if isinstance(b, DeadLoad)),
-        method=problem.method.value, cuts=problem.cuts,
-        dynamics=None if problem.dynamics is None else _dynamics(problem.dynamics), skip=problem.skip,
+        dynamics=None if problem.dynamics is None else _dynamics(problem.dynamics),
         rho=np.array([float("nan") if m.rho is None else m.rho for m in materials]),
-        c=tuple(_one_phase(m.c) for m in materials),
-        thermoelastic_heat=problem.thermoelastic_heat, adiabatic=problem.adiabatic,
-        augmented={name: a.tolerance for name, a in augmented.items()},
-        # fault: rounds asked for, solved at once -> enforcement="semi_smooth" if augmented else "penalty") |
-        #   coupler/test_scenario_contact mechanical_fmu/test_semi_smooth
-        enforcement=next((a.method.value for a in augmented.values()), "penalty"))
+        c=tuple(_one_phase(m.c) for m in materials))
 
 
 def _conditions(interface: Interface, b: mechanical.ElasticBoundary, rigid: Mapping[str, int]) -> Iterator[Condition]:
@@ -219,17 +190,13 @@ def _gravity(interface: Interface, gravity: mechanical.Gravity | None) -> list[C
 def _dynamics(spec: mechanical.Dynamics) -> DynamicsOptions:
     lumped = spec.mass is mechanical.Mass.LUMPED
     if spec.rho_inf is not None:
-        return damped_by_radius(spec.rho_inf, lumped)
+        # The spectral radius at infinite frequency is rho_inf; of order 2 whatever it is.
+        alpha_m, alpha_f = ((2.0 * spec.rho_inf - 1.0) / (spec.rho_inf + 1.0), spec.rho_inf / (spec.rho_inf + 1.0))
+        return DynamicsOptions(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
     if spec.alpha is not None:
         # Hilber, Hughes & Taylor 1977.
         return DynamicsOptions(0.25 * (1.0 - spec.alpha) ** 2, 0.5 - spec.alpha, 0.0, -spec.alpha, lumped)
     return DynamicsOptions(spec.beta or 0.25, spec.gamma or 0.5, 0.0, 0.0, lumped)
-
-
-def damped_by_radius(rho_inf: float, lumped: bool) -> DynamicsOptions:
-    """Make the method whose spectral radius at infinite frequency is rho_inf; order 2 whatever it is."""
-    alpha_m, alpha_f = (2.0 * rho_inf - 1.0) / (rho_inf + 1.0), rho_inf / (rho_inf + 1.0)
-    return DynamicsOptions(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
 
 
 # Materials
@@ -262,32 +229,12 @@ def _flow(spec: material.Material) -> FlowLaws:
 
 
 def _plastic(spec: flow.Plastic) -> PlasticFlow:
-    kinematic, overstress = None, None
+    hardening, kinematic, overstress = hardening_law(spec), None, None
     if spec.kinematic is not None:
         kinematic = KinematicLaw(property_from(spec.kinematic.C), _property(spec.kinematic.gamma, NOTHING))
     if spec.overstress is not None:
         overstress = OverstressLaw(property_from(spec.overstress.K), spec.overstress.m)
-    return PlasticFlow(_hardening(spec), _property(spec.factor, ONE), kinematic, overstress, spec.chi, spec.softening)
-
-
-def _hardening(spec: flow.Plastic) -> IsotropicHardening:
-    law = spec.hardening
-    if isinstance(law, flow.TableHardening):
-        return _curves(law)
-    assert spec.s_y is not None, "checked by the class"
-    yield_stress = property_from(spec.s_y)
-    if isinstance(law, flow.VoceHardening):
-        return VoceLaw(yield_stress, property_from(law.Q), law.b, property_from(law.H))
-    return LinearLaw(yield_stress, property_from(0.0 if law is None else law.H))
-
-
-def _curves(law: flow.TableHardening) -> TableLaw:
-    strain, T = np.array(law.strain), np.array(law.T or (0.0,))
-    stress = [np.array(row) for row in law.rows]
-    cubic, sloped = law.form is Form.CUBIC, law.beyond is Beyond.SLOPE
-    slope = [PchipInterpolator(strain, row).derivative()(strain) if cubic
-             else np.append(d := np.diff(row) / np.diff(strain), d[-1]) for row in stress]
-    return TableLaw(strain, T, np.array(stress), np.array(slope), CUBIC * cubic + SLOPED * sloped)
+    return PlasticFlow(hardening, _property(spec.factor, ONE), kinematic, overstress, spec.chi, spec.softening)
 
 
 def _creep(spec: flow.Creep) -> CreepLaw:

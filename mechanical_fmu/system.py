@@ -13,12 +13,13 @@ from scipy.sparse import csr_matrix
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
 from contact.messages import Tractions
+from contact.problem.mechanical import Element, State
 from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
 from mechanical_fmu.contact import MeshContact
 from mechanical_fmu.laws.law import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
-from mechanical_fmu.masses import Inertia, Masses, masses_of
+from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.material import Moduli, moduli
 from mechanical_fmu.problem import ElasticSpec, Pressure
 from mechanical_fmu.volume import DeformableMesh, PointStep
@@ -247,15 +248,17 @@ def system_of(interface: Interface, spec: ElasticSpec) -> System:
 
     With rigid bodies, the system's interface has their reference rows behind the nodes of the mesh.
     """
+    stated = spec.stated
     kinds = cells_of(interface, tuple(
-        Treatment(spec.materials[material].kind, element == "enhanced", spec.plane_stress)
-        for material, element in zip(spec.body_material, spec.body_element, strict=True)))
+        Treatment(spec.materials[material].kind, (body.element or stated.element) is Element.ENHANCED,
+                  stated.state is State.PLANE_STRESS)
+        for material, body in zip(spec.body_material, spec.bodies, strict=True)))
     bodies = np.concatenate([cells.body for cells in kinds]) if kinds else np.empty(0)
     for i, name in enumerate(interface.bodies):
         if i not in bodies:
             raise ValueError(f"mesh: body {name} has no cells")
     rigid = rigid_bodies(interface, spec.rigid, kinds) if spec.rigid else None
-    masses = masses_of(interface, spec, kinds, rigid)
+    masses = Masses(interface, spec, kinds, rigid)
     if rigid is not None:
         interface, kinds = rigid.extended(interface), rigid.deformable(kinds)
     return System(interface, spec, DeformableMesh(kinds, len(interface.nodes), bodies.size),

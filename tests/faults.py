@@ -5,16 +5,20 @@
 
 Comment lines that begin with `#   ` carry a mark on; several marks may stand above one line.  TESTS are pytest
 arguments without `tests/` and `.py` (`coupler/test_coupling::test_name`).  A fault is planted in a copy of the packages
-and its tests run there.  A fault that none of them notices is a hole in the tests; the command then exits with 1.
+and its tests run there.  A fault that none of them notices is a hole in the tests; the command then exits with 1.  A
+TEXT that uses a name nothing defines is refused: its NameError turns every test red and proves nothing.
 `--list` names the faults.
 """
 
 from __future__ import annotations
 
+import builtins
+import functools
 import os
 import re
 import shutil
 import subprocess
+import symtable
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -24,6 +28,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
 MARK, MORE = "# fault: ", "#   "
+BUILT_IN = frozenset((*dir(builtins), "__file__", "__path__"))
 FORM = re.compile(r"(?P<name>.+?) -> (?P<text>.+) \| (?P<tests>.+)")
 
 
@@ -78,14 +83,36 @@ def all_faults() -> Iterator[Fault]:
             yield from marked_in(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
 
 
+@functools.cache
+def undefined_in(source: str) -> frozenset[str]:
+    """The names that a source uses and neither it nor Python defines.  Raises SyntaxError."""
+    top = symtable.symtable(source, "source", "exec")
+    defined = {s.get_name() for s in top.get_symbols() if s.is_assigned() or s.is_imported()} | BUILT_IN
+    used: set[str] = set()
+    tables = [top]
+    while tables:
+        table = tables.pop()
+        tables += table.get_children()
+        defined |= {s.get_name() for s in table.get_symbols() if s.is_declared_global() and s.is_assigned()}
+        used |= {s.get_name() for s in table.get_symbols() if s.is_referenced() and (table is top or s.is_global())}
+    return frozenset(used - defined)
+
+
+def undefined_by(fault: Fault, source: str) -> list[str]:
+    """The names that are undefined only once a fault is in its source.  Raises SyntaxError."""
+    return sorted(undefined_in(fault.planted(source)) - undefined_in(source))
+
+
 def faulty_copy(fault: Fault, target: Path) -> None:
-    """Copy the packages to target and plant the fault there."""
+    """Copy the packages to target and plant the fault there.  Raises ValueError where it would be a NameError."""
+    source = (ROOT / fault.file).read_text(encoding="utf-8")
+    if names := undefined_by(fault, source):
+        raise ValueError(f"{fault.file}:{fault.line}: {fault.name}: nothing defines {', '.join(names)}")
     for name in (*PACKAGES, "tests", "scenarios", "docs", "benchmarks"):
         shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "README.md", "CHANGELOG.md"):
         shutil.copy(ROOT / name, target)
-    path = target / fault.file
-    path.write_text(fault.planted(path.read_text(encoding="utf-8")), encoding="utf-8")
+    (target / fault.file).write_text(fault.planted(source), encoding="utf-8")
 
 
 def is_noticed(fault: Fault, scratch: Path) -> bool:

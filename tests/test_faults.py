@@ -39,6 +39,8 @@ def problems_of(fault, source):
     try:
         if ast.dump(ast.parse(fault.planted(source))) == meaning_of(source):
             yield "changes nothing"
+        elif names := faults.undefined_by(fault, source):
+            yield f"uses {', '.join(names)}, which nothing defines"
     except SyntaxError as exc:
         yield f"is no Python: {exc}"
     for test in fault.tests:
@@ -82,14 +84,24 @@ def test_a_mark_of_another_form_is_refused(source, said):
 @pytest.mark.parametrize(("text", "tests", "said"), [
     ("x = 1  # the same", "contact/test_laws", "changes nothing"),
     ("x = (", "contact/test_laws", "is no Python"),
+    ("x = none_such", "contact/test_laws", "uses none_such, which"),
+    ("y = 1", "contact/test_laws", "uses x, which"),
     ("x = 2", "contact/test_none", "names tests/contact/test_none.py, which"),
     ("x = 2", "contact/test_laws::test_none", "::test_none, which"),
 ])
 def test_a_fault_that_cannot_be_planted_is_told(text, tests, said):
-    source = f"# fault: one -> {text} | {tests}\nx = 1\n"
+    source = f"# fault: one -> {text} | {tests}\nx = 1\ndef of_x(y):\n    return [x + z for z in y], len(__file__)\n"
     (fault,) = faults.marked_in(source, "a.py")
     (told,) = problems_of(fault, source)
     assert said in told
+
+
+def test_a_fault_that_would_be_a_name_error_is_not_planted(tmp_path):
+    line = (ROOT / "contact/laws.py").read_text(encoding="utf-8").split("\n").index("import numpy as np") + 1
+    fault = faults.Fault("an import lost", "contact/laws.py", line, "import math", ("tests/test_imports.py",))
+    with pytest.raises(ValueError, match=f"contact/laws.py:{line}: an import lost: nothing defines np"):
+        faults.faulty_copy(fault, tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_no_test_notices_is_reported(capsys):

@@ -170,8 +170,8 @@ def demand_limits(substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
         _demand_emissivity(radiator.radiator.emissivity, T_a, where)
     for group in substep.radiation_groups:
         for side, emissivity, N, nodes in (
-                ("slave", group.spec.emissivity_slave, group.N_s, group.nodes[:, :2]),
-                ("master", group.spec.emissivity_master, group.N_m, group.nodes[:, 2:])):
+                ("slave", group.emissivities[0], group.N_s, group.nodes[:, :2]),
+                ("master", group.emissivities[1], group.N_m, group.nodes[:, 2:])):
             T_a = (N * T[nodes]).sum(axis=1)
             _demand_kelvin(T_a, f"the {side} side of a pair")
             _demand_emissivity(emissivity, T_a, f"the {side} side of a pair")
@@ -244,7 +244,7 @@ def no_heat(n_bodies: int) -> Heat:
 
 def terms_of(model: Model) -> frozenset[str]:
     """Return those of boundary.TERMS that a scene can have."""
-    near = any(pair is not None and pair.radiation is not None for pair in model.pairs)
+    near = any(pair is not None and pair.emissivities is not None for pair in model.pairs)
     possible = {"radiation": bool(model.radiators), "near_radiation": near, "friction": bool(model.pairs)}
     return frozenset(name for name in TERMS if possible.get(name.partition(".")[0], True))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.contact_client import ContactRefusedError
+from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
@@ -34,6 +34,8 @@ from thermal_fmu.scene import ThermalScene, freeze, with_friction
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
 from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
+
+Floats = NDArray[np.float64]
 
 # Variables of every thermal half of this package, in one order
 
@@ -69,9 +71,17 @@ def whole(inputs: Values, name: str) -> int:
     return int(value)
 
 
-# Outputs that are fields
+def contact_at(surfaces: ContactSurfaces, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
+    """Find the contact quadrature points at coordinates x : (n_nodes, 2) [m]; None in a scene without pairs.
 
-Floats = NDArray[np.float64]
+    Raises ContactRefusedError.
+    """
+    if not surfaces.interface.pairs:
+        return None
+    return contact_points(surfaces, surfaces.facing(link, x), np.asarray(inputs["contact.t_N"], dtype=np.float64))
+
+
+# Outputs that are fields
 
 
 def field_variables(scene: ThermalScene) -> tuple[Variable, ...]:
@@ -177,7 +187,7 @@ class ThermalHalf:
             T[scene.interface.node_body == b] = body.T0
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
-        points = self._contact_points(X, inputs, link)
+        points = contact_at(scene.surfaces, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
         return state, outputs | field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
@@ -187,8 +197,8 @@ class ThermalHalf:
         number = whole(inputs, "control.method")
         if number != 0 and number not in METHOD_NUMBERS:
             return Discard(f"control.method {number} is none of 0, {', '.join(map(str, METHOD_NUMBERS))}")
-        stepping = self._scene.model.stepping
-        method = stepping.method_of(METHOD_NUMBERS.get(number, stepping.method))
+        model = self._scene.model
+        method = model.method_of(METHOD_NUMBERS.get(number, model.stated.method.value))
         try:
             return self._advance(state, inputs, t, h, link, method)
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
@@ -205,7 +215,7 @@ class ThermalHalf:
         scene = self._scene
         x = np.array(inputs["x"], dtype=np.float64)
         E_M = np.asarray(inputs["E_M"], dtype=np.float64)
-        points = self._contact_points(x, inputs, link)
+        points = contact_at(scene.surfaces, x, inputs, link)
         # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
         substep = freeze(scene, self._masses_of(state.X), x, E_M, points)
@@ -226,7 +236,7 @@ class ThermalHalf:
                       # fault: no damped restart after an event -> state.damped, state.controller) |
                       #   thermal_fmu/test_thermal_time
                              DAMPED_SUBSTEPS if event != state.event else state.damped, state.controller)
-        result = advance(context, scene.model.stepping, method, start, t, h)
+        result = advance(context, scene.model.stated, method, start, t, h)
         done = result.done if jump is None else jump.then(result.done)
         stored = state.stored + float(done.heat.stored.sum())
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
@@ -243,7 +253,7 @@ class ThermalHalf:
         return Done(new, outputs | self._counts(result.substeps, result.rejected))
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
-        if self._scene.model.stepping.adaptive is None:
+        if self._scene.model.stated.adaptive is None:
             return {}
         return {"substeps": float(substeps), "rejected": float(rejected)}
 
@@ -251,13 +261,6 @@ class ThermalHalf:
         if self._masses is None or not np.array_equal(self._masses[0], X):
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
         return self._masses[1]
-
-    def _contact_points(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
-        scene = self._scene
-        if not scene.interface.pairs:
-            return None
-        facing = scene.surfaces.facing(link, x)
-        return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
     def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: ThermalStep | None,
                  T_n: Floats) -> dict[str, Value]:
@@ -273,7 +276,7 @@ class ThermalHalf:
 
 
 def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
-    inner = () if scene.model.stepping.adaptive is None else (
+    inner = () if scene.model.stated.adaptive is None else (
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
     return (*face_variables(scene.interface, scene.model), *inner, *field_variables(scene))

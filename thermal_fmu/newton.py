@@ -308,11 +308,14 @@ def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Fac
     except NotConvergedError:
         if not problem.scene.melting:
             raise
+
+        def blurred(blur: float, last: SolvedStage | None, goal: float) -> SolvedStage:
+            guess, known = (s, anchor) if last is None else (last.s, last.anchor)
+            return newton(replace(problem, blur=blur), guess, goal, factors, known)
+
         # fault: no detour through blurred laws -> raise |
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
-        solved = phase_continuation(lambda blur, last, goal: newton(
-            replace(problem, blur=blur), s if last is None else last.s, goal, factors,
-            anchor if last is None else last.anchor), tolerance)
+        solved = phase_continuation(blurred, tolerance)
     demand_limits(problem.substep, problem.loads, temperature(problem.scene.melting, solved.s))
     return solved
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,11 @@ from numpy.typing import NDArray
 from contact.half import checks
 from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
 from contact.half.interface import Interface
-from contact.laws import Law
-from contact.problem import boundary, material, pairs, thermal
+from contact.problem import boundary, material, thermal
+from contact.problem.curves import Phases
 from contact.problem.errors import demand, made, read
+from contact.problem.pairs import PairData
 from contact.problem.thermal import ThermalProblem
-from contact.problem.values import Phases
 from thermal_fmu.methods import METHODS, TimeMethod, theta_method
 from thermal_fmu.phase_change import PhaseChange
 
@@ -138,14 +137,13 @@ class Flux:
 class Exposed:
     """A surface open to its surroundings.
 
-    edges : (n, 2).  near, far : gaps [m] between which facing pieces of it are uncovered from 0 to 1, Eq. (7); None:
-    it is open as a whole, facing something or not.
+    edges : (n, 2).  ends : gaps [m] between which facing pieces of it are uncovered from 0 to 1, Eq. (7); None: it is
+    open as a whole, facing something or not.
     """
 
     surface: str
     edges: Ints
-    near: float | None
-    far: float | None
+    ends: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -174,62 +172,17 @@ class Radiator:
 
 
 @dataclass(frozen=True)
-class NearRadiationLaw:
-    """Eq. (11): (1 - w(g)) sigma_SB (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) between the sides of a pair.
+class ThermalPair:
+    """A contact pair as it is stated, with its curves.
 
-    near, far : gaps [m] between which w grows from 0 to 1; None: w = 0.
+    closed_factor, open_factor : of the conductances, Eqs. (8-10); 1 where none is stated.
+    emissivities : of slave and master, Eq. (11); None where they do not radiate to each other.
     """
 
-    emissivity_slave: Property
-    emissivity_master: Property
-    near: float | None
-    far: float | None
-
-
-@dataclass(frozen=True)
-class PairLaws:
-    """One contact pair: Eqs. (8-10), laws of touching and of open points (None: none), and their factors.
-
-    friction_share : share of friction heat that the slave takes; None: by effusivities.  radiation : Eq. (11).
-    """
-
-    closed: Law | None
-    open: Law | None
+    stated: PairData
     closed_factor: Signal
     open_factor: Signal
-    friction_share: float | None = None
-    radiation: NearRadiationLaw | None = None
-
-
-@dataclass(frozen=True)
-class AdaptiveSteps:
-    """What the inner steps of a substep must keep to.
-
-    tolerance : of the estimated local error of T, largest over the nodes [K].  max_dT : largest change of T at a node
-    [K].  least : the shortest inner step [s]; None: LEAST_SHARE of the substep.
-    """
-
-    tolerance: float = inf
-    max_dT: float = inf
-    least: float | None = None
-
-
-@dataclass(frozen=True)
-class Stepping:
-    """method : of contact.problem.thermal.Method.  theta : of the method `theta`.  increments : of the method `steady`.
-
-    adaptive : None where a substep is one step.  tolerance : of Newton's method, as a share of the heat that flows.
-    """
-
-    method: str
-    theta: float
-    increments: int
-    adaptive: AdaptiveSteps | None
-    tolerance: float
-
-    def method_of(self, name: str) -> TimeMethod:
-        """The method of that name, `theta` with this model's theta."""
-        return theta_method(self.theta) if name == "theta" else METHODS[name]
+    emissivities: tuple[Property, Property] | None
 
 
 @dataclass(frozen=True)
@@ -248,19 +201,24 @@ class ThermalBody:
 
 @dataclass(frozen=True)
 class Model:
-    """All of model.json.  pairs : in the order of interface.pairs, None where no heat is exchanged.
+    """A scene as it is solved: what model.json states, and what of it has nodes, edges or curves.
 
-    sigma_SB : Stefan-Boltzmann constant [W/m2K4].
+    pairs : in the order of interface.pairs, None where no heat is exchanged.
     """
 
-    stepping: Stepping
-    sigma_SB: float
+    stated: ThermalProblem
     bodies: tuple[ThermalBody, ...]
     prescribed: tuple[Prescribed, ...]
     fluxes: tuple[Flux, ...]
     films: tuple[Film, ...]
     radiators: tuple[Radiator, ...]
-    pairs: tuple[PairLaws | None, ...]
+    pairs: tuple[ThermalPair | None, ...]
+
+    def method_of(self, name: str) -> TimeMethod:
+        """Return the time method of that name, `theta` with the theta that is stated, else 1/2."""
+        if name != "theta":
+            return METHODS[name]
+        return theta_method(0.5 if self.stated.theta is None else self.stated.theta)
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -284,7 +242,7 @@ class Model:
     @property
     def radiates(self) -> bool:
         """Whether temperatures must be kelvin."""
-        return bool(self.radiators) or any(p is not None and p.radiation is not None for p in self.pairs)
+        return bool(self.radiators) or any(p is not None and p.emissivities is not None for p in self.pairs)
 
 
 def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "thermal") -> Model:
@@ -295,7 +253,7 @@ def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "ther
         demand(checks.station_wrongs(problem, half))
     materials = {name: made_material(m, name) for name, m in problem.materials.items()}
     conditions = [_condition(interface, b) for b in problem.boundary]
-    model = Model(_stepping(problem), problem.sigma_SB,
+    model = Model(problem,
                   tuple(_body(name, problem.bodies[name], materials) for name in interface.bodies),
                   tuple(b for b in conditions if isinstance(b, Prescribed)),
                   tuple(b for b in conditions if isinstance(b, Flux)),
@@ -315,13 +273,6 @@ def _demand_kelvin(model: Model) -> None:
     for what, T in named:
         if T < 0:
             raise ValueError(f"model.json: {what} is {T:g}: radiation needs temperatures in kelvin, 0 or more")
-
-
-def _stepping(problem: ThermalProblem) -> Stepping:
-    given = problem.adaptive
-    adaptive = None if given is None else AdaptiveSteps(given.tolerance or inf, given.max_dT or inf, given.least)
-    return Stepping(problem.method.value, 0.5 if problem.theta is None else problem.theta, problem.increments or 1,
-                    adaptive, problem.tolerance)
 
 
 def _body(name: str, body: thermal.BodyHeat, materials: Mapping[str, ThermalMaterial]) -> ThermalBody:
@@ -371,12 +322,11 @@ def _condition(interface: Interface, b: thermal.ThermalBoundary) -> Prescribed |
         return Flux(edges, field_from(b.flux), name)
     if b.radiation is not None:
         # fault: the emissivity of a surface is that of a black one -> return Radiator(Exposed(b.on, edges,
-        #   *_ends(b.radiation.gap)), property_from(1.0), | thermal_fmu/test_thermal_radiation
-        return Radiator(Exposed(b.on, edges, *_ends(b.radiation.gap)), property_from(b.radiation.emissivity),
+        #   _ends(b.radiation.gap)), property_from(1.0), | thermal_fmu/test_thermal_radiation
+        return Radiator(Exposed(b.on, edges, _ends(b.radiation.gap)), property_from(b.radiation.emissivity),
                         field_from(b.radiation.T), name)
     assert b.convection is not None
-    film, gap = b.convection, b.convection.gap
-    where = Exposed(b.on, edges, *((None, None) if gap is None else (gap.d_cut, gap.d_full)))
+    film, where = b.convection, Exposed(b.on, edges, _ends(b.convection.gap))
     factor = None if film.h_factor is None else property_from(film.h_factor)
     return Film(where, field_from(film.h), factor, field_from(film.T), film.exponent, name)
 
@@ -387,16 +337,13 @@ def nodes_of(interface: Interface, b: boundary.Supported) -> Ints:
     return np.unique(sets[b.where]).astype(np.int32)
 
 
-def _ends(gap: boundary.RadiationGap | None) -> tuple[float | None, float | None]:
-    return (None, None) if gap is None else (gap.d_near, gap.d_far)
+def _ends(gap: thermal.FilmGap | boundary.RadiationGap | None) -> tuple[float, float] | None:
+    return None if gap is None else gap.ends
 
 
-def _pair(data: pairs.PairData) -> PairLaws:
+def _pair(data: PairData) -> ThermalPair:
     laws, near = data.conduction, data.radiation
-    radiation = None if near is None else NearRadiationLaw(
-        property_from(near.emissivity_slave), property_from(near.emissivity_master), *_ends(near.gap))
-    share = None if data.friction is None else data.friction.share
-    if laws is None:
-        return PairLaws(None, None, signal_from(1.0), signal_from(1.0), share, radiation)
-    return PairLaws(laws.closed, laws.open, signal_from(laws.closed_factor), signal_from(laws.open_factor), share,
-                    radiation)
+    closed, open_ = (1.0, 1.0) if laws is None else (laws.closed_factor, laws.open_factor)
+    emissivities = None if near is None else (property_from(near.emissivity_slave),
+                                              property_from(near.emissivity_master))
+    return ThermalPair(data, signal_from(closed), signal_from(open_), emissivities)

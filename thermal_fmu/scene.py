@@ -173,7 +173,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
     shapes = scene.geometry_cache.of(volume, masses, x)
     geometry = SurfaceGeometry(x, volume.axisymmetric, scene.surfaces, points)
     return SubstepData(
-        model.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
+        model.stated.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
         plain_sources(volume, shapes, model.bodies), *freeze_sources(volume, shapes, model.bodies, x),
         # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
         #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |

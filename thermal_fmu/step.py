@@ -79,7 +79,7 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
         problem = StageProblem(context.scene, context.substep, loads, stage, dt, s_n, context.power_M, earlier,
                                method.stores)
         guess = with_prescribed(context, held_T, solved[-1].s if solved else s_n)
-        solved.append(solve_stage(problem, guess, model.stepping.tolerance, context.factors, anchor))
+        solved.append(solve_stage(problem, guess, model.stated.tolerance, context.factors, anchor))
         anchor = solved[-1].anchor
     moved, inside = np.zeros(s_n.size), np.zeros(s_n.size)
     for weight, done in zip(method.weights, solved, strict=True):
@@ -198,7 +198,7 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     given = spread_energies(scene.volume, context.substep.shapes, E_S)
     loads = loads_at(scene.model, context.load_factors, context.calendar.snap(t, 0.0), 1)
     problem = StageProblem(scene, context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s_n, context.power_M, given, True)
-    solved = solve_stage(problem, s_n, scene.model.stepping.tolerance, factors, anchor)
+    solved = solve_stage(problem, s_n, scene.model.stated.tolerance, factors, anchor)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E_S.sum()
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)

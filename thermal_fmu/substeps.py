@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isinf
 
 import numpy as np
 
 from contact.half.linalg import SingularMatrixError
+from contact.problem.thermal import InnerSteps, ThermalProblem
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, StageProblem, balance, solve_stage
-from thermal_fmu.problem import AdaptiveSteps, Stepping
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
 from thermal_fmu.step import (
     Floats,
@@ -135,7 +134,7 @@ class SubstepPlan:
 
     context: StepContext
     method: TimeMethod
-    adaptive: AdaptiveSteps
+    adaptive: InnerSteps
     least: float
 
 
@@ -156,7 +155,7 @@ class SolvedStep:
     there: StepPoint
 
 
-def inner_steps(context: StepContext, method: TimeMethod, adaptive: AdaptiveSteps, progress: SubstepProgress, t: float,
+def inner_steps(context: StepContext, method: TimeMethod, adaptive: InnerSteps, progress: SubstepProgress, t: float,
                 h: float) -> SubstepProgress:
     """Take adaptive inner steps through [t, t + h] [s].
 
@@ -188,7 +187,7 @@ def ends_within(calendar: Calendar, t: float, h: float) -> tuple[float, ...]:
 
 
 def _point(plan: SubstepPlan, s: Floats, t: float, h: float) -> StepPoint:
-    return StepPoint(t) if isinf(plan.adaptive.tolerance) else StepPoint(t, flow_at(plan.context, s, t, h, 1))
+    return StepPoint(t) if plan.adaptive.tolerance is None else StepPoint(t, flow_at(plan.context, s, t, h, 1))
 
 
 def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, end: float) -> tuple[SubstepProgress,
@@ -221,13 +220,13 @@ def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix 
         return str(exc)
     free, melting = ~context.scene.fixed, context.scene.melting
     dT = phase_change.temperature(melting, done.s) - phase_change.temperature(melting, progress.s)
-    change = float(np.abs(dT[free]).max(initial=0.0)) / plan.adaptive.max_dT
+    change, most = float(np.abs(dT[free]).max(initial=0.0)), plan.adaptive.max_dT
     used = METHODS[method.damped.method] if progress.damped > 0 and method.damped is not None else method
-    return SolvedStep(done, StepMeasure(error, change, used.order), there)
+    return SolvedStep(done, StepMeasure(error, 0.0 if most is None else change / most, used.order), there)
 
 
 def _error(plan: SubstepPlan, point: StepPoint, done: ThermalStep, stop: float, h: float) -> tuple[float, StepPoint]:
-    if point.flow is None:
+    if point.flow is None or plan.adaptive.tolerance is None:
         return 0.0, StepPoint(stop)
     error, end = local_error(plan.context, point.flow, done, point.t, h)
     return error / plan.adaptive.tolerance, StepPoint(stop, end)
@@ -327,7 +326,7 @@ def _increment(path: _Path, fraction: float, s: Floats, anchor: AnchorMatrix | N
     # fault: increments without a path -> partial = replace(problem, earlier=0.0 * path.f) |
     #   thermal_fmu/test_thermal_steady
     partial = replace(problem, earlier=-(1.0 - fraction) * problem.dt * path.f)
-    return solve_stage(partial, guess, context.scene.model.stepping.tolerance, context.factors, anchor)
+    return solve_stage(partial, guess, context.scene.model.stated.tolerance, context.factors, anchor)
 
 
 # One communication substep
@@ -353,7 +352,7 @@ class SubstepResult:
     rejected: int = 0
 
 
-def advance(context: StepContext, stepping: Stepping, method: TimeMethod, begin: SubstepStart, t: float,
+def advance(context: StepContext, stated: ThermalProblem, method: TimeMethod, begin: SubstepStart, t: float,
             h: float) -> SubstepResult:
     """Take a substep from t to t + h [s].
 
@@ -361,11 +360,11 @@ def advance(context: StepContext, stepping: Stepping, method: TimeMethod, begin:
     """
     still_damped = max(begin.damped - 1, 0)
     if not method.stores:
-        done = steady_by_increments(context, stepping.increments, begin.s, begin.anchor, t, h)
+        done = steady_by_increments(context, stated.increments or 1, begin.s, begin.anchor, t, h)
         return SubstepResult(done, still_damped, begin.controller)
-    if stepping.adaptive is not None:
+    if stated.adaptive is not None:
         start = SubstepProgress(begin.s, begin.anchor, begin.controller, begin.damped)
-        end = inner_steps(context, method, stepping.adaptive, start, t, h)
+        end = inner_steps(context, method, stated.adaptive, start, t, h)
         assert end.done is not None
         return SubstepResult(end.done, end.damped, end.controller, end.substeps, end.rejected)
     # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time

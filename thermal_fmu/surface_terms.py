@@ -17,7 +17,7 @@ from contact.half.functions import Level, Property, resolve
 from contact.laws import Law, closed_conductance, gap_factor, open_conductance
 from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
 from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.problem import Exposed, Film, NearRadiationLaw, PairLaws, Radiator, ThermalBody
+from thermal_fmu.problem import Exposed, Film, Radiator, ThermalBody, ThermalPair
 
 # Exposed surfaces: whole edges, less what faces something, Eq. (7)
 
@@ -62,9 +62,9 @@ def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGe
     """
     parts = [gauss_points(where.edges, geometry.x, geometry.axisymmetric)]
     points, first = geometry.points, geometry.surfaces.first.get(where.surface)
-    if points is not None and first is not None and where.near is not None and where.far is not None:
+    if points is not None and first is not None and where.ends is not None:
         # fault: no kappa -> excess = 0.0 * points.gap | thermal_fmu/test_thermal_contact
-        excess = gap_factor(points.gap, where.near, where.far) - 1.0
+        excess = gap_factor(points.gap, *where.ends) - 1.0
         parts += [
             _pieces(points.slave_edge - first, points.N_s, excess * points.area_s, len(where.edges)),
             # fault: kappa on the slave side only -> *(), | thermal_fmu/test_thermal_contact
@@ -99,9 +99,10 @@ class RadiationGroup:
     """Contact quadrature points of a pair that radiate to each other.
 
     nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) weighted with 1 - w [m2].
+    emissivities : of slave and master.
     """
 
-    spec: NearRadiationLaw
+    emissivities: tuple[Property, Property]
     nodes: Ints
     N_s: Floats
     N_m: Floats
@@ -115,21 +116,21 @@ def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: Surf
     return FrozenRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(geometry.x)))
 
 
-def radiation_groups(points: ContactPoints, pairs: Sequence[PairLaws | None]) -> tuple[RadiationGroup, ...]:
+def radiation_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]) -> tuple[RadiationGroup, ...]:
     """Collect the points that radiate to each other, touching or apart, by pair; Eq. (11) with its weight 1 - w."""
     groups = []
     for pair, laws in enumerate(pairs):
-        if laws is None or laws.radiation is None:
+        if laws is None or laws.stated.radiation is None or laws.emissivities is None:
             continue
-        near, far = laws.radiation.near, laws.radiation.far
+        gap = laws.stated.radiation.gap
         weight = np.ones(points.gap.size)
-        if near is not None and far is not None:
-            # fault: near radiation at every gap -> weight -= 0.0 * gap_factor(points.gap, near, far) |
+        if gap is not None:
+            # fault: near radiation at every gap -> weight -= 0.0 * gap_factor(points.gap, *gap.ends) |
             #   thermal_fmu/test_thermal_radiation
-            weight -= gap_factor(points.gap, near, far)
+            weight -= gap_factor(points.gap, *gap.ends)
         at = np.flatnonzero((points.pair == pair) & (weight > 0.0))
         if at.size:
-            groups.append(RadiationGroup(laws.radiation, points.nodes[at], points.N_s[at], points.N_m[at],
+            groups.append(RadiationGroup(laws.emissivities, points.nodes[at], points.N_s[at], points.N_m[at],
                                          (weight * points.area)[at]))
     return tuple(groups)
 
@@ -163,10 +164,11 @@ def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
-    # fault: emissivities mixed up between the sides -> eps_s, deps_s = _emissivity(group.spec.emissivity_slave, T_m) |
+    of_slave, of_master = group.emissivities
+    # fault: emissivities mixed up between the sides -> eps_s, deps_s = _emissivity(of_slave, T_m) |
     #   thermal_fmu/test_thermal_radiation
-    eps_s, deps_s = _emissivity(group.spec.emissivity_slave, T_s)
-    eps_m, deps_m = _emissivity(group.spec.emissivity_master, T_m)
+    eps_s, deps_s = _emissivity(of_slave, T_s)
+    eps_m, deps_m = _emissivity(of_master, T_m)
     # fault: black bodies between plates -> strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m) |
     #   thermal_fmu/test_thermal_radiation
     strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m - 1.0)
@@ -286,9 +288,9 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_
     return FrictionHeat(slave / h, master / h)
 
 
-def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodies: Sequence[ThermalBody],
+def slave_fraction(points: ContactPoints, pairs: Sequence[ThermalPair | None], bodies: Sequence[ThermalBody],
                    node_body: NDArray[np.int32], at: NodalFields) -> Floats:
-    """Return (n_p,) the slave's part of friction heat: the pair's friction_share, else e_s/(e_s + e_m).
+    """Return (n_p,) the slave's part of friction heat: the pair's friction.share, else e_s/(e_s + e_m).
 
     node_body : (n_nodes,) body of each node.  e : effusivities sqrt(k rho c); half-spaces that slide take heat by them
     while their surfaces stay equally warm.  at : the start of the substep.
@@ -296,8 +298,9 @@ def slave_fraction(points: ContactPoints, pairs: Sequence[PairLaws | None], bodi
     out = np.empty(points.pair.size)
     for pair, laws in enumerate(pairs):
         of = np.flatnonzero(points.pair == pair)
-        if laws is not None and laws.friction_share is not None:
-            out[of] = laws.friction_share
+        friction = None if laws is None else laws.stated.friction
+        if friction is not None and friction.share is not None:
+            out[of] = friction.share
         elif of.size:
             e_s, e_m = (_effusivity(points.nodes[of, side], N[of], bodies[node_body[points.nodes[of[0], side][0]]], at)
                         for side, N in ((slice(0, 2), points.N_s), (slice(2, 4), points.N_m)))
@@ -337,13 +340,14 @@ class ConductionGroup:
         return "contact" if self.closed else "gap"
 
 
-def conduction_groups(points: ContactPoints, laws: Sequence[PairLaws | None]) -> tuple[ConductionGroup, ...]:
+def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]) -> tuple[ConductionGroup, ...]:
     """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
     groups = []
-    for pair, own in enumerate(laws):
-        if own is None:
+    for pair, own in enumerate(pairs):
+        laws = None if own is None else own.stated.conduction
+        if laws is None:
             continue
-        for closed, law in ((True, own.closed), (False, own.open)):
+        for closed, law in ((True, laws.closed), (False, laws.open)):
             at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
             if law is not None and at.size:
                 argument = (points.p if closed else points.gap)[at]

@@ -14,9 +14,10 @@ import numpy as np
 from contact.half.functions import field_from, property_from
 from contact.half.interface import Interface
 from contact.problem.boundary import MOTIONS, WEIGHTS, Supported
+from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
-from contact.problem.values import At, FieldSum, Polynomial, did_you_mean
+from contact.problem.values import At, did_you_mean
 
 if TYPE_CHECKING:
     # A half reads one of the two: it need not load the other.

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.problem.curves import FieldSum, Form, Polynomial, PropertyTable, SignalTable
 from contact.problem.errors import made
-from contact.problem.values import FieldSum, Form, Polynomial, PropertyTable, SignalName, SignalTable
+from contact.problem.values import SignalName
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ from typing import Annotated
 
 from pydantic import model_validator
 
-from contact.problem.values import Entry, Name, NotNegative, Part, Positive, Text, problem
+from contact.problem.part import Entry, Part
+from contact.problem.values import Name, NotNegative, Positive, Text, problem
 
 FORMAT = 2  # of model.json
 # Keys of conditions of the elastic half, by kind; their place is the component.
@@ -42,3 +43,8 @@ class RadiationGap(Part):
         if self.d_far <= self.d_near:
             raise problem("d_far must be greater than d_near", at=("d_far",))
         return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The gaps at which it begins and ends to fade."""
+        return self.d_near, self.d_far

@@ -10,7 +10,8 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from contact.problem.boundary import FORMAT
-from contact.problem.values import At, Part, did_you_mean
+from contact.problem.part import Part
+from contact.problem.values import At, did_you_mean
 
 P = TypeVar("P", bound=Part)
 SHOWN = 60  # longer values are not repeated in a message
@@ -49,12 +50,12 @@ def _value_at(node: Any, key: At) -> Any:
 def wrongs(error: ValidationError) -> list[Wrong]:
     """List all that is wrong, in the order it was found; a key that is missing because it is misspelt is told once."""
     found = [_wrong(details) for details in error.errors(include_url=False)]
-    misspelt = {(w.key[:-1], _meant(w)) for w in found if w.text == UNKNOWN}
+    misspelt = {(w.key[:-1], meant(w)) for w in found if w.text == UNKNOWN}
     return [w for w in found if not (w.text == MISSING and (w.key[:-1], w.key[-1]) in misspelt)]
 
 
-def _meant(wrong: Wrong) -> str:
-    """The key that an unknown one was meant to be, "" if none is near."""
+def meant(wrong: Wrong) -> str:
+    """Return the key that an unknown one was meant to be, "" if none is near."""
     head, _, rest = wrong.remedy.partition("'")
     return rest.partition("'")[0] if head.startswith("Did you mean") else ""
 

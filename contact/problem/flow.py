@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from enum import StrEnum
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
-from contact.problem.values import (
-    Beyond,
-    Entry,
-    Flag,
-    Form,
-    NotNegative,
-    Number,
-    Part,
-    Positive,
-    PropertySpec,
-    PropertyTable,
-    did_you_mean,
-    problem,
-)
-
-
-class HardeningLaw(StrEnum):
-    """How the yield stress grows with plastic strain."""
-
-    LINEAR = "linear"
-    VOCE = "voce"
-    TABLE = "table"
+from contact.problem.curves import Beyond, Form, PropertySpec, PropertyTable
+from contact.problem.part import Entry, Part, law_known, law_tag
+from contact.problem.values import Flag, NotNegative, Number, Positive, problem
 
 
 class LinearHardening(Part):
@@ -99,28 +78,12 @@ class TableHardening(Part):
         return any(after < before for row in self.rows for before, after in pairwise(row))
 
 
-def _hardening_form(value: Any) -> str:
-    law = value.get("law") if isinstance(value, Mapping) else getattr(value, "law", None)
-    return f"<{law}>"
-
-
-def _law_known(value: Any) -> Any:
-    if isinstance(value, Part):
-        return value
-    laws = [law.value for law in HardeningLaw]
-    if not isinstance(value, Mapping):
-        raise problem("a mapping is needed here, with a law and its numbers", f"Laws: {', '.join(laws)}.")
-    if "law" not in value:
-        raise problem("a required key is missing", f"Write law: {', '.join(laws)}.", at=("law",))
-    if value["law"] not in laws:
-        raise problem("not known here", did_you_mean(str(value["law"]), laws), at=("law",))
-    return value
-
-
+HARDENING = ("linear", "voce", "table")
 HardeningSpec = Annotated[
     Annotated[Annotated[LinearHardening, Tag("<linear>")] | Annotated[VoceHardening, Tag("<voce>")]
-              | Annotated[TableHardening, Tag("<table>")], Discriminator(_hardening_form)],
-    BeforeValidator(_law_known)]
+              | Annotated[TableHardening, Tag("<table>")], Discriminator(law_tag)],
+    BeforeValidator(law_known(HARDENING, "a mapping is needed here, with a law and its numbers",
+                              f"Laws: {', '.join(HARDENING)}."))]
 
 
 class Kinematic(Part):

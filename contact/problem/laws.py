@@ -7,17 +7,18 @@ open points the pressure
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Discriminator, Tag, model_validator
 
-from contact.problem.values import Entry, Form, Number, Part, did_you_mean, problem
+from contact.problem.curves import Form
+from contact.problem.part import Entry, Part, law_known, law_tag
+from contact.problem.values import Number, problem
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -169,27 +170,10 @@ class Sum(Part):
         return sum((h for h, _ in parts), np.zeros(p.shape)), sum((d for _, d in parts), np.zeros(p.shape))
 
 
-def _law_form(value: Any) -> str:
-    law = value.get("law") if isinstance(value, Mapping) else getattr(value, "law", None)
-    return f"<{law}>"
-
-
-def _law_known(value: Any) -> Any:
-    if isinstance(value, Part):
-        return value
-    if not isinstance(value, Mapping):
-        raise problem("a contact law is needed here, or null where no heat crosses",
-                      "For example {law: constant, h: 2000}.")
-    if "law" not in value:
-        raise problem("a required key is missing", f"Write law: {', '.join(LAWS)}.", at=("law",))
-    if value["law"] not in LAWS:
-        raise problem("not known here", did_you_mean(str(value["law"]), LAWS), at=("law",))
-    return value
-
-
 LAWS = ("constant", "power", "cmy", "gas", "table", "sum")
 LawSpec = Annotated[
     Annotated[Annotated[Constant, Tag("<constant>")] | Annotated[Power, Tag("<power>")] | Annotated[Cmy, Tag("<cmy>")]
               | Annotated[Gas, Tag("<gas>")] | Annotated[Table, Tag("<table>")] | Annotated[Sum, Tag("<sum>")],
-              Discriminator(_law_form)],
-    BeforeValidator(_law_known)]
+              Discriminator(law_tag)],
+    BeforeValidator(law_known(LAWS, "a contact law is needed here, or null where no heat crosses",
+                              "For example {law: constant, h: 2000}."))]

@@ -7,23 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Tag, model_validator
 
+from contact.problem.curves import ANumber, APhases, APolynomial, APropertyTable, PhasedSpec, PropertySpec, phased_form
 from contact.problem.flow import Creep, Liquid, Plastic
-from contact.problem.values import (
-    ANumber,
-    APhases,
-    APolynomial,
-    APropertyTable,
-    Entry,
-    Flag,
-    Number,
-    Part,
-    PhasedSpec,
-    Positive,
-    PropertySpec,
-    phased_form,
-    problem,
-    properties_in,
-)
+from contact.problem.part import Entry, Part, properties_in
+from contact.problem.values import Flag, Number, Positive, problem
 
 
 class Axes(Part):

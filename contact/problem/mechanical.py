@@ -8,22 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from contact.problem.boundary import FORCES, MOTIONS, TRACTIONS, WEIGHTS, Supported
+from contact.problem.curves import SignalSpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
-from contact.problem.values import (
-    Count,
-    Entry,
-    Flag,
-    Name,
-    Number,
-    Part,
-    Positive,
-    SignalSpec,
-    Text,
-    Whole,
-    exactly_one,
-    problem,
-)
+from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.values import Count, Flag, Name, Number, Positive, Text, Whole, problem
 
 MOST_CUTS = 12  # 2^-12 of a step is no step any more
 

@@ -8,19 +8,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Tag, model_validator
 
 from contact.problem.boundary import RadiationGap
+from contact.problem.curves import PropertySpec, SignalSpec
 from contact.problem.laws import LawSpec
-from contact.problem.values import (
-    Entry,
-    Flag,
-    NotNegative,
-    Number,
-    Part,
-    Positive,
-    PropertySpec,
-    SignalSpec,
-    Text,
-    problem,
-)
+from contact.problem.part import Entry, Part
+from contact.problem.values import Flag, NotNegative, Number, Positive, Text, problem
 
 LEAST_TOLERANCE = 1e-9  # of multipliers: below the round-off of forces nothing settles
 

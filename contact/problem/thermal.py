@@ -8,22 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from contact.problem.boundary import RadiationGap, Supported
+from contact.problem.curves import FieldSpec, PropertySpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
-from contact.problem.values import (
-    Entry,
-    FieldSpec,
-    Name,
-    NotNegative,
-    Number,
-    Part,
-    Positive,
-    PropertySpec,
-    Text,
-    Whole,
-    exactly_one,
-    problem,
-)
+from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.values import Name, NotNegative, Number, Positive, Text, Whole, problem
 
 MOST_INCREMENTS = 100_000  # a count beyond this is a slip of the pen
 SIGMA_SB = 5.670374419e-8  # W/m2K4
@@ -50,6 +39,11 @@ class FilmGap(Part):
         if self.d_full <= self.d_cut:
             raise problem("d_full must be greater than d_cut", at=("d_full",))
         return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The gaps at which it begins and ends to fade."""
+        return self.d_cut, self.d_full
 
 
 class Convection(Part):

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.error_estimate import front_moves
-from coupler.scenario.options import Iteration, Scheme, Seen, Tolerances
+from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.levels import DAMPED, alternating_gain, closest, predicted
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import scheme_of
@@ -250,9 +250,8 @@ def _drives_on(history: IterationHistory) -> bool:
 
 def loosened(how: Iteration, share: float) -> Iteration:
     """How a window is iterated that only measures: twice at least, and then to this share of a change."""
-    t = how.tolerance
-    return replace(how, least=2, tolerance=Tolerances(*(
-        replace(q, rtol=max(q.rtol, share)) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
+    looser = {name: q.changed(rtol=max(q.rtol, share)) for name, q in how.tolerance}
+    return MeasuredIteration.model_construct(**{**how.__dict__, "tolerance": how.tolerance.changed(**looser)})
 
 
 def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: Seen = Seen.MIDDLE) -> Memory:

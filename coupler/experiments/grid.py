@@ -13,8 +13,7 @@ from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, Key, dotted, yaml_value
 from coupler.scenario.edits import Tree, apply_overrides, cells_times, windows_times
-from coupler.scenario.options import Scheme
-from coupler.scenario.schema import ErrorTolerancesSpec
+from coupler.scenario.options import ErrorTolerances, Scheme
 
 # Axes of a grid: short names for what a study varies most, and any key that `--set` takes.
 
@@ -67,7 +66,7 @@ def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
     if not isinstance(adaptive, dict):
         raise ScenarioError("the scenario has no adaptive windows", key=f"grid {axis}", value=factor,
                             remedy="Give coupling.adaptive in the grid too; fixed windows go with the axis `windows`.")
-    given = ErrorTolerancesSpec.model_validate(adaptive.get("tolerance", {}))
+    given = ErrorTolerances.model_validate(adaptive.get("tolerance", {}))
     return {f"coupling.adaptive.tolerance.{quantity}": {name: factor * size for name, size in of.items()}
             for quantity, of in given.model_dump().items()}
 

@@ -225,8 +225,8 @@ def fire(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], s
     settings = applied(settings, _others(due))
     log = tuple(Firing(r.name, did(_others([r])), _values(r, memory, monitors)) for r in due if _others([r]))
     kept = {r.name: _after(r, seen[r.name], r in due) for r in rules}
-    memory, log, settings = _driven(due, memory, monitors, (log, settings))
-    return Fired(settings, replace(memory, rules=kept, last=dict(monitors)), log, stop=_stop(due))
+    fired = _driven(due, monitors, Fired(settings, memory, log, stop=_stop(due)))
+    return replace(fired, memory=replace(fired.memory, rules=kept, last=dict(monitors)))
 
 
 def fire_failed(rules: Sequence[Rule], memory: Memory, monitors: Mapping[str, float], settings: Settings) -> Fired:
@@ -297,10 +297,9 @@ def _others(rules: Sequence[Rule]) -> tuple[Action, ...]:
     return tuple(a for r in rules for a in r.do if not isinstance(a, Retry))
 
 
-def _driven(due: Sequence[Rule], memory: Memory, monitors: Mapping[str, float],
-            so_far: tuple[tuple[Firing, ...], Settings]) -> tuple[Memory, tuple[Firing, ...], Settings]:
-    """Every drive that is on, after a window; a monitor that is not known leaves its load as it is."""
-    log, settings = so_far
+def _driven(due: Sequence[Rule], monitors: Mapping[str, float], fired: Fired) -> Fired:
+    """Move every drive that is on, after a window; a monitor that is not known leaves its load as it is."""
+    log, settings, memory = fired.log, fired.settings, fired.memory
     drives = dict(memory.drives)
     for rule in due:
         drive = rule.drive
@@ -312,7 +311,7 @@ def _driven(due: Sequence[Rule], memory: Memory, monitors: Mapping[str, float],
         settings = applied(settings, [give])
         if new.value != known.value:
             log = (*log, Firing(rule.name, did([give]), _values(rule, memory, monitors), driving=True))
-    return replace(memory, drives=drives), log, settings
+    return replace(fired, settings=settings, memory=replace(memory, drives=drives), log=log)
 
 
 def _give(drive: Drive, known: Driven) -> Give:

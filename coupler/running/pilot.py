@@ -16,7 +16,7 @@ from coupler.control.window_size import TURNS, Feedback, WindowLimits, feedback,
 from coupler.fmu.launch import launch
 from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
-from coupler.scenario.options import Scheme, Tolerance, Tolerances, WindowRange
+from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.state import CoupledState, Halves, Span, schedule
 from coupler.schemes.sweep import DiscardError
 
@@ -83,9 +83,9 @@ def pilot(scenario: Scenario) -> Prediction:
     plan = plan_of(scenario)
     end, c = scenario.coupling.end, scenario.coupling
     coarse = schedule(end, [WindowRange(end, end * FIRST, end * LAST)], c.kinks, c.bends)
-    t = plan.iteration.tolerance
-    how = replace(plan.iteration, tolerance=Tolerances(*(
-        Tolerance(q.atol, ROUGHLY) for q in (t.temperature, t.gap, t.pressure, t.solid_fraction))))
+    tolerance = plan.iteration.tolerance
+    rough = {name: q.changed(rtol=ROUGHLY) for name, q in tolerance}
+    how = plan.iteration.changed(tolerance=tolerance.changed(**rough))
     plan = Plan(coarse, Scheme.ITERATED, plan.substeps, how)
     with launch(scenario, processes=False) as launched:
         halves = halves_of(launched.thermal, launched.mechanical, plan, scenario.interface)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,19 @@ from pydantic import ValidationError
 
 from contact.half.functions import Signal, signal_from
 from contact.half.interface import Interface, write_interface
-from contact.problem.values import Part, SignalName, did_you_mean
-from coupler.scenario.document import Document, DocumentErrors, document_from, read_document, scenario_error
+from contact.problem.errors import UNKNOWN, Wrong, meant, wrongs
+from contact.problem.part import Part
+from contact.problem.values import SignalName, did_you_mean
+from coupler.errors import ScenarioError, together
+from coupler.scenario.document import (
+    Document,
+    DocumentErrors,
+    Key,
+    document_from,
+    dotted,
+    read_document,
+    scenario_error,
+)
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, thermal_notes
@@ -108,7 +119,7 @@ def load_scenario(path: str | Path, overrides: Mapping[str, Any] | None = None) 
 
     path : the YAML file; meshes are looked for beside it.  overrides : dotted key -> value, put in place of
     the file's own before it is checked, e.g. {"mechanical.half": "rigid", "coupling.windows.3.size": 2.0}.
-    Raises ScenarioError, naming file, line, key, value and remedy, for the first thing found wrong.
+    Raises ScenarioError, naming file, line, key, value and remedy; its `others` are all else that is wrong.
     """
     return checked(read_document(Path(path)), overrides or {})
 
@@ -121,20 +132,60 @@ def scenario_from(text: str, path: Path, overrides: Mapping[str, Any]) -> Scenar
 def checked_form(path: Path) -> tuple[Document, ScenarioFile]:
     """Read a scenario and check its form alone, key by key.  Raises ScenarioError."""
     document = read_document(path)
-    return document, _form_of(document)
-
-
-def _form_of(document: Document) -> ScenarioFile:
     try:
-        return ScenarioFile.model_validate(document.tree)
+        return document, ScenarioFile.model_validate(document.tree)
     except ValidationError as exc:
         raise scenario_error(document, exc) from None
 
 
 def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
     """The scenario of a document with values put in place of its own.  Raises ScenarioError."""
-    document = apply_overrides(read, overrides)
-    file = _form_of(document)
+    return _checked(apply_overrides(read, overrides), overrides)
+
+
+def _errors_of_form(document: Document, error: ValidationError, overrides: Mapping[str, Any]) -> ScenarioError:
+    """The error of a file whose form is wrong; where only keys are misspelt, with all that is wrong beside them.
+
+    For that the file is checked again with the keys that were meant.  What then is wrong inside of them, or with the
+    mapping around them, may come of the guess and is left out.
+    """
+    form = scenario_error(document, error)
+    found = {w.key: w for w in wrongs(error)}
+    if any(w.text != UNKNOWN for w in found.values()):
+        return form
+    guessed = {(*key[:-1], meant(w)) for key, w in found.items()}
+    tree = _as_meant(document.tree, found, ())
+    if tree == document.tree:
+        return form  # of a key that stands elsewhere in the tree nothing can be guessed
+    try:
+        _checked(replace(document, tree=tree), overrides)
+    except ScenarioError as more:
+        around = {dotted(key[:-1]) for key in found}
+        inside = tuple(dotted(key) + "." for key in guessed)
+        # fault: errors across fields hidden by a misspelt key -> others: list[ScenarioError] = [] |
+        #   coupler/test_scenario_errors
+        others = [e for e in (more, *more.others) if e.key not in around and not f"{e.key}.".startswith(inside)]
+        return together([form, *form.others, *others])
+    return form
+
+
+def _as_meant(node: Any, unknown: Mapping[Key, Wrong], key: Key) -> Any:
+    """A tree with the keys that unknown ones were meant to be in their place, or nothing."""
+    if isinstance(node, list):
+        return [_as_meant(one, unknown, (*key, i)) for i, one in enumerate(node)]
+    if not isinstance(node, dict):
+        return node
+    told = {name: unknown.get((*key, name)) for name in node}
+    names = {name: name if wrong is None else meant(wrong) for name, wrong in told.items()}
+    return {names[name]: _as_meant(one, unknown, (*key, name)) for name, one in node.items()
+            if told[name] is None or (names[name] and names[name] not in node)}
+
+
+def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
+    try:
+        file = ScenarioFile.model_validate(document.tree)
+    except ValidationError as exc:
+        raise _errors_of_form(document, exc, overrides) from None
     notes = notice(file, document.path.name)
     file = with_old_defaults(file)
     found = DocumentErrors(document)

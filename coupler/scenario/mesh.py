@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from pydantic import StrictBool, model_validator
 from skfem import MeshQuad
 
+from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.thermal import BodyHeat
-from contact.problem.values import Entry, Number, Part, Positive, Text, Whole, did_you_mean, exactly_one, problem
+from contact.problem.values import Number, Positive, Text, Whole, did_you_mean, problem
 
 # The part of the schema that says what there is: bodies and their meshes.
 

@@ -1,12 +1,20 @@
 """Options of coupling: the scheme, how it iterates, what error a window may make, and how long windows are.
 
-Defaults stand here with their reasons; the schemes and the control read them, the scenario file sets them.
+Defaults stand here with their reasons; the schemes and the control read them, the scenario file sets them by the same
+classes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Annotated, Any, ClassVar
+
+from pydantic import ConfigDict, model_validator
+
+from contact.problem.part import Entry, Part
+from contact.problem.values import Count, NotNegative, Number, Positive, Whole, problem
 
 
 class Scheme(Enum):
@@ -46,77 +54,148 @@ class Seen(Enum):
     END = "end"  # first order, and no window is too large for it: for methods that damp (backward Euler, sdirk2)
 
 
-@dataclass(frozen=True)
-class Tolerance:
-    """A difference passes if it is at most atol + rtol * (largest change of the quantity over the window).
+def _all_have_defaults(schema: dict[str, Any]) -> None:
+    schema.pop("required")
+
+
+class Tolerance(Part):
+    """atol, in the unit of its quantity, is the floor where nothing changes; rtol is a share of the change.
 
     Measured against the change in the window, the errors of all windows add up to at most rtol of the way the
-    quantity went, whatever the size of the windows; atol is the floor where nothing changes.
+    quantity went, whatever the size of the windows.
     """
 
-    atol: float
-    rtol: float
+    # Those of a quantity have defaults of their own (_ByQuantity), so a file may leave either out.
+    model_config = ConfigDict(json_schema_extra=_all_have_defaults)
+
+    atol: Positive
+    rtol: NotNegative
 
 
-@dataclass(frozen=True)
-class Tolerances:
-    """One for each quantity: T [K], x [m], t_N [Pa], f_s [1].
+class _ByQuantity(Part):
+    """A Tolerance for each of some quantities; of atol and rtol a file may state the one that is not the default."""
 
-    Conductance h sees a gap of 1 nm as 1e-4 of a gas layer of 10 um, and 100 Pa as 1e-4 of 1 MPa: no floor is
-    tighter than the others, and all are far above what the halves leave over.
-    """
-
-    temperature: Tolerance = Tolerance(1e-4, 1e-4)
-    gap: Tolerance = Tolerance(1e-9, 1e-4)
-    pressure: Tolerance = Tolerance(100.0, 1e-4)
-    solid_fraction: Tolerance = Tolerance(1e-6, 1e-4)
+    @model_validator(mode="before")
+    @classmethod
+    def _rest_is_default(cls, data: Any) -> Any:
+        if not isinstance(data, Mapping):
+            return data
+        return {key: {**cls.model_fields[key].default.plain(), **given} if isinstance(given, Mapping) else given
+                for key, given in data.items()}
 
 
-@dataclass(frozen=True)
-class Iteration:
-    """relaxation : the factor of `constant`, and of the first step of `aitken` and `iqn_ils`, in (0, 1].
+class Tolerances(_ByQuantity):
+    """A difference passes if it is at most atol + rtol times the largest change over the window."""
 
-    1 as a default: where T does not act back on the geometry the second iterate is then the last, and a whole step is
-    never wild, because the T it goes to is what the thermal half found between its own boundary data.
-    reuse : windows whose residuals `iqn_ils` remembers.  0 as a default: what a melting front did in the last window
-    costs more iterates than it saves.
-    least : iterates before agreement is believed; two always tell a contraction.
-    level : `middle` as a default: it keeps the order of the midpoint rule.
-    """
+    # T [K], x [m], t_N [Pa], f_s [1].  Conductance h sees a gap of 1 nm as 1e-4 of a gas layer of 10 um, and 100 Pa as
+    # 1e-4 of 1 MPa: no floor is tighter than the others, and all are far above what the halves leave over.
+    temperature: Annotated[Tolerance, Entry(
+        "of the largest change over the window, so errors of all windows add up to at most 1e-4 of the way a "
+        "quantity goes; `atol` > 0 is the floor at rest",
+        unit="K",
+        kind="`{atol, rtol}`",
+        default="1e-4, 1e-4")] = Tolerance(atol=1e-4, rtol=1e-4)
+    gap: Annotated[Tolerance, Entry(
+        "of every coordinate; 1e-4 of a gas layer of 10 um",
+        unit="m",
+        kind="`{atol, rtol}`",
+        default="1e-9, 1e-4")] = Tolerance(atol=1e-9, rtol=1e-4)
+    pressure: Annotated[Tolerance, Entry(
+        "1e-4 of 1 MPa",
+        unit="Pa",
+        kind="`{atol, rtol}`",
+        default="100, 1e-4")] = Tolerance(atol=100.0, rtol=1e-4)
+    solid_fraction: Annotated[Tolerance, Entry(
+        "0.4 J/kg of aluminium's latent heat, as little as `temperature`'s",
+        kind="`{atol, rtol}`",
+        default="1e-6, 1e-4")] = Tolerance(atol=1e-6, rtol=1e-4)
 
-    acceleration: Acceleration = Acceleration.IQN_ILS
-    relaxation: float = 1.0
-    max_iterations: int = 30
-    on_max: OnMax = OnMax.RETRY_SMALLER
-    reuse: int = 0
-    tolerance: Tolerances = field(default_factory=Tolerances)
-    level: Seen = Seen.MIDDLE
-    least: int = 1
+
+class Iteration(Part):
+    """How `iterated` goes to agreement; other schemes do not read it."""
+
+    LEAST: ClassVar[int] = 1  # iterates before agreement is believed
+
+    acceleration: Annotated[Acceleration, Entry(
+        "how the next guess is made",
+        why="It converges where the others do, and where several modes are stiff, at the same cost for one.")] = (
+            Acceleration.IQN_ILS)
+    # 1: where T does not act back on the geometry the second iterate is then the last, and a whole step is never wild,
+    # because the T it goes to is what the thermal half found between its own boundary data.
+    relaxation: Annotated[Number, Entry(
+        "first factor of `aitken` and `iqn_ils`, and that of `constant`, which needs one below 1",
+        above=0.0,
+        most=1.0,
+        remedy="Above 1 it would leave the bounds that both iterates keep.",
+        why="Where `T` does not act back, a whole first step makes the second iterate the last.")] = 1.0
+    max_iterations: Annotated[Whole, Entry(
+        "iterates of one window",
+        why="Accelerated windows take 2 to 16; one that takes more is cheaper in two halves.")] = 30
+    on_max: Annotated[OnMax, Entry(
+        "what follows then: `stop` ends the run; `accept` goes on, and the window keeps its verdict `max "
+        "iterations`",
+        why="Halved, the contraction is halved too.")] = OnMax.RETRY_SMALLER
+    # 0: what a melting front did in the last window costs more iterates than it saves.
+    reuse: Annotated[Count, Entry(
+        "windows whose residuals `iqn_ils` remembers; nothing is kept over a kink",
+        kind="count, 0 for none",
+        why="1 or 2 save iterates where slopes hardly change, and cost some where a melting front moves.")] = 0
+    tolerance: Annotated[Tolerances, Entry("when a window agrees")] = Tolerances()
+    level: Annotated[Seen, Entry(
+        "of which time of its substep the thermal half is given `x` and `t_N`",
+        why="`middle` is of second order; `end` is of first order, and with `backward_euler` or `sdirk2` "
+            "damps windows of any size.")] = Seen.MIDDLE
+
+    @model_validator(mode="after")
+    def _one_relaxes(self) -> Iteration:
+        if self.acceleration is Acceleration.CONSTANT and self.relaxation == 1.0:
+            raise problem("constant needs a relaxation below 1", "With 1 it would be the acceleration `none`.",
+                          at=("relaxation",))
+        return self
+
+
+class MeasuredIteration(Iteration):
+    """One that tells a contraction, for which two iterates are always enough."""
+
+    LEAST: ClassVar[int] = 2
 
 
 # What error a window may make: one tolerance a quantity, for adaptive windows.
 
 
-@dataclass(frozen=True)
-class ErrorTolerances:
-    """The error of one window passes if it is at most atol + rtol * scale, quantity by quantity.
+class ErrorTolerances(_ByQuantity):
+    """The error of one window passes if it is at most atol + rtol * scale, quantity by quantity."""
 
-    temperature [K], scale the range of T over all nodes and the window: a thousandth of a kelvin says nothing about a
-    casting, and of two bodies in one scene the smaller must not be judged by its own small range.  A thousandth of it:
-    the worst node is asked, and beside a front that freezes node by node it is off by the step of T between two nodes
-    however short the window, while gap and heat are a hundred times nearer.
-    gap [m] and displacement [m], scale their largest change in the window: so the errors of all windows add up to at
-    most rtol of the way gone.  The floor of the gap is a hundredth of a gas layer of 10 um, below which no law of
-    conductance changes by more than 1 %.
-    heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
-    """
-
-    # fault: an adaptive casting by a tolerance far too tight -> temperature: Tolerance = field(default=Tolerance(1e-4,
-    #   1e-6)) | scenarios/test_casting_1d
-    temperature: Tolerance = field(default=Tolerance(0.01, 1e-3))
-    gap: Tolerance = field(default=Tolerance(1e-7, 1e-2))
-    heat: Tolerance = field(default=Tolerance(1e-3, 1e-2))
-    displacement: Tolerance = field(default=Tolerance(1e-7, 1e-2))
+    # temperature [K], scale the range of T over all nodes and the window: a thousandth of a kelvin says nothing about
+    # a casting, and of two bodies in one scene the smaller must not be judged by its own small range.  A thousandth of
+    # it: the worst node is asked, and beside a front that freezes node by node it is off by the step of T between two
+    # nodes however short the window, while gap and heat are a hundred times nearer.
+    # gap [m] and displacement [m], scale their largest change in the window: so the errors of all windows add up to at
+    # most rtol of the way gone.  The floor of the gap is a hundredth of a gas layer of 10 um, below which no law of
+    # conductance changes by more than 1 %.
+    # heat [J], what crosses contact in the window, scale the same: 1 % of heat is what the best law is known to.
+    temperature: Annotated[Tolerance, Entry(
+        "of the error of one window",
+        unit="K",
+        kind="`{atol, rtol}`",
+        # fault: an adaptive casting by a tolerance far too tight -> default="")] = Tolerance(atol=1e-4, rtol=1e-6) |
+        #   scenarios/test_casting_1d
+        default="[coupling.md](coupling.md)")] = Tolerance(atol=0.01, rtol=1e-3)
+    gap: Annotated[Tolerance, Entry(
+        "of the error of one window",
+        unit="m",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = Tolerance(atol=1e-7, rtol=1e-2)
+    heat: Annotated[Tolerance, Entry(
+        "of the error of one window",
+        unit="J",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = Tolerance(atol=1e-3, rtol=1e-2)
+    displacement: Annotated[Tolerance, Entry(
+        "of the error of one window",
+        unit="m",
+        kind="`{atol, rtol}`",
+        default="[coupling.md](coupling.md)")] = Tolerance(atol=1e-7, rtol=1e-2)
 
 
 # Windows, and what follows a cycle.

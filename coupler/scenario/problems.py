@@ -14,6 +14,7 @@ from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.interface import Interface
 from contact.problem.boundary import FORMAT, Supported
+from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
 from contact.problem.material import Latent, Material
 from contact.problem.mechanical import (
@@ -30,8 +31,9 @@ from contact.problem.mechanical import (
     RodProblem,
 )
 from contact.problem.pairs import PairData
+from contact.problem.part import Part, properties_in
 from contact.problem.thermal import BodyHeat, ForeignThermal, ThermalProblem, ThermalSettings
-from contact.problem.values import FieldSum, Part, Phases, did_you_mean, properties_in
+from contact.problem.values import did_you_mean
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import ScenarioFile
 

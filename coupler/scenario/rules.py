@@ -27,8 +27,8 @@ from coupler.scenario.rule_model import (
     Window,
 )
 from coupler.scenario.rule_model import Change as NewValue
+from coupler.scenario.rule_schema import ActionSpec, Condition, Conditions, DriveSpec, HalfName, RuleSpec
 from coupler.scenario.scene import Context
-from coupler.scenario.schema import ActionSpec, Condition, Conditions, DriveSpec, HalfName, RuleSpec
 
 # control.method of our own halves (docs/design.md); 0 is the method of the scenario.
 THERMAL_METHODS = {"own": 0} | {method.value: number for number, method in enumerate(Method, start=1)}
@@ -64,7 +64,7 @@ class _Reader:
         do = tuple(a for i, action in enumerate(spec.do) for a in self._actions(action, (*self._key, "do", i)))
         # A time that is not given bounds nothing: a run begins at 0, and no window ends there.
         return Rule(spec.name, self._when(spec), do, self._drive(spec.drive) if spec.drive else None, spec.once,
-                    spec.after, spec.until if spec.until is not None else math.inf, int(spec.cooldown))
+                    spec.after, spec.until if spec.until is not None else math.inf, spec.cooldown)
 
     def _when(self, spec: RuleSpec) -> When:
         key = (*self._key, "when")

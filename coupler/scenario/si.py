@@ -8,7 +8,9 @@ from math import radians
 from typing import Any, TypeVar
 
 from contact.problem import laws
-from contact.problem.values import Entry, FieldSum, Part, SignalName, SignalTable, Term, did_you_mean
+from contact.problem.curves import FieldSum, SignalTable, Term
+from contact.problem.part import Entry, Part
+from contact.problem.values import SignalName, did_you_mean
 from coupler.scenario.document import Document, Key
 
 ZERO_CELSIUS = 273.15  # K

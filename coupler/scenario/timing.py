@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from coupler.scenario.coupling_schema import CouplingSpec, Windows
 from coupler.scenario.document import Document, Key
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme, WindowRange
-from coupler.scenario.schema import CouplingSpec, OutputSpec, Windows
+from coupler.scenario.schema import OutputSpec
 
 # More windows than this is a misplaced decimal point: a run of days that nobody meant.
 MAX_WINDOWS = 5_000_000
@@ -65,7 +66,7 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     return CouplingOptions(
         spec.scheme, spec.end, windows, kinks, frozenset(kinks) - events, substeps, spec.link,
         # fault: iteration of a scenario not handed on -> Iteration(), adaptive, | coupler/test_scenario_iteration
-        spec.iteration.method, adaptive,
+        spec.iteration, adaptive,
         adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
         spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches)
 

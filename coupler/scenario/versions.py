@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import MappingNode, Node, SequenceNode
 
+from contact.problem.curves import Form, PropertyTable
 from contact.problem.laws import Table
-from contact.problem.values import Form, Part, PropertyTable
+from contact.problem.part import Part
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Key, dotted
 from coupler.scenario.schema import VERSION, ScenarioFile

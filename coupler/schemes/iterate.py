@@ -116,7 +116,7 @@ def solve_iterated(w: WindowTask) -> Solved:
         #   span, exchanged(so_far.guess), so_far.work, False) | stability/test_rods
         swept = mechanical_first(halves, state, span, exchanged(so_far.guess), so_far.work, how.level is Seen.END)
         so_far = _judged(so_far, state.now, swept, how)
-        if so_far.converged and (k >= how.least or so_far.tells_no_more):
+        if so_far.converged and (k >= how.LEAST or so_far.tells_no_more):
             break
     solved = swept.solved(state, Scheme.ITERATED, so_far.history)
     # fault: nothing learnt from windows past -> solved = replace(solved, state=replace(solved.state, memory=())) |

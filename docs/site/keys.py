@@ -15,10 +15,10 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from contact.problem import flow, laws, material, mechanical, pairs, thermal, values
+from contact.problem import curves, flow, laws, material, mechanical, pairs, thermal, values
 from contact.problem.boundary import Supported
-from contact.problem.values import Entry, Part
-from coupler.scenario import mesh, schema
+from contact.problem.part import Entry, Part
+from coupler.scenario import coupling_schema, mesh, options, rule_schema, schema
 
 PAGE = Path(__file__).resolve().parents[1] / "scenario.md"
 MARK = re.compile(r"<!-- keys: (\S+) -->\n(.*?)<!-- end of keys -->\n", re.S)
@@ -57,31 +57,31 @@ TABLES = {
     "thermal_boundary": Table(thermal.ThermalBoundary),
     "mechanical": Table(schema.Mechanical),
     "elastic_boundary": Table(mechanical.ElasticBoundary, third="place"),
-    "coupling": Table(schema.CouplingSpec, without=_but("iteration", "adaptive")),
-    "windows": Table(schema.Windows),
-    "adaptive": Table(schema.AdaptiveSpec),
-    "iteration": Table(schema.IterationSpec),
-    "rule": Table(schema.RuleSpec, without=_but("when", "drive", "do")),
-    "condition": Table(schema.Condition),
-    "action": Table(schema.ActionSpec),
-    "drive": Table(schema.DriveSpec),
+    "coupling": Table(coupling_schema.CouplingSpec, without=_but("iteration", "adaptive")),
+    "windows": Table(coupling_schema.Windows),
+    "adaptive": Table(coupling_schema.AdaptiveSpec),
+    "iteration": Table(options.Iteration),
+    "rule": Table(rule_schema.RuleSpec, without=_but("when", "drive", "do")),
+    "condition": Table(rule_schema.Condition),
+    "action": Table(rule_schema.ActionSpec),
+    "drive": Table(rule_schema.DriveSpec),
     "probe": Table(schema.ProbeSpec),
     "place": Table(schema.Place),
     "output": Table(schema.OutputSpec),
     "study": Table(schema.StudySpec),
-    "property_table": Table(values.PropertyTable),
+    "property_table": Table(curves.PropertyTable),
 }
-WORDS = ((values.SignalSpec, "SIGNAL"), (values.FieldSpec, "FIELD"), (values.PropertySpec, "PROPERTY"),
-         (values.PhasedSpec, "PHASED"), (laws.LawSpec, "LAW"), (values.Positive, "number > 0"),
+WORDS = ((curves.SignalSpec, "SIGNAL"), (curves.FieldSpec, "FIELD"), (curves.PropertySpec, "PROPERTY"),
+         (curves.PhasedSpec, "PHASED"), (laws.LawSpec, "LAW"), (values.Positive, "number > 0"),
          (values.NotNegative, "number >= 0"), (values.Whole, "whole number >= 1"), (values.Count, "whole number"),
          (values.Number, "number"), (values.Flag, "true, false"), (values.Name, "name"), (values.Text, "text"),
          (values.DottedName, "name"), (pairs.Stiffness, "number > 0 or `auto`"), (bool, "true, false"))
 # Mappings that have a table of their own.
 APART = (flow.Plastic, flow.Creep, flow.Liquid, material.Latent, material.Material, schema.Thermal, schema.Mechanical,
-         schema.CouplingSpec, schema.OutputSpec, schema.StudySpec, schema.IterationSpec, schema.AdaptiveSpec,
-         schema.DriveSpec, schema.ErrorTolerancesSpec, schema.IterationTolerances, mesh.Rectangle, mesh.MeshFile,
-         schema.Windows)
-ALWAYS = {schema.ErrorTolerancesSpec, schema.IterationTolerances}  # flattened though apart from others
+         coupling_schema.CouplingSpec, schema.OutputSpec, schema.StudySpec, options.Iteration,
+         coupling_schema.AdaptiveSpec, rule_schema.DriveSpec, options.ErrorTolerances, options.Tolerances,
+         mesh.Rectangle, mesh.MeshFile, coupling_schema.Windows)
+ALWAYS = {options.ErrorTolerances, options.Tolerances}  # flattened though apart from others
 
 
 def rows(table: Table) -> Iterator[tuple[str, str, str, str]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from contact.compiled import inner, one_of
+from contact.problem.flow import Plastic
 from mechanical_fmu.laws.creep import NortonLaw, PowerLaw
 from mechanical_fmu.laws.hardening import KinematicLaw, LinearLaw, OverstressLaw, TableLaw, VoceLaw
 from mechanical_fmu.laws.law import CreepLaw, Floats, IsotropicHardening, Point
@@ -33,6 +34,12 @@ _flow_stress = one_of([law.FLOW_STRESS for law in HARDENING])
 _relaxed = one_of([kernels.relaxed for kernels in _CREEP_KERNELS])
 _strain = one_of([kernels.strain for kernels in _CREEP_KERNELS])
 _exponent = one_of([kernels.exponent for kernels in _CREEP_KERNELS])
+
+
+def hardening_law(stated: Plastic) -> IsotropicHardening:
+    """Make the hardening of a material; where none is stated the flow stress stays, which is linear with H = 0."""
+    by_name = {law.NAME: law for law in HARDENING}
+    return by_name["linear" if stated.hardening is None else stated.hardening.law].made(stated)
 
 
 def hardening_number(law: IsotropicHardening) -> int:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from contact.compiled import inner
-from contact.half.functions import Property
+from contact.half.functions import Property, property_from
+from contact.problem.curves import Beyond, Form
+from contact.problem.flow import LinearHardening, Plastic, TableHardening, VoceHardening
 from mechanical_fmu.laws.law import NOTHING, Fields, Floats, IsotropicHardening, Point, Points, lowest
 
 # Linear hardening, R = yield_stress + H e; perfectly plastic with H = 0.
@@ -29,6 +31,13 @@ class LinearLaw(IsotropicHardening):
     NAME: ClassVar = "linear"
     FIELDS: ClassVar[Fields] = {"yield_stress": float, "hardening_modulus": float}
     FLOW_STRESS: ClassVar = linear_flow_stress
+
+    @classmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states it, or no hardening at all."""
+        assert stated.s_y is not None, "checked by the class"
+        H = stated.hardening.H if isinstance(stated.hardening, LinearHardening) else 0.0
+        return cls(property_from(stated.s_y), property_from(H))
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
         """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1]."""
@@ -72,6 +81,14 @@ class VoceLaw(IsotropicHardening):
     FIELDS: ClassVar[Fields] = {"yield_stress": float, "saturation_stress": float, "saturation_rate": float,
                                 "hardening_modulus": float}
     FLOW_STRESS: ClassVar = voce_flow_stress
+
+    @classmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states it."""
+        law = stated.hardening
+        assert isinstance(law, VoceHardening)
+        assert stated.s_y is not None, "checked by the class"
+        return cls(property_from(stated.s_y), property_from(law.Q), law.b, property_from(law.H))
 
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:
         """Fill the FIELDS of p : (n,) at T : (n,) [K], with all of R times factor : (n,) [1]."""
@@ -158,6 +175,22 @@ class TableLaw(IsotropicHardening):
     FIELDS: ClassVar[Fields] = {"table_start": int, "table_knots": int, "table_row": int, "table_form": int,
                                 "table_next": float, "table_factor": float}
     FLOW_STRESS: ClassVar = table_flow_stress
+
+    @classmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states it, with the slopes of its curves."""
+        law = stated.hardening
+        assert isinstance(law, TableHardening)
+        strain, T = np.array(law.strain), np.array(law.T or (0.0,))
+        stress = [np.array(row) for row in law.rows]
+        cubic, sloped = law.form is Form.CUBIC, law.beyond is Beyond.SLOPE
+        if cubic:
+            from scipy.interpolate import PchipInterpolator  # 0.2 s, and most scenes have no such table
+
+            slope = [PchipInterpolator(strain, row).derivative()(strain) for row in stress]
+        else:
+            slope = [np.append(d := np.diff(row) / np.diff(strain), d[-1]) for row in stress]
+        return cls(strain, T, np.array(stress), np.array(slope), CUBIC * cubic + SLOPED * sloped)
 
     @property
     def data(self) -> Floats:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import Property
+from contact.problem.flow import Plastic
 
 Floats = NDArray[np.float64]
 Points = NDArray[Any]
@@ -58,6 +59,11 @@ class IsotropicHardening(ABC):
     NAME: ClassVar[str]
     FIELDS: ClassVar[Fields]
     FLOW_STRESS: ClassVar[Callable[..., tuple[float, float]]]
+
+    @classmethod
+    @abstractmethod
+    def made(cls, stated: Plastic) -> Self:
+        """Make the law of a material that states this one, its curves of temperature with it."""
 
     @abstractmethod
     def fill(self, p: Points, T: Floats, factor: Floats, start: int) -> None:

@@ -1,4 +1,4 @@
-"""A value for any type hint that has a form on the wire: every field of a dataclass away from its default."""
+"""A value for any type hint that has a form on the wire: every field of a record away from its default."""
 
 from __future__ import annotations
 
@@ -13,7 +13,14 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from contact.problem.part import Part
+
 _number = count(3)
+
+
+def names_of(kind: Any) -> list[str]:
+    """The fields of a dataclass or a Part."""
+    return [f.name for f in fields(kind)] if is_dataclass(kind) else list(kind.model_fields)
 
 
 def filled(hint: Any) -> Any:
@@ -33,9 +40,11 @@ def filled(hint: Any) -> Any:
         return filled(next(a for a in args if a is not NoneType))
     if is_dataclass(hint):
         made: Any = object.__new__(hint)  # its checks, if any, are not what is asked here
-        for f in fields(hint):
-            object.__setattr__(made, f.name, filled(get_type_hints(hint)[f.name]))
+        for name in names_of(hint):
+            object.__setattr__(made, name, filled(get_type_hints(hint)[name]))
         return made
+    if issubclass(hint, Part):
+        return hint.model_construct(**{name: filled(get_type_hints(hint)[name]) for name in names_of(hint)})
     if issubclass(hint, Enum):
         return list(hint)[-1]
     return {str: f"text {k}", bool: True, int: 2**40 + k, float: 0.1 * k, bytes: bytes([k % 256, 0, 255])}[hint]
@@ -47,8 +56,9 @@ def differences(a: Any, b: Any, path: str = "") -> list[str]:
         return [path]
     if isinstance(a, np.ndarray):
         return [] if (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes()) else [path]
-    if is_dataclass(a):
-        return [d for f in fields(a) for d in differences(getattr(a, f.name), getattr(b, f.name), f"{path}.{f.name}")]
+    if is_dataclass(a) or isinstance(a, Part):
+        return [d for name in names_of(type(a))
+                for d in differences(getattr(a, name), getattr(b, name), f"{path}.{name}")]
     if isinstance(a, Mapping):
         return [path] if list(a) != list(b) else [d for k in a for d in differences(a[k], b[k], f"{path}.{k}")]
     if isinstance(a, tuple):

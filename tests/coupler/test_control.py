@@ -24,8 +24,8 @@ from adaptive_run import END, EXACT_E8, SIZES, ledger_of, plan_to, tries
 from coupled_run import start
 from fake_halves import gap_of, lumped, shrinking
 
-TIGHT = ErrorTolerances(temperature=Tolerance(1e-3, 0.0), gap=Tolerance(1e-3, 0.0), heat=Tolerance(1e9, 0.0),
-                        displacement=Tolerance(1e-3, 0.0))
+TIGHT = ErrorTolerances(temperature=Tolerance(atol=1e-3, rtol=0.0), gap=Tolerance(atol=1e-3, rtol=0.0),
+                        heat=Tolerance(atol=1e9, rtol=0.0), displacement=Tolerance(atol=1e-3, rtol=0.0))
 
 
 @pytest.mark.parametrize("scheme", [Scheme.EXTRAPOLATED, Scheme.ITERATED, Scheme.AUTO])

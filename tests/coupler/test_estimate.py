@@ -162,7 +162,7 @@ def told(memory: Memory, levels: list[Level], heat: float = 0.0, scheme: Scheme 
     """levels : newest first."""
     before = solved_at(levels[1], tuple(levels[2:])).state
     found = error_estimate.estimate(memory, before, solved_at(levels[0], tuple(levels[1:4]), heat, scheme),
-                              ErrorTolerances(temperature=Tolerance(1.0, 0.0)), Iteration())
+                              ErrorTolerances(temperature=Tolerance(atol=1.0, rtol=0.0)), Iteration())
     assert found is not None
     return found
 
@@ -253,7 +253,7 @@ def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
 def adaptive(scheme: Scheme, tolerance: float) -> tuple[float, list]:
     """E8 in windows that find their own size: the error at the end [K], and every window tried."""
     plan = Plan(schedule(20.0, [WindowRange(20.0, 20.0, 20.0)], ()), scheme, ONE, adaptive=Adaptive(
-        2.0, 1e-3, 20.0, ErrorTolerances(temperature=Tolerance(tolerance, 0.0))))
+        2.0, 1e-3, 20.0, ErrorTolerances(temperature=Tolerance(atol=tolerance, rtol=0.0))))
     halves = wanted_outputs(lumped(840.0), shrinking(840.0))
     tried = list(run_windows(halves, start(840.0, gap_of(840.0)), plan))
     return abs(float(tried[-1].solved.state.now.T[0]) - E8), tried

@@ -41,9 +41,10 @@ from fake_halves import (
 ROOT = Path(__file__).resolve().parents[2]
 EXPECTED = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))
 E4, E6, E8 = (EXPECTED[row] for row in ("E4", "E6", "E8"))
-LOOSE = Tolerance(1.0, 1.0)
-TIGHT = Tolerances(Tolerance(E4["aitken_tolerance"], 0.0), LOOSE, LOOSE, LOOSE)
-HOW = Iteration(Acceleration.AITKEN, tolerance=TIGHT)
+LOOSE = Tolerance(atol=1.0, rtol=1.0)
+TIGHT = Tolerances(temperature=Tolerance(atol=E4["aitken_tolerance"], rtol=0.0), gap=LOOSE,
+                   pressure=LOOSE, solid_fraction=LOOSE)
+HOW = Iteration(acceleration=Acceleration.AITKEN, tolerance=TIGHT)
 
 
 def iterate(T0: float, end: float, n: int = 1, how: Iteration = HOW, method: str = "midpoint",
@@ -60,7 +61,7 @@ def counts(tried: list[Tried]) -> list[int]:
 @pytest.mark.parametrize("row", E4["aitken_at_10_dt_c"], ids=lambda row: f"{row['T0']:g} K")
 @pytest.mark.parametrize("kind", [Acceleration.AITKEN, Acceleration.IQN_ILS])
 def test_ten_times_the_limit_of_the_lagged_gap_in_few_iterates(row, kind):
-    _, tried = iterate(row["T0"], 10 * E4["dt_c"]["backward_euler"], how=replace(HOW, acceleration=kind),
+    _, tried = iterate(row["T0"], 10 * E4["dt_c"]["backward_euler"], how=HOW.changed(acceleration=kind),
                        method="backward_euler")
     assert tried[0].solved.verdict is Verdict.ACCEPTED
     assert counts(tried)[0] <= row["most"]
@@ -68,7 +69,7 @@ def test_ten_times_the_limit_of_the_lagged_gap_in_few_iterates(row, kind):
 
 
 def test_plain_iteration_does_not_converge_there():
-    how = replace(HOW, acceleration=Acceleration.NONE, on_max=OnMax.STOP)
+    how = HOW.changed(acceleration=Acceleration.NONE, on_max=OnMax.STOP)
     with pytest.raises(CouplingError, match=r"window 1 at t = 0 s, iteration 30: 30 iterations .* multiplies") as told:
         iterate(840.0, 10 * E4["dt_c"]["backward_euler"], how=how, method="backward_euler")
     assert told.value.iteration == 30
@@ -115,10 +116,11 @@ def test_contraction_as_predicted_for_a_small_disturbance(method, theta):
 
 def test_a_pressure_law_is_far_stiffer_and_no_tension_is_ever_seen():
     seen: list[float] = []
-    tight = Tolerances(Tolerance(1e-9, 0.0), LOOSE, Tolerance(10.0, 0.0), LOOSE)
+    tight = Tolerances(temperature=Tolerance(atol=1e-9, rtol=0.0), gap=LOOSE,
+                       pressure=Tolerance(atol=10.0, rtol=0.0), solid_fraction=LOOSE)
     for kind, most in ((Acceleration.AITKEN, 12), (Acceleration.IQN_ILS, 12)):
         _, tried = couple((pressed(602.4, seen), pressing()), start(602.4, 0.0, -E_ALPHA * 2.4), (100.0, 1),
-                          Scheme.ITERATED, how=Iteration(kind, tolerance=tight))
+                          Scheme.ITERATED, how=Iteration(acceleration=kind, tolerance=tight))
         assert tried[0].solved.verdict is Verdict.ACCEPTED
         assert tried[0].solved.history.contraction > 20
         assert counts(tried)[0] <= most
@@ -135,7 +137,7 @@ def test_a_guess_below_absolute_zero_falls_back():
         return echo().rule(state, inputs, t, h)
 
     state, tried = couple((thermal, replace(echo(), rule=rule)), start(100.0, 100.0), (1.0, 1), Scheme.ITERATED,
-                          how=replace(HOW, max_iterations=60, relaxation=0.5))
+                          how=HOW.changed(max_iterations=60, relaxation=0.5))
     assert tried[0].solved.verdict is Verdict.ACCEPTED
     assert float(state.now.T[0]) == pytest.approx(1.0, abs=1e-9)
     assert min(given) > 0.0
@@ -155,8 +157,9 @@ def test_one_way_takes_two_iterates_and_not_one_half_solve_more():
 @pytest.mark.parametrize("quantity", ["gap", "pressure"])
 def test_every_quantity_must_agree(quantity):
     """T alone would pass at once with a floor of 1e3 K; the tight one decides."""
-    wide = Tolerances(Tolerance(1e3, 0.0), LOOSE, Tolerance(1e9, 0.0), LOOSE)
-    tight = replace(wide, **{quantity: Tolerance({"gap": 1e-12, "pressure": 1e-3}[quantity], 0.0)})
+    wide = Tolerances(temperature=Tolerance(atol=1e3, rtol=0.0), gap=LOOSE,
+                      pressure=Tolerance(atol=1e9, rtol=0.0), solid_fraction=LOOSE)
+    tight = wide.changed(**{quantity: Tolerance(atol={"gap": 1e-12, "pressure": 1e-3}[quantity], rtol=0.0)})
     makes = (lambda: (lumped(840.0), shrinking(840.0))) if quantity == "gap" else (
         lambda: (pressed(602.4, []), pressing()))
     first = start(840.0, gap_of(840.0)) if quantity == "gap" else start(602.4, 0.0, -E_ALPHA * 2.4)
@@ -171,28 +174,28 @@ def test_every_quantity_must_agree(quantity):
 
 def test_the_estimate_of_a_gap_left_over_is_honest():
     """The last iterate's x against the converged one: within twice what the misfit told."""
-    tolerance = replace(TIGHT, temperature=Tolerance(1e3, 0.0), gap=Tolerance(1e-8, 0.0))
-    x = [float(iterate(840.0, 20.0, how=replace(HOW, tolerance=t))[0].now.x[0, 1]) for t in (tolerance, TIGHT)]
-    told = iterate(840.0, 20.0, how=replace(HOW, tolerance=tolerance))[1][0].solved.history.misfits[-1]["gap"]
+    tolerance = TIGHT.changed(temperature=Tolerance(atol=1e3, rtol=0.0), gap=Tolerance(atol=1e-8, rtol=0.0))
+    x = [float(iterate(840.0, 20.0, how=HOW.changed(tolerance=t))[0].now.x[0, 1]) for t in (tolerance, TIGHT)]
+    told = iterate(840.0, 20.0, how=HOW.changed(tolerance=tolerance))[1][0].solved.history.misfits[-1]["gap"]
     assert 0.0 < abs(x[0] - x[1]) <= 2 * told * 1e-8
 
 
 def test_no_iterate_more_than_the_gap_needs():
     """The one before the last is not within the tolerance of the gap, the last is."""
     floor = 1e-8
-    wide = replace(TIGHT, temperature=Tolerance(1e3, 0.0), gap=Tolerance(floor, 0.0))
-    how = Iteration(Acceleration.NONE, max_iterations=60, tolerance=wide)
-    exact = float(iterate(840.0, 2.0, how=replace(HOW))[0].now.x[0, 1])
+    wide = TIGHT.changed(temperature=Tolerance(atol=1e3, rtol=0.0), gap=Tolerance(atol=floor, rtol=0.0))
+    how = Iteration(acceleration=Acceleration.NONE, max_iterations=60, tolerance=wide)
+    exact = float(iterate(840.0, 2.0, how=HOW)[0].now.x[0, 1])
     state, tried = iterate(840.0, 2.0, how=how)
     needed = counts(tried)[0]
-    less, _ = iterate(840.0, 2.0, how=replace(how, max_iterations=needed - 1, on_max=OnMax.ACCEPT))
+    less, _ = iterate(840.0, 2.0, how=how.changed(max_iterations=needed - 1, on_max=OnMax.ACCEPT))
     assert abs(float(less.now.x[0, 1]) - exact) > floor
     assert abs(float(state.now.x[0, 1]) - exact) < 2 * floor
 
 
 def test_a_window_that_does_not_converge_is_halved_and_leaves_no_trace():
     # At 840 K b is .78 1/s: b dt/2/(1 + a dt/2) is 1.22 in a window of 3.6 s and .65 in one of 1.8 s.
-    how = Iteration(Acceleration.NONE, max_iterations=60, tolerance=TIGHT)
+    how = Iteration(acceleration=Acceleration.NONE, max_iterations=60, tolerance=TIGHT)
     state, tried = iterate(840.0, 3.6, 1, how)
     assert [w.solved.verdict for w in tried] == [Verdict.MAX_ITERATIONS, Verdict.ACCEPTED, Verdict.ACCEPTED]
     direct, plain = iterate(840.0, 3.6, 2, how)
@@ -202,7 +205,7 @@ def test_a_window_that_does_not_converge_is_halved_and_leaves_no_trace():
 
 
 def test_accepting_is_told_and_kept_apart_from_converging():
-    how = Iteration(Acceleration.NONE, max_iterations=3, tolerance=TIGHT, on_max=OnMax.ACCEPT)
+    how = Iteration(acceleration=Acceleration.NONE, max_iterations=3, tolerance=TIGHT, on_max=OnMax.ACCEPT)
     state, tried = iterate(840.0, 16.0, 2, how)
     assert [(w.solved.verdict, w.accepted) for w in tried] == [(Verdict.MAX_ITERATIONS, True)] * 2
     assert state.now.t == 16.0
@@ -256,16 +259,16 @@ def opening() -> FakeHalf:
 def test_the_solid_fraction_is_exchanged_where_temperature_stands_still():
     """f = 3/4 - (x_0 + f)/4 at the end of a window that starts at f = x_0 = 3/4: f = .45."""
     first = replace(start(900.0, 0.75), now=replace(start(900.0, 0.75).now, f_s=np.array([0.75])))
-    tolerance = replace(TIGHT, solid_fraction=Tolerance(1e-12, 0.0))
+    tolerance = TIGHT.changed(solid_fraction=Tolerance(atol=1e-12, rtol=0.0))
     state, tried = couple((melting(), opening()), first, (1.0, 1), Scheme.ITERATED,
-                          how=replace(HOW, tolerance=tolerance))
+                          how=HOW.changed(tolerance=tolerance))
     assert float(state.now.f_s[0]) == pytest.approx(0.45, abs=1e-12)
     assert tried[0].solved.history.misfits[0]["solid_fraction"] > 1.0
 
 
 def test_what_was_learnt_in_a_window_serves_the_next():
     def total(reuse: int) -> int:
-        how = Iteration(Acceleration.IQN_ILS, reuse=reuse, tolerance=TIGHT)
+        how = Iteration(acceleration=Acceleration.IQN_ILS, reuse=reuse, tolerance=TIGHT)
         return sum(counts(iterate(840.0, 20.0, 10, how)[1]))
 
     assert total(2) < total(0)

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from coupler.errors import ScenarioError
+
 sys.path.insert(0, str(Path(__file__).parent))
-from scenario_text import GOOD, error_of, line_of
+from scenario_text import GOOD, error_of, line_of, load_text
 
 LAMP = "{on: upper.top, flux: 1000, name: lamp}"
 PUSH = "push: {t: [0, 10, 10, 30], value: [0, 0, -1.0e-4, -2.0e-4]}"
@@ -178,3 +180,37 @@ def test_a_missing_elastic_block_is_said(tmp_path: Path) -> None:
     error = error_of(tmp_path, GOOD[start:stop], "")
     assert error.key == "mechanical"
     assert "mechanical.elastic" in error.message
+
+
+# Keys that are misspelt or nobody's, and errors across fields beside them: all are told, and nothing that only follows.
+BESIDE = {
+    "a probe that is not there": ([("title:", "titel:"), ("{T: lower.top.left}", "{T: lower.top.lefd}")],
+                                  ["titel", "probes.face.left.T"]),
+    "a name in a misspelt block": ([("signals:", "singals:"), ("T: 200", "T: -274")],
+                                   ["singals", "thermal.boundary.2.convection.T"]),
+    "pairs in a misspelt block": ([("contact:", "contacts:"), ("flux: 1000", "flux: idel")],
+                                  ["contacts", "thermal.boundary.1.flux"]),
+    "what a misspelt key holds may come of the guess": ([("slave: upper.bottom", "slaves: upper.botom")],
+                                                        ["contact.face.slaves"]),
+    "an empty key": ([("title: Two blocks", '"": 1'), ("T: 200", "T: -274")],
+                     ["", "thermal.boundary.2.convection.T"]),
+    "a key of nobody": ([("title:", "colour:"), ("material: steel\n    T0: 100", "material: stel\n    T0: 100")],
+                        ["colour", "bodies.upper.material"]),
+    "two keys, one in the other": ([("output:", "ouput:"), ("every: 5", "evry: 5"), ("end: 40", "end: 41")],
+                                   ["ouput", "coupling.windows.1.until"]),
+    "a value of the wrong form hides the rest": ([("title:", "titel:"), ("gap_max: 0.1", "gap_max: wide"),
+                                                  ("flux: 1000", "flux: idel")], ["titel", "contact.face.gap_max"]),
+}
+
+
+@pytest.mark.parametrize("case", BESIDE)
+def test_a_misspelt_key_hides_no_error_across_fields(case: str, tmp_path: Path) -> None:
+    changes, keys = BESIDE[case]
+    text = GOOD
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    with pytest.raises(ScenarioError) as caught:
+        load_text(tmp_path, text)
+    assert [e.key for e in (caught.value, *caught.value.others)] == keys
+    assert all(e.line > 0 for e in (caught.value, *caught.value.others))

@@ -34,8 +34,10 @@ def test_every_key_arrives(tmp_path):
     c = load_text(tmp_path, GOOD.replace(OLD, FULL)).coupling
     assert c.scheme is Scheme.ITERATED
     d = Tolerances()
-    assert c.iteration == Iteration(Acceleration.AITKEN, 0.5, 12, OnMax.STOP, 0, Tolerances(
-        Tolerance(1e-3, d.temperature.rtol), Tolerance(d.gap.atol, 0.0), Tolerance(5.0, 1e-6), d.solid_fraction))
+    assert c.iteration == Iteration(
+        acceleration=Acceleration.AITKEN, relaxation=0.5, max_iterations=12, on_max=OnMax.STOP, tolerance=Tolerances(
+            temperature=Tolerance(atol=1e-3, rtol=d.temperature.rtol), gap=Tolerance(atol=d.gap.atol, rtol=0.0),
+            pressure=Tolerance(atol=5.0, rtol=1e-6), solid_fraction=d.solid_fraction))
 
 
 @pytest.mark.parametrize("scheme", list(Scheme))

@@ -64,7 +64,7 @@ def test_a_scenario_without_any_of_it_says_none_of_it(tmp_path):
                           "element", "state", "thermoelastic_heat", "adiabatic"}
     assert set(model["materials"]["steel"]) == {"E", "nu", "alpha", "T_ref"}
     assert spec.dynamics is None
-    assert spec.method == "newton"
+    assert spec.stated.method == "newton"
 
 
 def test_everything_arrives(tmp_path):
@@ -80,7 +80,7 @@ def test_everything_arrives(tmp_path):
     assert model["bodies"] == {
         "lower": {"material": "steel", "element": "mean_dilatation", "rigid": False, "v0": [0.0, 0.0], "omega0": 0.0},
         "upper": {"material": "steel", "rigid": True, "v0": [1.0, 2.0], "omega0": 3.0}}
-    assert spec.bodies[1].v0 == (1.0, 2.0, 3.0)
+    assert (spec.bodies[1].v0, spec.bodies[1].omega0) == ((1.0, 2.0), 3.0)
     assert (model["method"], model["cuts"], model["state"], model["element"]) == ("bfgs", 2, "plane_stress", "enhanced")
     assert model["dynamics"] == {"rho_inf": 0.8, "mass": "lumped"}
     assert spec.dynamics is not None

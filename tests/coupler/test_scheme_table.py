@@ -111,7 +111,7 @@ def order(problem: str, scheme: CouplingScheme, level: Seen) -> float:
     """log2 of the error in windows of 1/80 s over that in windows half as long."""
     errors = []
     for n in (320, 640):
-        end, _ = couple(halves(problem), first(problem), (END, n), scheme.name, how=replace(TIGHT, level=level))
+        end, _ = couple(halves(problem), first(problem), (END, n), scheme.name, how=TIGHT.changed(level=level))
         found = float(end.now.x[0, 1]) if problem == "temperature" else float(end.now.T[0])
         errors.append(abs(found - exact(problem)))
     return math.log2(errors[0] / errors[1])
@@ -136,7 +136,7 @@ def honesty(problem: str, scheme: CouplingScheme, level: Seen, H: float) -> list
 
 def ratios(pair: Halves, state: CoupledState, scheme: CouplingScheme, level: Seen, H: float) -> list[float]:
     """Estimated over true error of T in eight windows; each is solved in two halves too, whose answer is kept."""
-    how = replace(TIGHT, level=level)
+    how = TIGHT.changed(level=level)
     options, found = SolveOptions(scheme.name, Settings(scheme.name, ONE, how)), []
     plan = schedule(8 * H, [WindowRange(8 * H, H, H)], ())
     for k0, k1 in pairwise(plan.bounds):

@@ -13,10 +13,10 @@ from pydantic import BaseModel
 from ruamel.yaml import YAML
 
 from contact.problem.boundary import RadiationGap
+from contact.problem.curves import FieldSum, Phases, Term
 from contact.problem.material import Axes, Latent
 from contact.problem.pairs import Conduction, NearRadiation
 from contact.problem.thermal import Convection, FilmGap, InnerSteps, Method, Radiation, ThermalBoundary
-from contact.problem.values import FieldSum, Phases, Term
 from coupler.scenario import load_scenario
 from coupler.scenario.schema import Thermal
 

@@ -21,7 +21,8 @@ from coupler.schemes.state import CoupledState, Halves, Schedule, Settings, Solv
 ONE = {"thermal": 1, "mechanical": 1}
 PIECES = 64
 TIGHT = Iteration(max_iterations=60, tolerance=Tolerances(
-    Tolerance(1e-8, 0.0), Tolerance(1e-13, 0.0), Tolerance(1e-2, 0.0), Tolerance(1e-9, 0.0)))
+    temperature=Tolerance(atol=1e-8, rtol=0.0), gap=Tolerance(atol=1e-13, rtol=0.0),
+    pressure=Tolerance(atol=1e-2, rtol=0.0), solid_fraction=Tolerance(atol=1e-9, rtol=0.0)))
 FINE = SolveOptions(Scheme.ITERATED, Settings(Scheme.ITERATED, ONE, TIGHT))
 
 

@@ -27,7 +27,8 @@ SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/casting_1d.yaml"
 FROZEN = 20.0  # s, .306 solid
 SHARED = 8  # times at which the gap is compared
 SHARP = Iteration(max_iterations=80, tolerance=Tolerances(
-    Tolerance(1e-9, 1e-9), Tolerance(1e-15, 1e-9), Tolerance(1.0, 1e-9), Tolerance(1e-9, 1e-9)))
+    temperature=Tolerance(atol=1e-9, rtol=1e-9), gap=Tolerance(atol=1e-15, rtol=1e-9),
+    pressure=Tolerance(atol=1.0, rtol=1e-9), solid_fraction=Tolerance(atol=1e-9, rtol=1e-9)))
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,8 @@ def limit(case: Case, scheme: Scheme, about: float) -> float:
 
 def contraction(case: Case, size: float, level: Seen) -> float:
     """What plain iteration multiplies a difference by in the first window, as the coupler measures it."""
-    how = Iteration(Acceleration.NONE, max_iterations=4, on_max=OnMax.ACCEPT, tolerance=case.how.tolerance, level=level)
+    how = Iteration(acceleration=Acceleration.NONE, max_iterations=4, on_max=OnMax.ACCEPT,
+                    tolerance=case.how.tolerance, level=level)
     halves, state = case.make(1e-3)
     _, tried = couple(halves, state, (size, 1), Scheme.ITERATED, how=how)
     assert tried[0].solved.history is not None

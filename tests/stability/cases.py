@@ -30,9 +30,10 @@ from rod_halves import SHIFT, Growth, Rod, conducting, growing
 Array = NDArray[np.float64]
 Made = tuple[tuple[FakeHalf, FakeHalf], CoupledState]
 
-TIGHT = Tolerances(Tolerance(1e-8, 1e-8), Tolerance(1e-10, 1e-8), Tolerance(1.0, 1e-8), Tolerance(1e-8, 1e-8))
-HOW = Iteration(Acceleration.IQN_ILS, max_iterations=60, on_max=OnMax.STOP, tolerance=TIGHT)
-DAMPED = replace(HOW, level=Seen.END)
+TIGHT = Tolerances(temperature=Tolerance(atol=1e-8, rtol=1e-8), gap=Tolerance(atol=1e-10, rtol=1e-8),
+                   pressure=Tolerance(atol=1.0, rtol=1e-8), solid_fraction=Tolerance(atol=1e-8, rtol=1e-8))
+HOW = Iteration(acceleration=Acceleration.IQN_ILS, max_iterations=60, on_max=OnMax.STOP, tolerance=TIGHT)
+DAMPED = HOW.changed(level=Seen.END)
 WINDOWS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 DISTURBANCES = {"small": 1e-3, "large": 0.3}
 

@@ -34,7 +34,7 @@ def test_contraction_of_plain_iteration(aluminium_first, name, i):
 @pytest.mark.parametrize("dt", E5["dt"])
 def test_the_best_relaxation_is_there_at_once(aluminium_first, name, dt):
     bars = (ALUMINIUM, STEEL) if aluminium_first else (STEEL, ALUMINIUM)
-    how = replace(DAMPED, acceleration=Acceleration.CONSTANT, relaxation=1.0 / (1.0 + ratio(*bars, dt)))
+    how = DAMPED.changed(acceleration=Acceleration.CONSTANT, relaxation=1.0 / (1.0 + ratio(*bars, dt)))
     halves, state = joined(0.3, aluminium_first)
     _, tried = couple(halves, state, (dt, 1), Scheme.ITERATED, how=how)
     # The last iterate only sees that the one before was right.
@@ -48,7 +48,7 @@ def test_the_step_from_which_on_plain_iteration_fails():
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_it_fails_there_in_a_run_too(share):
-    how = replace(DAMPED, acceleration=Acceleration.NONE, max_iterations=40, on_max=OnMax.ACCEPT)
+    how = DAMPED.changed(acceleration=Acceleration.NONE, max_iterations=40, on_max=OnMax.ACCEPT)
     halves, state = joined(0.3)
     _, tried = couple(halves, state, (share * e5_limit(), 1), Scheme.ITERATED, how=how)
     left = [m["temperature"] for m in tried[0].solved.history.misfits]

@@ -21,7 +21,8 @@ from freezing_halves import T_0, Freezing, freezing, gap_of, leaving, share_soli
 F2 = tomllib.loads((Path(__file__).resolve().parents[1] / "expected.toml").read_text(encoding="utf-8"))["F2_1D"]
 ROD = Freezing()
 SHARP = Iteration(max_iterations=60, tolerance=Tolerances(
-    Tolerance(1e-9, 1e-9), Tolerance(1e-14, 1e-9), Tolerance(1.0, 1.0), Tolerance(1e-9, 1e-9)))
+    temperature=Tolerance(atol=1e-9, rtol=1e-9), gap=Tolerance(atol=1e-14, rtol=1e-9),
+    pressure=Tolerance(atol=1.0, rtol=1.0), solid_fraction=Tolerance(atol=1e-9, rtol=1e-9)))
 
 
 def solve(scheme: Scheme, windows: int, substeps: int) -> tuple[float, float]:

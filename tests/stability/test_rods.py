@@ -24,8 +24,8 @@ from rod_halves import SHIFT, Growth, Rod
 
 EXPECTED = tomllib.loads((Path(__file__).resolve().parents[1] / "expected.toml").read_text(encoding="utf-8"))
 E3A, E3B, E3C = (EXPECTED[row] for row in ("E3a", "E3b", "E3c"))
-DAMPED = replace(HOW, level=Seen.END)
-FINEST = replace(HOW, tolerance=replace(HOW.tolerance, temperature=Tolerance(1e-11, 0.0)))
+DAMPED = HOW.changed(level=Seen.END)
+FINEST = HOW.changed(tolerance=HOW.tolerance.changed(temperature=Tolerance(atol=1e-11, rtol=0.0)))
 
 
 def growth_rate(d: float, l1: float = 0.0) -> float:
@@ -105,7 +105,7 @@ def test_aitken_converges_in_few_iterates_where_plain_iteration_cycles(dt):
     counts = {}
     for kind in (Acceleration.AITKEN, Acceleration.NONE):
         halves, state = chatter(0.3)
-        how = replace(DAMPED, acceleration=kind, max_iterations=40, on_max=OnMax.ACCEPT)
+        how = DAMPED.changed(acceleration=kind, max_iterations=40, on_max=OnMax.ACCEPT)
         _, tried = couple(halves, state, (dt, 1), Scheme.ITERATED, how=how)
         counts[kind] = len(tried[0].solved.history.misfits)
     assert counts[Acceleration.NONE] == 40

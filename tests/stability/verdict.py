@@ -6,7 +6,7 @@ Cases that come to rest are compared where they are at rest, the others where 60
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from math import ceil
@@ -51,7 +51,7 @@ class Way:
     on_max: OnMax = OnMax.STOP
 
     def how(self, case: Case) -> Iteration:
-        return replace(case.how, acceleration=self.acceleration, relaxation=self.relaxation, on_max=self.on_max)
+        return case.how.changed(acceleration=self.acceleration, relaxation=self.relaxation, on_max=self.on_max)
 
 
 FIXED = (
@@ -93,7 +93,7 @@ def reference(name: str, d: float, end: float) -> tuple[float, ...]:
         return tuple(case.exact(d, end))
     n = ceil(end / (SMALL * case.unit))
     halves, state = case.make(d)
-    state, _ = couple(halves, state, (end, n), Scheme.ITERATED, how=replace(case.how, on_max=OnMax.RETRY_SMALLER))
+    state, _ = couple(halves, state, (end, n), Scheme.ITERATED, how=case.how.changed(on_max=OnMax.RETRY_SMALLER))
     return tuple(case.watch(state.now))
 
 

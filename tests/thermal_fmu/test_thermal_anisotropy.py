@@ -14,7 +14,7 @@ from thermal_scenes import EXPECTED, Box, FlatContact, inputs_of, run, scene, sp
 
 from contact.half.interface import Pair
 from contact.half.model import Done
-from thermal_fmu.half import load
+from thermal_fmu.half import contact_at, load
 from thermal_fmu.methods import METHODS
 from thermal_fmu.newton import StageProblem, balance
 from thermal_fmu.scene import freeze
@@ -127,7 +127,7 @@ def test_the_jacobian_is_the_derivative(latent, chosen):
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
-    held = freeze(sc, sc.masses(mesh.nodes), x @ turn(0.0), np.zeros(20), half._contact_points(x, given, link))
+    held = freeze(sc, sc.masses(mesh.nodes), x @ turn(0.0), np.zeros(20), contact_at(sc.surfaces, x, given, link))
     s = 480.0 + (250.0 if latent else 60.0) * np.sin(np.arange(len(mesh.nodes)))
     if latent:
         kinks = np.array([400.0, 400.0 + sc.melting[0].change.W])

@@ -17,7 +17,7 @@ from contact.half.model import Discard
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from thermal_fmu.boundary import boundary_flow
-from thermal_fmu.half import load
+from thermal_fmu.half import contact_at, load
 from thermal_fmu.scene import freeze
 from thermal_fmu.sources import loads_at
 
@@ -174,7 +174,7 @@ def test_derivatives_are_exact(which):
     given = inputs_of(mesh, half, t_N=t_N)
     half.start(given, 0.0, link)
     sc = half._scene
-    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._contact_points(mesh.nodes, given, link))
+    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), contact_at(sc.surfaces, mesh.nodes, given, link))
     n = len(mesh.nodes)
     T = 450.0 + 90.0 * np.sin(1.7 * np.arange(n))
     loads = loads_at(sc.model, {}, 0.0, 1)

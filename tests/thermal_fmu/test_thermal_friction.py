@@ -15,7 +15,7 @@ from thermal_scenes import EXPECTED, Box, imbalance, inputs_of, run, scene, spec
 from contact.half.interface import Pair
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
-from thermal_fmu.half import load
+from thermal_fmu.half import contact_at, load
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.scene import freeze, with_friction
 
@@ -96,7 +96,8 @@ def test_even_rubbing_heats_both_faces_evenly():
     half, link = load(mesh, two_metals({"friction": {"share": 0.25}})), service()
     given = inputs_of(mesh, half)
     half.start(given, 0.0, link)
-    sc, points = half._scene, half._contact_points(mesh.nodes, given, link)
+    sc = half._scene
+    points = contact_at(sc.surfaces, mesh.nodes, given, link)
     held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(len(mesh.quads)), points)
     made = with_friction(held, sc, points, on_slave(mesh, 60.0), NodalFields(np.full(len(mesh.nodes), 300.0)),
                          2.0).friction

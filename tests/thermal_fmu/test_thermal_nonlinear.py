@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run, scene, spec
 
 from contact.half.interface import Pair
-from thermal_fmu.half import load
+from thermal_fmu.half import contact_at, load
 from thermal_fmu.methods import METHODS
 from thermal_fmu.newton import StageProblem, balance
 from thermal_fmu.scene import freeze
@@ -125,7 +125,7 @@ def test_the_jacobian_is_the_derivative(stage):
     given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
-    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), half._contact_points(mesh.nodes, given, link))
+    held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), contact_at(sc.surfaces, mesh.nodes, given, link))
     T = 380.0 + 60.0 * np.sin(np.arange(len(mesh.nodes)))
     zeros = np.zeros(T.size)
     chosen = METHODS["midpoint"].stages[0] if stage == 0 else METHODS["sdirk2"].stages[1]

@@ -13,7 +13,7 @@ import numpy as np
 from contact.half.interface import Interface, Pair
 from contact.half.model import Done
 from contact.messages import Facing, Project, Refused, Register, Registered
-from thermal_fmu.half import ThermalHalf, ThermalState, load
+from thermal_fmu.half import ThermalHalf, ThermalState, contact_at, load
 from thermal_fmu.newton import Factors
 from thermal_fmu.scene import freeze
 from thermal_fmu.step import StepContext
@@ -170,6 +170,6 @@ def the_context(interface: Interface, model: dict[str, Any], **given: Any) -> St
     half.start(inputs, 0.0, link)
     setting = half._scene
     x = interface.nodes
-    points = half._contact_points(x, inputs, link)
+    points = contact_at(half._scene.surfaces, x, inputs, link)
     substep = freeze(setting, setting.masses(x), x, np.zeros(setting.volume.n_cells), points)
     return StepContext(setting, substep, {}, half._calendar, np.zeros(len(x)), Factors())

@@ -350,7 +350,7 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     model = context.scene.model
     loads = loads_at(model, context.load_factors, context.calendar.snap(t, 0.0), 1)
     problem = StationProblem(context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s, context.power_M, E)
-    solved = solve_stations(problem, s, model.stepping.tolerance)
+    solved = solve_stations(problem, s, model.stated.tolerance)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E.sum()
     held_back = inflow_outflow(solved.balance.R[context.scene.fixed])
@@ -372,7 +372,7 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
             earlier += weight * dt * done.balance.flow
         problem = StationProblem(context.substep, loads, stage, dt, s_n, context.power_M, earlier)
         guess = _with_prescribed(context, held_T, solved[-1].s if solved else s_n)
-        solved.append(solve_stations(problem, guess, model.stepping.tolerance))
+        solved.append(solve_stations(problem, guess, model.stated.tolerance))
     return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
                        max(s.balance.relative_residual for s in solved))
 

@@ -16,8 +16,7 @@ from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, no_heat
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError
-from thermal_fmu.contact_quadrature import ContactPoints, contact_points
-from thermal_fmu.half import face_variables, whole
+from thermal_fmu.half import contact_at, face_variables, whole
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_model
@@ -78,19 +77,19 @@ class StationHalf:
         T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
         state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
-        points = self._contact_points(X, inputs, link)
+        points = contact_at(scene.surfaces, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
 
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
         number = whole(inputs, "control.method")
-        stepping = self._scene.model.stepping
-        name = METHOD_NUMBERS.get(number, stepping.method if number == 0 else "")
+        model = self._scene.model
+        name = METHOD_NUMBERS.get(number, model.stated.method.value if number == 0 else "")
         if name in ("", "steady"):
             return Discard(f"control.method {number} is none of 0, 1, 2, 3, 4")
         try:
-            return self._advance(state, inputs, t, h, link, stepping.method_of(name))
+            return self._advance(state, inputs, t, h, link, model.method_of(name))
         except (NotConvergedError, BadPropertyError, SingularMatrixError) as exc:
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * h)
         except (InvertedMeshError, ContactRefusedError) as exc:
@@ -101,7 +100,7 @@ class StationHalf:
                  method: TimeMethod) -> Done:
         scene = self._scene
         x, s = np.array(inputs["x"], dtype=np.float64), np.array(state.s)
-        points = self._contact_points(x, inputs, link)
+        points = contact_at(scene.surfaces, x, inputs, link)
         shape = scene.mesh.shape(x)
         data = freeze_stations(scene, shape, x, np.asarray(inputs["E_M"], dtype=np.float64), points)
         if points is not None:
@@ -124,13 +123,6 @@ class StationHalf:
         if self._first is None or not np.array_equal(self._first[0], X):
             self._first = (np.array(X), self._scene.mesh.shape(X))
         return self._first[1]
-
-    def _contact_points(self, x: Floats, inputs: Values, link: Link) -> ContactPoints | None:
-        scene = self._scene
-        if not scene.interface.pairs:
-            return None
-        facing = scene.surfaces.facing(link, x)
-        return contact_points(scene.surfaces, facing, np.asarray(inputs["contact.t_N"], dtype=np.float64))
 
     def _outputs(self, state: StationState, heat: Heat, touching: int, done: StationStep | None,
                  T_n: Floats) -> dict[str, Value]:

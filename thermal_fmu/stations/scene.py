@@ -99,7 +99,7 @@ def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M:
     groups = () if points is None else conduction_groups(points, model.pairs)
     near = () if points is None else radiation_groups(points, model.pairs)
     return SubstepData(
-        model.sigma_SB, (), (), scene.mesh.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
+        model.stated.sigma_SB, (), (), scene.mesh.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
         _sources(scene, shape), (), (),
         tuple(Fixed(np.unique(scene.mapped(b.nodes)), None) for b in model.prescribed),
         tuple(_areas(scene, flux.edges, x) for flux in model.fluxes),

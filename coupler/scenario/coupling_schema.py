@@ -1,0 +1,169 @@
+"""The scenario file's `coupling`, key by key: windows, their sizes, events, and what ends a run."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import StrictBool, model_validator
+
+from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.values import NotNegative, Number, Positive, Text, Whole, problem
+from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, OnCycle, Scheme
+
+# Windows shorter than this share of the first are a sign that something else is wrong.
+LEAST = 1e-6
+
+
+class AdaptiveSpec(Part):
+    """Windows that find their own size [s] from the error they make."""
+
+    first: Annotated[Positive, Entry(
+        "the first window, and the first after a kink or an event; a shorter one follows if its error is too "
+        "large",
+        unit="s")]
+    least: Annotated[Positive | None, Entry(
+        "no window is shorter but to end at a kink or an event; at this size an error that is too large is "
+        "taken and told",
+        unit="s",
+        default="1e-6 of `first`")] = None
+    most: Annotated[Positive | None, Entry("no window is longer", unit="s", default="`end`")] = None
+    tolerance: Annotated[ErrorTolerances, Entry("of the error of one window")] = ErrorTolerances()
+
+    @model_validator(mode="after")
+    def _in_order(self) -> AdaptiveSpec:
+        if self.least is not None and self.least > self.first:
+            raise problem("the first window is shorter than the least", at=("least",))
+        if self.most is not None and self.most < self.first:
+            raise problem("the first window is longer than the most", at=("most",))
+        return self
+
+    def sizes(self, end: float) -> Adaptive:
+        """The checked values for a run of `end` seconds."""
+        first = min(self.first, end)
+        least = self.least if self.least is not None else LEAST * first
+        most = self.most if self.most is not None else end
+        return Adaptive(first, min(least, first), min(most, end), self.tolerance)
+
+
+class Events(Part):
+    """locate : end windows where contact opens, closes, sticks or slips.  tolerance [s]: how nearly.
+
+    branches : and where a gap or a pressure passes a bend of a law.
+    """
+
+    locate: Annotated[bool | None, Entry(
+        "windows end where contact opens, closes, sticks or slips",
+        kind="true, false",
+        default="true with `adaptive`, else false")] = None
+    tolerance: Annotated[Positive | None, Entry(
+        "how nearly",
+        unit="s",
+        default="1e-6 of the window")] = None
+    branches: Annotated[StrictBool, Entry(
+        "windows end, too, where the least gap or the largest pressure of a pair passes a bend of a law: "
+        "`p_max`, `d_cut`, `d_full`, `d_near`, `d_far`; sets `events.locate`")] = False
+
+    @model_validator(mode="after")
+    def _are_located(self) -> Events:
+        if self.branches and self.locate is False:
+            raise problem("branches are events, and events are not located", "Leave locate out.", at=("branches",))
+        return self
+
+
+class StopSpec(Part):
+    """steady [K/s]: stop once the temperature of no node changes faster for two windows."""
+
+    steady: Annotated[NotNegative | None, Entry(
+        "the run ends, as completed, once no node's temperature changes faster for two windows and no kink "
+        "lies ahead",
+        unit="K/s",
+        default="none")] = None
+
+
+class Windows(Part):
+    """Windows up to `until` [s]: all of one size, or growing (shrinking) geometrically, first to last [s]."""
+
+    until: Annotated[Positive, Entry("end of the range", unit="s")]
+    size: Annotated[Positive | None, Entry(
+        "of its windows, no longer than the range; or",
+        unit="s",
+        default="this or the two below")] = None
+    first: Annotated[Positive | None, Entry(
+        "the first, growing or shrinking geometrically",
+        unit="s")] = None
+    last: Annotated[Positive | None, Entry("to the last", unit="s")] = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Windows:
+        if (self.size is None) == (self.first is None) or (self.first is None) != (self.last is None):
+            raise problem("a range of windows has either `size`, or both `first` and `last`")
+        return self
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """First and last size [s]."""
+        if self.size is not None:
+            return self.size, self.size
+        assert self.first is not None
+        assert self.last is not None
+        return self.first, self.last
+
+
+class SubstepCounts(Part):
+    """Substeps of each half in a window."""
+
+    thermal: Annotated[Whole, Entry("substeps of the thermal half in a window")] = 1
+    mechanical: Annotated[Whole, Entry("of the mechanical half")] = 1
+
+
+class CouplingSpec(Part):
+    """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
+
+    scheme: Annotated[Scheme, Entry(
+        "thermal first (the paper's); mechanics first; both at once; thermal first on extrapolated geometry; the same "
+        "along the heat stored, for windows with many thermal substeps; both until they agree, at two solves or more; "
+        "mechanics at frozen entropy, for `elastic` with `adiabatic: true`; one of them, the cheapest that is safe, "
+        "window by window ([coupling.md](coupling.md)). What each half sees of the other, and the order: "
+        "[theory.md](theory.md)",
+        kind="`staggered`, `mechanical_first`, `parallel`, `extrapolated`, `along_heat`, `iterated`, `adiabatic`, "
+             "`auto`")] = Scheme.STAGGERED
+    iteration: Annotated[Iteration, Entry(
+        "how `iterated` goes to agreement; other schemes do not read it",
+        default="")] = Iteration()
+    end: Annotated[Positive, Entry("runs begin at 0", unit="s")]
+    kinks: Annotated[tuple[Number, ...], Entry(
+        "times at which windows end and prediction starts afresh, besides the kinks of all signals the chosen "
+        "halves use; at those stated here, at jumps, and at kinks of motion and load the thermal half "
+        "restarts damped too",
+        unit="s",
+        kind="[s, ...]",
+        default="none")] = ()
+    windows: Annotated[tuple[Windows, ...] | None, Entry(
+        "ranges, in order, that reach `end` (what lies beyond it is cut off): `{until, size}` or `{until, "
+        "first, last}`",
+        kind="list",
+        default="this or `adaptive`")] = None
+    adaptive: Annotated[AdaptiveSpec | None, Entry(
+        "windows find their own size from the error they make",
+        default="none")] = None
+    events: Annotated[Events, Entry("where windows end because of contact")] = Events()
+    on_cycle: Annotated[OnCycle | None, Entry(
+        "what follows when something goes up and down from window to window: it is only told; the windows "
+        "after it are iterated; the window is put back and halved",
+        default="`note`; `iterate` with `adaptive` or `auto`")] = None
+    stop: Annotated[StopSpec, Entry("when a run ends early")] = StopSpec()
+    substeps: Annotated[SubstepCounts, Entry("in a window")] = SubstepCounts()
+    link: Annotated[Text, Entry(
+        "how the halves reach the contact service",
+        kind="`direct`, `codec`, `zenoh:ENDPOINT`")] = "direct"
+
+    @model_validator(mode="after")
+    def _one_way_to_size(self) -> CouplingSpec:
+        exactly_one(self, ("windows", "adaptive"))
+        return self
+
+    @model_validator(mode="after")
+    def _link_known(self) -> CouplingSpec:
+        if self.link not in ("direct", "codec") and not self.link.startswith("zenoh:"):
+            raise problem("unknown link", "Known here: direct, codec, zenoh:ENDPOINT.", at=("link",))
+        return self
