@@ -249,7 +249,7 @@ def test_a_server_that_forgets_to_close_ends_all_the_same():
 def test_a_session_is_not_used_after_a_fork(service, link):
     code = """
 import os, sys
-from contact.rpc.link import LinkError
+from contact.rpc.calls import LinkError
 from contact.rpc.link import open_link
 from contact.messages import Project
 import numpy as np
