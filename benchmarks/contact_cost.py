@@ -30,9 +30,8 @@ from scene import pin, table
 from contact.half.interface import Interface, Pair, register_message
 from contact.half.linalg import factorise, pattern_of
 from contact.messages import Project, Registered, Traction
-from contact.rpc.child import keep_freed_memory
-from contact.rpc.link import Link
-from contact.rpc.open import open_link
+from contact.rpc.link import Link, open_link
+from contact.rpc.server import keep_freed_memory
 
 LAYERS, DEPTH = 20, 1e-5
 QUIET, PATIENCE = 300, 20.0  # quiet rounds wanted, and the seconds after which fewer must do

@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from coupler.report.figures import line_style, new_figure, styled
-from mechanical_fmu.laws.kinds import history_size
+from mechanical_fmu.laws.law import history_size
 from mechanical_fmu.material import moduli
 from mechanical_fmu.point import update
 from mechanical_fmu.problem import parse_material

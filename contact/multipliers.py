@@ -26,8 +26,8 @@ from contact.piece import (
     field_normal,
     frame_change,
 )
-from contact.search import GAUSS, cut_surfaces, frame_of
-from contact.surfaces import RegisteredSurfaces
+from contact.search import GAUSS, cut_surfaces
+from contact.surfaces import RegisteredSurfaces, frame_of
 from contact.traction import checked_request, parallel, piece_cuts, piece_nodes, points_at
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.

@@ -1,12 +1,13 @@
-"""Registered surfaces of a scene: checked, hashed, their edges put into chains; the field of normals.
+"""Registered surfaces of a scene: checked, hashed, their edges put into chains; normals, and boxes of edges.
 
-All but the normals follows from connectivity alone and is computed once, so every later request costs O(n log n).
+All but normals and boxes follows from connectivity alone and is computed once, so every later request costs O(n log n).
 """
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -228,3 +229,111 @@ def edge_frames(x: Floats, edges: Ints, previous: Ints, following: Ints) -> tupl
                 nx, ny = nx / size, ny / size
             normal[e, 1 + end, 0], normal[e, 1 + end, 1] = nx, ny
     return length, normal
+
+
+# What lies near an edge: its frame, and boxes around the edges it might face.
+
+FACING_COS = 0.2  # edges face each other if n_s . n_m < -0.2 (78 degrees): beyond that a ray only grazes
+END_TOLERANCE = 1e-9  # of an edge: a foot this little beyond its end is on the end
+NORMAL_SHORTENING = 1.1547005383792517  # 1/cos(30 degrees): the interpolated normal is at most this much shorter than 1
+
+
+class Frame(NamedTuple):
+    """A slave edge and its rays: (x1, y1), (x2, y2) its ends [m]; (u1, v1), (u2, v2) the unit normals there."""
+
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+    u1: float
+    v1: float
+    u2: float
+    v2: float
+
+
+@kernel
+def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
+    """Build boxes [x_min, x_max, y_min, y_max] [m] over a chain of edges, as an implicit binary tree.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  chain : (m,) edge numbers, neighbours side by side, so the boxes are tight
+    however the surface bends.  Returns (2 P, 4) [m]: node i has children 2i and 2i + 1, leaf P + k is edge chain[k];
+    P = 2^i >= m.
+    """
+    P = 1
+    while chain.size > P:
+        P *= 2
+    boxes = np.empty((2 * P, 4))
+    for k in range(P):
+        if k < chain.size:
+            a, b = edges[chain[k], 0], edges[chain[k], 1]
+            for c in range(2):
+                boxes[P + k, 2 * c] = min(x[a, c], x[b, c])
+                boxes[P + k, 2 * c + 1] = max(x[a, c], x[b, c])
+        else:
+            for c in range(4):  # an empty box: whatever it is compared with, it is passed by
+                boxes[P + k, c] = np.inf if c % 2 == 0 else -np.inf
+    for i in range(P - 1, 0, -1):
+        for c in range(2):
+            boxes[i, 2 * c] = min(boxes[2 * i, 2 * c], boxes[2 * i + 1, 2 * c])
+            boxes[i, 2 * c + 1] = max(boxes[2 * i, 2 * c + 1], boxes[2 * i + 1, 2 * c + 1])
+    return boxes
+
+
+@kernel
+def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
+    """Return the ends of slave edge e and the normals there.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].
+    """
+    a, b = edges[e, 0], edges[e, 1]
+    return Frame(x[a, 0], x[a, 1], x[b, 0], x[b, 1],
+                 normal[e, 1, 0], normal[e, 1, 1], normal[e, 2, 0], normal[e, 2, 1])
+
+
+@kernel
+def candidates(boxes: Floats, masters: Ints, normal: Floats, frame: Frame, back: float, ahead: float,
+               hits: Ints) -> int:
+    """Put into hits the edges of a box tree that the rays of a slave edge may reach, and that face it; return how many.
+
+    boxes : (2 P, 4) [m] over the chain masters : (m,).  normal : (n_edges, 3, 2) [1].  back, ahead : reach of the rays
+    [m].  hits : (m,) out.  The rays fill a quadrilateral; a box is passed by if it misses the quadrilateral's bounding
+    box or its projection on the edge's direction.
+    """
+    x1, y1, x2, y2, u1, v1, u2, v2 = frame
+    tx, ty = x2 - x1, y2 - y1
+    slack = END_TOLERANCE * np.sqrt(tx * tx + ty * ty)
+    low_x = low_y = low_t = np.inf
+    high_x = high_y = high_t = -np.inf
+    for corner in range(4):
+        s = -back * NORMAL_SHORTENING if corner % 2 == 0 else ahead * NORMAL_SHORTENING
+        px, py = (x1 + s * u1, y1 + s * v1) if corner < 2 else (x2 + s * u2, y2 + s * v2)
+        pt = (px - x1) * tx + (py - y1) * ty
+        low_x, high_x = min(low_x, px - slack), max(high_x, px + slack)
+        low_y, high_y = min(low_y, py - slack), max(high_y, py + slack)
+        low_t, high_t = min(low_t, pt), max(high_t, pt)
+    slack_t = slack * (abs(tx) + abs(ty))
+    low_t, high_t = low_t - slack_t, high_t + slack_t
+    P = boxes.shape[0] // 2
+    stack = np.empty(64, dtype=np.int32)
+    stack[0], top, count = 1, 1, 0
+    while top > 0:
+        top -= 1
+        i = stack[top]
+        low_bx, high_bx, low_by, high_by = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3]
+        if low_bx > high_x or high_bx < low_x or low_by > high_y or high_by < low_y:
+            continue
+        middle = (0.5 * (low_bx + high_bx) - x1) * tx + (0.5 * (low_by + high_by) - y1) * ty
+        half = 0.5 * ((high_bx - low_bx) * abs(tx) + (high_by - low_by) * abs(ty))
+        if middle - half > high_t or middle + half < low_t:
+            continue
+        if i >= P:
+            m = masters[i - P]
+            mx, my = normal[m, 0, 0], normal[m, 0, 1]
+            if min(u1 * mx + v1 * my, u2 * mx + v2 * my) < -FACING_COS:
+                hits[count] = m
+                count += 1
+        else:
+            # The right child is taken first: the chains of a pair run against each other, so feet come ascending.
+            stack[top], stack[top + 1] = 2 * i, 2 * i + 1
+            top += 2
+    return count

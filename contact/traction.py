@@ -33,8 +33,8 @@ from contact.piece import (
     STICKS,
     piece_stiffness,
 )
-from contact.search import GAUSS, Cut, Frame, cut_surfaces, feet, frame_of
-from contact.surfaces import RegisteredSurfaces, checked_reals
+from contact.search import GAUSS, Cut, cut_surfaces, feet
+from contact.surfaces import Frame, RegisteredSurfaces, checked_reals, frame_of
 
 # Assembly of pieces
 

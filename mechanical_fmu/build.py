@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from contact.half.build import main as build_main
 
-LOADS = {"elastic": "mechanical_fmu.elastic_half:load", "rigid": "mechanical_fmu.rigid_half:load",
-         "mechanical_rod": "mechanical_fmu.rod_half:load"}
+LOADS = {"elastic": "mechanical_fmu.elastic_half:load", "rigid": "mechanical_fmu.small_halves:load_rigid",
+         "mechanical_rod": "mechanical_fmu.small_halves:load_rod"}
 """`half` of model.json -> the function that loads it."""
 
 

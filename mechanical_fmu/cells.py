@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import CellQuadrature, table_of
 from contact.half.interface import Interface
-from contact.half.quadrature import CellQuadrature, table_of
-from mechanical_fmu.laws.kinds import history_size
+from mechanical_fmu.laws.law import history_size
 from mechanical_fmu.point_loop import CellShapes
 from mechanical_fmu.strain import Modes, mode_count, mode_gradients
 
@@ -20,7 +20,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Treatment:
-    """How the cells of a body are computed.  kind : of their points (laws/kinds.py), 0 : neo-Hookean.
+    """How the cells of a body are computed.  kind : of their points (laws/law.py), 0 : neo-Hookean.
 
     enhanced : with modes that let a quad bend; a triangle has none and keeps its mean dilatation.
     plane_stress : no stress through the thickness.

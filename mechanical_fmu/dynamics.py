@@ -1,7 +1,9 @@
-"""Inertia in time: the generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in problem.py."""
+"""Inertia in time: the generalised-alpha method, and explicit central differences."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +11,18 @@ from numpy.typing import NDArray
 
 from contact.half.linalg import factorise
 from mechanical_fmu.constraints import with_diagonal
+from mechanical_fmu.loads import edge_shares
 from mechanical_fmu.masses import Inertia, Masses
+from mechanical_fmu.newton import NoEquilibriumError
 from mechanical_fmu.problem import DynamicsOptions
-from mechanical_fmu.system import ForceBalance, System
+from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import constrained
+from mechanical_fmu.volume import PointStep
 
 Floats = NDArray[np.float64]
 
+
+# The generalised-alpha method, Newmark's among them.  Eq. (23); coefficients in problem.py.
 
 @dataclass(frozen=True)
 class BodyMotion:
@@ -80,3 +87,121 @@ def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotio
     else:
         a = factorise(constrained(system, with_diagonal(system.masses.matrix(False))))(b) * free
     return BodyMotion(found.u, v, a.reshape(v.shape), found.r)
+
+
+# Explicit dynamics: central differences with a diagonal mass, cut into stable pieces.
+#
+#     u_{n+1} = u_n + h v_n + h2/2 a_n,   M a_{n+1} = -f(u_{n+1}),   v_{n+1} = v_n + h/2 (a_n + a_{n+1}),
+# stable while h <= 2/w, w2 the largest of all cells (and of contact) of K_e against its share of the mass, which
+# bounds that of the whole mesh.  Work by the trapezoidal rule and kinetic energy part by the sum of m h2/8 (a_{n+1}2
+# - a_n2): small where the motion is resolved, and the first thing to grow where it is not, so it is what is watched.
+
+# Share of the stable step taken: frequencies rise where cells are squeezed.
+STABLE_STEP_FRACTION = 0.9
+# Lumped at its corners a rigid cell has three times its moment of inertia; finer ones less.
+TURNING_FACTOR = 3.0
+# Pieces after which the stable step is worked out anew.
+RECHECK_EVERY = 50
+MAX_PIECES = 1_000_000
+# Difference of work and kinetic energy, over the largest energy met, beyond which the motion is not believed.
+ENERGY_ERROR = 0.1
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Where a step ended.  heat : (n_cells,) [J] of all pieces.  pieces : how many.  dt_stable : [s] at the end.
+
+    last : the step of the points in the last piece.
+    """
+
+    motion: BodyMotion
+    balance: ForceBalance
+    heat: Floats
+    pieces: int
+    dt_stable: float
+    last: PointStep
+
+
+def fly(system: System, start: BodyMotion, history: Floats, dt: float,
+        loading_at: Callable[[float, float, Floats], Loading]) -> Flight:
+    """Compute the motion dt [s] later.  loading_at : (share of the step, piece [s], history) -> loading.
+
+    history : (n_history,) of points and cells at the start.
+    Raises NoEquilibriumError where the energies part or the pieces are too many.
+    """
+    now, heat, share, pieces = start, np.empty(0), 0.0, 0
+    m = np.maximum(system.masses.lumped, np.finfo(float).tiny).reshape(-1, 2)
+    limit, balance, drift, largest, last = 0.0, None, 0.0, float(np.finfo(float).tiny), PointStep()
+    while share < 1.0:
+        if pieces % RECHECK_EVERY == 0:
+            limit = stable_step(system, now.u, loading_at(share, 0.0, history))
+            if pieces + (1.0 - share) * dt / (STABLE_STEP_FRACTION * limit) > MAX_PIECES:
+                raise NoEquilibriumError(f"a stable step is {limit:.3g} s: more than {MAX_PIECES} pieces of this one")
+        left = (1.0 - share) * dt
+        n = math.ceil(left / (STABLE_STEP_FRACTION * limit))
+        h, share = left / n, 1.0 if n == 1 else share + (1.0 - share) / n
+        loading = loading_at(share, h, history)
+        last = loading.step
+        after, balance = _piece(system, now, loading, h)
+        drift += float((m * (after.a**2 - now.a**2)).sum()) * h * h / 8.0
+        largest = max(largest, 0.5 * float((m * after.v**2).sum()))
+        if abs(drift) > ENERGY_ERROR * largest and pieces > RECHECK_EVERY:
+            raise NoEquilibriumError(f"work and kinetic energy part by {abs(drift) / largest:.0%}: the motion is not "
+                                     "resolved")
+        now, history, pieces = after, balance.history, pieces + 1
+        heat = balance.heat if heat.size == 0 else heat + balance.heat
+    assert balance is not None
+    return Flight(now, balance, heat, pieces, limit, last)
+
+
+def _piece(system: System, now: BodyMotion, loading: Loading, h: float) -> tuple[BodyMotion, ForceBalance]:
+    fixed, free = system.constraints.fixed, system.constraints.free.reshape(-1, 2)
+    u = now.u + h * now.v + 0.5 * h * h * now.a
+    u.ravel()[fixed] = loading.target
+    u = u if system.rigid is None else system.rigid.placed(u)
+    balance = system.balance(u, loading)
+    m = system.masses.lumped.reshape(-1, 2)
+    a = np.divide(-balance.r * free, m, out=np.zeros_like(u), where=m > 0.0)
+    # fault: explicit velocities from the new acceleration alone -> v = now.v + h * a |
+    #   mechanical_fmu/test_solution_dynamics
+    v = now.v + 0.5 * h * (now.a + a)
+    v.ravel()[fixed] = (u - now.u).ravel()[fixed] / h
+    return BodyMotion(u, v, a, balance.r), balance
+
+
+def stable_step(system: System, u: Floats, loading: Loading) -> float:
+    """Compute the stable step 2/w [s] at u : (n_nodes, 2) [m]."""
+    balance = system.balance(u, loading, tangent=True)
+    assert balance.entries is not None
+    largest, start = 0.0, 0
+    for cells in system.volume.kinds:
+        n = 2 * cells.nodes.shape[1]
+        K = balance.entries[start : start + len(cells.nodes) * n * n].reshape(-1, n, n)
+        start += K.size
+        rho = system.masses.density[cells.body]
+        m = np.repeat(rho[:, None] * np.einsum("eq,qa->ea", cells.weight, cells.N), 2, axis=1) ** -0.5
+        scaled = 0.5 * (K + K.transpose(0, 2, 1)) * m[:, :, None] * m[:, None, :]
+        largest = max(largest, float(np.linalg.eigvalsh(scaled)[:, -1].max()))
+    # fault: open contact not counted in the stable step -> return 2.0 / math.sqrt(max(largest, np.finfo(float).tiny)) |
+    #   mechanical_fmu/test_solution_waves
+    return 2.0 / math.sqrt(max(largest + contact_rate(system), np.finfo(float).tiny))
+
+
+def contact_rate(system: System) -> float:
+    """Bound w2 [1/s2] of contact alone, all surfaces closed: eps_N A/m, the largest on either side of a pair.
+
+    Open ones count too: they may close within the step, and a piece too long for that gains energy from nothing.
+    """
+    masses = system.masses
+    nodal = (masses.density[:, None] * masses.volume).sum(axis=0)[: len(masses.interface.nodes)]
+    rate = np.zeros(nodal.size)
+    for pair in masses.interface.pairs:
+        for side in (pair.slave, pair.master):
+            edges = masses.interface.surfaces[side]
+            stiff = max(pair.eps_N, pair.eps_T) * edge_shares(masses.interface, edges)
+            np.add.at(rate, edges, stiff / np.maximum(nodal[edges], np.finfo(float).tiny))
+    if system.rigid is not None:
+        rate[system.rigid.nodes] *= TURNING_FACTOR
+    sides = ([rate[masses.interface.surfaces[side]].max() for side in (pair.slave, pair.master)]
+             for pair in masses.interface.pairs)
+    return max((float(slave + master) for slave, master in sides), default=0.0)

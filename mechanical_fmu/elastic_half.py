@@ -14,13 +14,24 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from contact.problem.mechanical import Solution
-from mechanical_fmu.advance import Departure, PartWayError, StepResult, Task, in_pieces, loading_of, predicted
+from mechanical_fmu.advance import (
+    NOT_GIVEN,
+    Departure,
+    PartWayError,
+    StepDrive,
+    StepResult,
+    Task,
+    between,
+    drive_of,
+    expected_change,
+    in_pieces,
+    loading_of,
+    may_skip,
+    predicted,
+)
 from mechanical_fmu.contact import contact_outputs, contact_variables
-from mechanical_fmu.contact_query import ContactQuery, contact_history, contact_query
-from mechanical_fmu.drive import NOT_GIVEN, StepDrive, between, drive_of, expected_change, may_skip
-from mechanical_fmu.dynamics import BodyMotion, first_motion
-from mechanical_fmu.enforcement import solve_step
-from mechanical_fmu.explicit import stable_step
+from mechanical_fmu.dynamics import BodyMotion, first_motion, stable_step
+from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query, solve_step
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
@@ -270,8 +281,9 @@ class ElasticHalf:
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
-            found = StepResult(balance, motion, balance.heat, 0, 0.0, dt_stable=self._dt_stable(balance, loading),
-                               last=loading.step)
+            explicit = system.spec.stated.method is Solution.EXPLICIT
+            found = StepResult(balance, motion, balance.heat, 0, 0.0, last=loading.step,
+                               dt_stable=stable_step(system, balance.u, loading) if explicit else 0.0)
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
@@ -328,9 +340,6 @@ class ElasticHalf:
         task = Task(drive, drive, 0.0, contact_query(self.system, link, history), None)
         return loading_of(self.system, task, 1.0, 0.0, self.system.start_history())
 
-    def _predicted(self, u: Floats, loading: Loading, tangent: bool = True) -> ForceBalance:
-        return predicted(self.system, u, loading, tangent)
-
     def _in_pieces(self, state: ElasticState, task: Task, method: str,
                    failed: ArithmeticError | None = None) -> StepResult:
         motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
@@ -348,7 +357,7 @@ class ElasticHalf:
         """One solve with the anchor's factor where that serves; the step in pieces where one solve does not do."""
         anchor = self._anchor(state)
         try:
-            first = self._predicted(_array(state.u), loading, tangent=not state.anchored)
+            first = predicted(self.system, _array(state.u), loading, tangent=not state.anchored)
             anchored = state.anchored or self._adopts(anchor, first)
             solved = self._solved(loading, first, anchor if anchored else None)
         except ArithmeticError as exc:
@@ -412,10 +421,6 @@ class ElasticHalf:
         made: dict[str, Value] = {v.name: np.zeros(v.shape) for v in self.variables if v.name in ("E_M", "E_S")}
         made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
         return out | made
-
-    def _dt_stable(self, balance: ForceBalance, loading: Loading) -> float:
-        explicit = self.system.spec.stated.method is Solution.EXPLICIT
-        return stable_step(self.system, balance.u, loading) if explicit else 0.0
 
     def _anchor(self, state: ElasticState) -> StiffnessAnchor:
         # fault: an old factor used whatever the state says -> key = b"" | mechanical_fmu/test_elastic_contact

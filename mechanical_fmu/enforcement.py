@@ -1,17 +1,370 @@
-"""How contact is enforced: one file and one row of ENFORCEMENTS for each way to find equilibrium and pressures."""
+"""How contact is enforced: each way to find equilibrium and pressures is a function here and a row of ENFORCEMENTS."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Protocol
 
-from mechanical_fmu.contact_query import ContactQuery
-from mechanical_fmu.newton import Equilibrium, SolverSettings
-from mechanical_fmu.penalty import solve_by_penalty
-from mechanical_fmu.semi_smooth import solve_at_once
-from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import StiffnessAnchor
-from mechanical_fmu.uzawa import solve_in_rounds
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
 
+from contact.half.contact_client import History
+from contact.half.linalg import SingularMatrixError, factorise
+from contact.half.model import Link
+from contact.messages import Couplings, Tractions
+from contact.multipliers import ENDS
+from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.newton import (
+    MAX_POOR_ITERATIONS,
+    POOR_REDUCTION,
+    Equilibrium,
+    Iterate,
+    NoEquilibriumError,
+    SolverSettings,
+    jumps_text,
+    line_search,
+    solve,
+    with_tangent,
+)
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import (
+    RIGHT_SIDES,
+    StiffnessAnchor,
+    constrained,
+    finish,
+    refuse_loose,
+    right_side,
+    stiffness,
+    symmetric,
+)
+
+Floats = NDArray[np.float64]
+
+
+# What one step asks the contact service: tractions, and how they answer to the multipliers of the moment.
+
+@dataclass(frozen=True)
+class ContactQuery:
+    """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError."""
+
+    contact: MeshContact
+    link: Link
+    history: History
+
+    def __call__(self, x: Floats) -> Tractions:
+        """Ask for the contact tractions at x : (n_nodes, 2) [m].  Raises ContactRefusedError."""
+        return self.contact.tractions(self.link, x, self.history)
+
+    def couplings(self, x: Floats) -> Couplings:
+        """Ask how contact at x : (n_nodes, 2) [m] answers to its multipliers.  Raises ContactRefusedError."""
+        return self.contact.couplings(self.link, x, self.history)
+
+    def with_multipliers(self, multipliers: Floats) -> ContactQuery:
+        """Replace the multipliers of contact; multipliers : (n_s,) [Pa]."""
+        return replace(self, history=replace(self.history, multipliers=multipliers))
+
+
+def contact_query(system: System, link: Link, history: History) -> Callable[[Floats], Tractions] | None:
+    """Make the query of a step; None where nothing can touch."""
+    return ContactQuery(system.contact, link, history) if system.interface.pairs else None
+
+
+def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]:
+    """Say by how much pressures still change, and where most.
+
+    change : (n_s,) [Pa], of pressures up to largest [Pa].
+    """
+    # fault: a node that does not settle misnamed -> worst = int(np.argmin(np.abs(change))) |
+    #   mechanical_fmu/test_semi_smooth
+    worst = int(np.argmax(np.abs(change)))
+    node = int(system.interface.contact_nodes[worst])
+    names = [pair.name for pair in system.interface.pairs
+             if pair.name in system.spec.augmented and system.contact.on_slaves([pair.name])[worst]]
+    x, y = system.interface.nodes[node]
+    return (f"still change by {abs(change[worst]):.3g} Pa (of at most {largest:.3g})",
+            f"pair {' and '.join(names)}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")
+
+
+def contact_history(system: System, balance: ForceBalance, before: History) -> History:
+    """Make what contact remembers of an equilibrium, the multipliers of augmented pairs among it."""
+    if balance.tractions is None:
+        return before
+    at = system.interface.contact_nodes
+    augmented = system.contact.on_slaves(system.spec.augmented)
+    # fault: multipliers forgotten between steps -> return History(np.where(augmented, 0.0, 0.0),
+    #   (system.interface.nodes + balance.u)[at], | mechanical_fmu/test_augment
+    return History(np.where(augmented, balance.tractions.multipliers, 0.0), (system.interface.nodes + balance.u)[at],
+                   balance.tractions.shear)
+
+
+# Contact by its penalty alone: the pressure is eps_N times the depth, and nothing is left to settle.
+
+def solve_by_penalty(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
+                     settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to start, with the multipliers of contact as they are.
+
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
+    """
+    return solve(system, loading, start, anchor, settings)
+
+
+# The augmented Lagrangian in rounds: equilibrium, and again with the pressures it found, until nothing penetrates.
+#
+# Uzawa's iteration; `solve_at_once` goes to the same solution at once, where Newton's own method is used.  Each round
+# leaves 1/(1 + eps_N L/E) of the penetration of the round before, so with the default penalty E/h a body of twenty
+# cells is done in three or four.  It ends where the pressures have settled to the tolerance asked for, or where the
+# forces do not feel their change.
+
+# fault: one round of augmentation, whatever is left -> MAX_ROUNDS = 1 | mechanical_fmu/test_augment
+MAX_ROUNDS = 40
+
+
+def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
+                    settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to start whose multipliers have settled, in rounds around Newton's method.
+
+    Raises NoEquilibriumError, SingularMatrixError, CellInversionError, ContactRefusedError.
+    """
+    query, augmented = loading.query, system.contact.on_slaves(system.spec.augmented)
+    assert isinstance(query, ContactQuery)
+    share = min(system.spec.augmented.values())
+    found, changes = solve(system, loading, start, anchor, settings), np.zeros(augmented.size)
+    for _ in range(MAX_ROUNDS):
+        assert found.balance.tractions is not None
+        pressed = np.where(augmented, found.balance.tractions.multipliers, 0.0)
+        changes = pressed - query.history.multipliers
+        # fault: pressures settle at once -> if np.abs(changes).max() <= 1e3 * float(np.abs(pressed).max()): |
+        #   mechanical_fmu/test_augment
+        if np.abs(changes).max() <= share * float(np.abs(pressed).max()):
+            return found
+        query = query.with_multipliers(pressed)
+        again = replace(loading, query=query)
+        more = solve(system, again, system.balance(found.balance.u, again), anchor, settings)
+        found = replace(more, history=found.history + more.history[1:], fresh=found.fresh or more.fresh)
+        # fault: settling asked of round-off -> if more.iterations < 0: | mechanical_fmu/test_augment
+        if more.iterations == 0:
+            # The forces do not feel the change: where bodies just touch, pressures are round-off and never settle.
+            return found
+    how_much, where = unsettled(system, changes, float(np.abs(pressed).max()))
+    raise NoEquilibriumError(f"the contact pressures do not settle: after {MAX_ROUNDS} rounds they {how_much}; a "
+                             f"larger penalty settles sooner, or method: semi_smooth (most on {where})")
+
+
+# The augmented Lagrangian, displacements and multipliers solved for at once: a semi-smooth Newton (Alart and
+# Curnier).
+#
+# Unknowns are u and lambda at the slave's nodes, lambda = -p where p = max(-lambda - eps_N g_N, 0) averages to p:
+#     r(u, lambda) = 0,   R(u, lambda) = W (lambda - t_N(u, lambda)) = 0,
+# whose solution is the one Uzawa's rounds go to.  With B = df/dlambda, C = dR/du, D = dR/dlambda of
+# contact.multipliers, and the stiffness K of the method's own direction, which has the penalty in it and so needs no
+# multiplier to be regular,
+#     K d - B dl = -r,  C d + D dl = -R:   d = d_0 + X dl,  X = K^-1 B,  (D + C X) dl = -R - C d_0.
+# That is the system in u and lambda with u condensed out: lambda has a few surface nodes, so D + C X is small and
+# dense. With an anchor's factor everything happens on the surface, as in tangent.py.  lambda takes its whole step; d
+# then is a Newton direction of the penalty's energy at the new lambda, so the line search of newton.py holds for it.
+
+@dataclass(frozen=True)
+class MultiplierEquations:
+    """Contact's answer to its multipliers, in units of eps : [Pa/m], so that all of it is of order 1.
+
+    at : (k,) surface nodes whose multipliers are unknown here.  B : (2 n, k), free components only, reduced to
+    reference rows; C : (k, 2 n), D : (k, k) and R : (k,) [m], each row divided by W eps.
+    """
+
+    at: NDArray[np.intp]
+    B: csr_matrix
+    C: csr_matrix
+    D: Floats
+    R: Floats
+    eps: float
+
+
+@dataclass(frozen=True)
+class Direction:
+    """d : (2 n,) [m].  multipliers : (n_s,) [Pa], the new ones.  pull : (n, 2) [N], B times their change."""
+
+    d: Floats
+    multipliers: Floats
+    pull: Floats
+
+
+def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
+                  settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to start whose multipliers are its pressures, with both as unknowns.
+
+    Its history holds the larger of both residuals.  Modified Newton and BFGS, which have no tangent to put multipliers
+    into, take Uzawa's rounds.  Raises NoEquilibriumError, which names the node whose pressure does not settle,
+    SingularMatrixError, CellInversionError, ContactRefusedError.
+    """
+    if settings.method != "newton":
+        return solve_in_rounds(system, loading, start, anchor, settings)
+    share = min(system.spec.augmented.values())
+    floor, augmented = system.floor(loading, settings.tolerance), system.contact.on_slaves(system.spec.augmented)
+    balance, error, poor, fresh = start, system.error(start, floor), 0, False
+    history: list[float] = []
+    while True:
+        query = _query(loading)
+        change, largest = _change(balance, query, augmented)
+        history.append(max(float(error.max()), float(np.abs(change).max(initial=0.0)) / largest))
+        gap = loading.target - balance.u.ravel()[system.constraints.fixed]
+        if float(error.max()) <= settings.tolerance and not gap.any():
+            # fault: pressures taken as settled -> if True: | mechanical_fmu/test_semi_smooth
+            if np.abs(change).max(initial=0.0) <= share * largest:
+                return Equilibrium(balance, float(error.max()), tuple(history), fresh)
+            settled = np.where(augmented, query.history.multipliers + change, 0.0)
+            unfelt = replace(loading, query=query.with_multipliers(settled))
+            again = system.balance(balance.u, unfelt)
+            # fault: round-off asked to settle at once -> if False: | mechanical_fmu/test_semi_smooth
+            if float(system.error(again, floor).max()) <= settings.tolerance:
+                # The forces do not feel the change: where bodies just touch, pressures are round-off.
+                return Equilibrium(again, float(system.error(again, floor).max()), tuple(history), fresh)
+        if len(history) > settings.most:
+            break
+        old = anchor if poor < MAX_POOR_ITERATIONS else None
+        fresh = fresh or old is None
+        step = direction(system, loading, balance, gap, old, augmented)
+        loading = replace(loading, query=query.with_multipliers(step.multipliers))
+        from_here = replace(balance, r=balance.r - step.pull)
+        before, touched = float(error.max()), _touched(balance)
+        found = line_search(system, loading, Iterate(from_here, error), step.d, floor, settings.tolerance)
+        balance, error = found.balance, found.error
+        # While points open and close, that is what spoils an iteration, not the age of the factor.
+        poor += float(error.max()) > POOR_REDUCTION * before and _touched(balance) == touched
+    raise NoEquilibriumError(_text(system, settings, error, change, largest))
+
+
+def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floats, anchor: StiffnessAnchor | None,
+              augmented: NDArray[np.bool_]) -> Direction:
+    """Solve for the change of displacements and multipliers.
+
+    gap : (n_fixed,) [m] still to go to the prescribed displacements.  anchor : whose factor to use, None for a fresh
+    tangent.  augmented : (n_s,) whether a surface node is on a slave side of an augmented pair.
+    Raises SingularMatrixError, ContactRefusedError.
+    """
+    query = _query(loading)
+    old, a = query.history.multipliers, answer_of(system, query, balance, augmented)
+    d, dl = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
+    multipliers = np.zeros(old.size)
+    # fault: multipliers that pull -> multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, np.inf) |
+    #   mechanical_fmu/test_semi_smooth
+    multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, 0.0)
+    # Of what was cut off at 0 the forces know nothing.
+    felt = (multipliers - old)[a.at] / a.eps
+    return Direction(d, multipliers, (a.B @ felt).reshape(-1, 2))
+
+
+def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
+              augmented: NDArray[np.bool_]) -> MultiplierEquations:
+    """Assemble what the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
+    c = query.couplings(system.interface.nodes + balance.u)
+    wanted = augmented & (c.weight > 0.0)
+    ends = c.nodes[:, ENDS]
+    at = np.intersect1d(np.flatnonzero(wanted), ends)
+    place = np.full(wanted.size, -1)
+    place[at] = np.arange(at.size)
+    eps = max(pair.eps_N for pair in system.interface.pairs)
+    n, k, weight = 2 * len(balance.u), at.size, c.weight[at]
+    row = np.broadcast_to(c.nodes[:, :, None], c.values.shape[:3])
+    column = np.broadcast_to(place[ends][:, None, :], c.values.shape[:3])
+    use = column >= 0
+    j, dofs = column[use], system.contact.dofs.reshape(-1, 2)[row[use]]
+    both, twice = dofs.ravel(), np.repeat(j, 2)
+    B = csr_matrix(coo_matrix((eps * c.values[..., :2][use].ravel(), (both, twice)), shape=(n, k)))
+    C = csr_matrix(coo_matrix((c.values[..., 2:4][use].ravel() / (eps * weight[twice]), (twice, both)), shape=(k, n)))
+    D, i = np.eye(k), place[row[use]]
+    inside = i >= 0
+    np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
+    # fault: multipliers of a rigid body's nodes not gathered -> if False: | mechanical_fmu/test_semi_smooth
+    if system.rigid is not None:
+        B = csr_matrix(system.rigid.follow(balance.u).T @ B)
+    B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
+    return MultiplierEquations(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
+
+
+def _fresh(system: System, loading: Loading, balance: ForceBalance, gap: Floats,
+           a: MultiplierEquations) -> tuple[Floats, Floats]:
+    """d and the change of the multipliers over eps : (k,) [m], with today's tangent."""
+    balance = with_tangent(system, balance, loading)
+    if loading.inertia is None:
+        refuse_loose(system, balance)
+    K = stiffness(system, balance, loading)
+    solve = factorise(constrained(system, K), symmetric(system, balance, loading))
+    d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
+    X = np.zeros((d.size, a.at.size))
+    felt = np.unique(a.B.indices)
+    for first in range(0, felt.size, RIGHT_SIDES):
+        some = felt[first : first + RIGHT_SIDES]
+        columns = solve(a.B[:, some].toarray())
+        X[:, some] = columns if system.rigid is None else system.rigid.spread(columns, balance.u)
+    dl = _solved(a.D + a.C @ X, -a.R - a.C @ d)
+    # fault: multipliers that answer for half -> return d + X @ dl, 0.5 * dl | mechanical_fmu/test_semi_smooth
+    return d + X @ dl, dl
+
+
+def _anchored(anchor: StiffnessAnchor, balance: ForceBalance, gap: Floats,
+              a: MultiplierEquations) -> tuple[Floats, Floats]:
+    """The same with the factor of an anchor: d_s + S (E d_s - B dl) = d_0s and C d_s + D dl = -R on the surface."""
+    system = anchor.system
+    refuse_loose(system, balance)
+    b = right_side(system, balance, anchor.matrix, gap, balance.tractions)
+    dofs, moved = system.contact.dofs, np.zeros(b.size)
+    moved[system.constraints.fixed] = gap
+    R = a.R + a.C @ moved
+    E, B, C = anchor.surface_change(balance.tractions), a.B[dofs].toarray(), a.C[:, dofs].toarray()
+    C = C * system.constraints.free[dofs]
+    active = np.flatnonzero(E.any(axis=1) | B.any(axis=1) | C.any(axis=0))
+    E, B, C, m = E[np.ix_(active, active)], B[active], C[:, active], active.size
+    S = anchor.compliance[np.ix_(active, active)]
+    d_0 = anchor.solve(b)[dofs[active]]
+    solved = _solved(np.block([[np.eye(m) + S @ E, -S @ B], [C, a.D]]), np.concatenate([d_0, -R]))
+    d_s, dl = solved[:m], solved[m:]
+    # fault: anchored multipliers without their force -> b[dofs[active]] -= E @ d_s | mechanical_fmu/test_semi_smooth
+    b[dofs[active]] -= E @ d_s - B @ dl
+    return finish(system, balance, anchor.solve(b), gap), dl
+
+
+def _solved(A: Floats, b: Floats) -> Floats:
+    try:
+        return np.asarray(np.linalg.solve(A, b))
+    except np.linalg.LinAlgError as exc:
+        raise SingularMatrixError("the multipliers of contact are not determined: its equations are singular") from exc
+
+
+def _query(loading: Loading) -> ContactQuery:
+    assert isinstance(loading.query, ContactQuery)
+    return loading.query
+
+
+def _touched(balance: ForceBalance) -> tuple[int, int]:
+    """How many points touch, and how many of them slip."""
+    assert balance.tractions is not None
+    return balance.tractions.n_touching, balance.tractions.n_slipping
+
+
+def _change(balance: ForceBalance, query: ContactQuery, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
+    """t_N - lambda : (n_s,) [Pa] of augmented slaves, and the largest pressure of both [Pa], not 0."""
+    assert balance.tractions is not None
+    t_N = np.where(augmented, balance.tractions.multipliers, 0.0)
+    before = np.where(augmented, query.history.multipliers, 0.0)
+    return t_N - before, max(-float(min(t_N.min(initial=0.0), before.min(initial=0.0))), np.finfo(float).tiny)
+
+
+def _text(system: System, settings: SolverSettings, error: Floats, change: Floats, largest: float) -> str:
+    if float(error.max()) > settings.tolerance:
+        body = system.interface.bodies[int(np.argmax(error))]
+        forces = (f"the forces on body {body} are out of balance by {float(error.max()):.3g} "
+                  f"(tolerance {settings.tolerance:g}) and ")
+    else:
+        forces = ""
+    how_much, where = unsettled(system, change, largest)
+    return (f"no equilibrium after {settings.most} iterations: {forces}the contact pressures {how_much}, most on "
+            f"{where}; method: uzawa settles them in rounds"
+            f"{jumps_text(system)}")
+
+
+# The enforcements by name.
 
 class Enforcement(Protocol):
     """Finds the equilibrium nearest to start and the multipliers that belong to it.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contact.half.model import Value, Variable
 from mechanical_fmu.cells import Cells
-from mechanical_fmu.laws.kinds import CREEP, H_CREEP, H_PLASTIC, PLASTIC, history_size
+from mechanical_fmu.laws.law import CREEP, H_CREEP, H_PLASTIC, PLASTIC, history_size
 from mechanical_fmu.material import Moduli, thermoelastic_heat
 from mechanical_fmu.system import System
 from mechanical_fmu.volume import PointStep

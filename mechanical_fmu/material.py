@@ -10,11 +10,20 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Property
 from mechanical_fmu.laws.catalogue import POINT, creep_number, hardening_number
-from mechanical_fmu.laws.kinds import CREEP, KINEMATIC, LIQUID, OVERSTRESS, PLASTIC
-from mechanical_fmu.laws.kinematic import KinematicLaw
-from mechanical_fmu.laws.law import ONE, CreepLaw, IsotropicHardening, Points, lowest
+from mechanical_fmu.laws.hardening import KinematicLaw, OverstressLaw
+from mechanical_fmu.laws.law import (
+    CREEP,
+    KINEMATIC,
+    LIQUID,
+    ONE,
+    OVERSTRESS,
+    PLASTIC,
+    CreepLaw,
+    IsotropicHardening,
+    Points,
+    lowest,
+)
 from mechanical_fmu.laws.liquid import LiquidLaw
-from mechanical_fmu.laws.overstress import OverstressLaw
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +44,7 @@ class PlasticFlow:
 
     @property
     def kind(self) -> int:
-        """Return what its points can do (laws/kinds.py)."""
+        """Return what its points can do (laws/law.py)."""
         return (PLASTIC + (KINEMATIC if self.kinematic else 0) + (OVERSTRESS if self.overstress else 0))
 
     def fill(self, p: Points, T: Floats, start: int) -> None:
@@ -116,7 +125,7 @@ class SolidMaterial:
 
     @property
     def kind(self) -> int:
-        """Return what its points can do (laws/kinds.py); 0 : elastic, neo-Hookean."""
+        """Return what its points can do (laws/law.py); 0 : elastic, neo-Hookean."""
         return self.flow.kind
 
 

@@ -9,7 +9,7 @@ S : (4,) out, DEVIATORIC conjugate stress [Pa], tensor components; the pressure 
 D : (4, 4) out, dS/dE with plain components on both sides: dS_i = sum_j D_ij dE_j.  With W = diag(1, 1, 2, 1), W D is
     symmetric unless has_skew_tangent(kind).  D carries the deviatoric projection on its right and its left.
 dt : [s], 0 where nothing can flow yet (equilibrium at the start).  h_n, h : (n_h,) history at the start and at the end
-    (laws/kinds.py), all 0 for a virgin point; h is written whole, h_n never.
+    (laws/law.py), all 0 for a virgin point; h is written whole, h_n never.
 p : record of POINT (laws/catalogue.py), the parameters of the point at its temperature and solid fraction.
 tables : (n_t,) numbers of the hardening curves of all materials, one behind the other.
 heat : [J/m3 of reference volume] made in the step, AFTER the fractions of plastic, creep and liquid work that become
@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 
 from contact.compiled import inner
 from mechanical_fmu.laws.catalogue import creep_exponent, creep_relaxed, creep_strain, flow_stress
-from mechanical_fmu.laws.kinds import (
+from mechanical_fmu.laws.hardening import overstress, overstress_strain
+from mechanical_fmu.laws.law import (
     CREEP,
     H_BACK,
     H_CREEP,
@@ -46,10 +47,9 @@ from mechanical_fmu.laws.kinds import (
     LIQUID,
     OVERSTRESS,
     PLASTIC,
+    Point,
 )
-from mechanical_fmu.laws.law import Point
 from mechanical_fmu.laws.liquid import mix, solidify
-from mechanical_fmu.laws.overstress import overstress, overstress_strain
 
 Floats = NDArray[np.float64]
 
@@ -302,7 +302,7 @@ def update(kind: int, p: Point, tables: Floats, E: Floats, dt: float, h_n: Float
     """Compute one step of a point, as written at the head of this file; returns the code and the heat [J/m3].
 
     tables : (n_t,) hardening curves.  E : (4,) [1] strain.  S : (4,) [Pa] and D : (4, 4) [Pa], out.
-    h_n, h : (n_h,) history at the start and, out, at the end (laws/kinds.py): strains [1] and backstress [Pa].
+    h_n, h : (n_h,) history at the start and, out, at the end (laws/law.py): strains [1] and backstress [Pa].
     """
     deviator(E, S)
     if kind == 0:

@@ -20,12 +20,10 @@ from contact.problem.errors import demand, made, read
 from contact.problem.mechanical import ElasticProblem
 from contact.problem.part import Part
 from mechanical_fmu.laws.catalogue import hardening_law
-from mechanical_fmu.laws.creep_norton import NortonLaw
-from mechanical_fmu.laws.creep_power import PowerLaw
-from mechanical_fmu.laws.kinematic import KinematicLaw
+from mechanical_fmu.laws.creep import NortonLaw, PowerLaw
+from mechanical_fmu.laws.hardening import KinematicLaw, OverstressLaw
 from mechanical_fmu.laws.law import NOTHING, ONE, CreepLaw
 from mechanical_fmu.laws.liquid import LiquidLaw
-from mechanical_fmu.laws.overstress import OverstressLaw
 from mechanical_fmu.material import ELASTIC, FlowLaws, PlasticFlow, SolidMaterial
 
 Floats = NDArray[np.float64]

@@ -54,20 +54,6 @@ def shape(y: float) -> tuple[float, float, float]:
 
 
 @inner
-def log_strain(F: Floats, E: Floats) -> None:
-    """Fill E : (4,) [1] = (11, 22, 12, 33) of F : (5,) [1] with J > 0 in the plane and F33 > 0."""
-    J = F[0] * F[3] - F[1] * F[2]
-    C11, C22, c = F[0] * F[0] + F[2] * F[2], F[1] * F[1] + F[3] * F[3], F[0] * F[1] + F[2] * F[3]
-    m, d = 0.5 * (C11 + C22), 0.5 * (C11 - C22)
-    b = shape((d * d + c * c) / (m * m))[0] / m
-    a = np.log(J)
-    E[0] = 0.5 * (a + b * d)
-    E[1] = 0.5 * (a - b * d)
-    E[2] = 0.5 * b * c
-    E[3] = np.log(F[4])
-
-
-@inner
 def log_strain_gradient(F: Floats, E: Floats, L: Floats) -> None:
     """Fill E : (4,) and L : (4, 5) = dE/dF of F : (5,), all [1]."""
     J = F[0] * F[3] - F[1] * F[2]
@@ -359,7 +345,7 @@ def condense(A: Floats) -> None:
 # pressed and free to widen, has a tangent with a negative eigenvalue from a stretch of .64 on (nu = .3; .68 at
 # nu = .4999), by mean dilatation not before .44.
 
-# xi, eta of the four points of contact.half.quadrature' quad table are +-1/sqrt(3); signs follow from its N.
+# xi, eta of the four points of contact.half.functions' quad table are +-1/sqrt(3); signs follow from its N.
 CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # Newton's method inside a cell: found when the modes strain it by less than this, or by no less than before.
 MODE_TOLERANCE, MODE_ROUND_OFF = 1e-14, 1e-7

@@ -17,7 +17,7 @@ from contact.problem.mechanical import Element, State
 from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
 from mechanical_fmu.contact import MeshContact
-from mechanical_fmu.laws.kinds import LIQUID
+from mechanical_fmu.laws.law import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.material import Moduli, moduli

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.elastic_loop import cell_forces, cell_stress
-from mechanical_fmu.laws.kinds import has_skew_tangent
+from mechanical_fmu.laws.law import has_skew_tangent
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.point import CODES
 from mechanical_fmu.point_loop import INVERTED, NO_MODES, Out, cell_points
@@ -98,13 +97,6 @@ class DeformableMesh:
     def means(self, nodal: Floats) -> tuple[Floats, ...]:
         """Compute the volume mean of nodal : (n_nodes,), any unit, in every cell: (n_e,) for each kind, same unit."""
         return tuple(np.einsum("ea,ea->e", cells.mean, nodal[cells.nodes]) for cells in self.kinds)
-
-    def in_order(self, of_kinds: Sequence[Floats]) -> Floats:
-        """Put arrays of_kinds : (n_e, ...), one a kind, into interface order: (n_cells, ...), same unit."""
-        out = np.empty((self.n_cells, *of_kinds[0].shape[1:]))
-        for cells, values in zip(self.kinds, of_kinds, strict=True):
-            out[cells.number] = values
-        return out
 
     def evaluate(self, u: Floats, moduli: tuple[Moduli, ...], step: PointStep, tangent: bool = False) -> Internal:
         """Compute the forces at u : (n_nodes, 2) [m] and what goes with them.  step.history is read, never written.

@@ -110,7 +110,7 @@ def faulty_copy(fault: Fault, target: Path) -> None:
         raise ValueError(f"{fault.file}:{fault.line}: {fault.name}: nothing defines {', '.join(names)}")
     for name in (*PACKAGES, "tests", "scenarios", "docs", "benchmarks"):
         shutil.copytree(ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "CHANGELOG.md"):
+    for name in ("pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff"):
         shutil.copy(ROOT / name, target)
     (target / fault.file).write_text(fault.planted(source), encoding="utf-8")
 

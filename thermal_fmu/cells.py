@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import CellQuadrature, table_of
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
-from contact.half.quadrature import CellQuadrature, table_of
 from thermal_fmu.kernels import (
     add_conduction,
     add_conduction_tensor,

@@ -14,6 +14,7 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
+from thermal_fmu.boundary import Heat, names_of, no_heat
 from thermal_fmu.cells import (
     BadPropertyError,
     CellBlock,
@@ -24,7 +25,6 @@ from thermal_fmu.cells import (
     tensors,
 )
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
-from thermal_fmu.heat import Heat, names_of, no_heat
 from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, Factors, NotConvergedError

@@ -1,29 +1,150 @@
-"""Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.
-
-From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a solve
-with existing factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the state:
-the factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
-"""
+"""One stage of a method: its heat balance, and Newton's method for it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import Field, dataclass, replace
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
-from thermal_fmu.boundary import demand_limits
-from thermal_fmu.cells import BadPropertyError
+from thermal_fmu import phase_change
+from thermal_fmu.boundary import BoundaryHeat, boundary_flow, demand_limits
+from thermal_fmu.cells import BadPropertyError, MatrixEntries, conduct, store
+from thermal_fmu.methods import Stage
 from thermal_fmu.phase_change import temperature
-from thermal_fmu.stage import StageBalance, StageProblem, balance
+from thermal_fmu.scene import SubstepData, ThermalScene
+from thermal_fmu.sources import ThermalLoads
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+
+
+# One stage of a method: its residual, in joules, and the exact derivative of it.
+
+@dataclass(frozen=True)
+class StageProblem:
+    """Find s with  E(s) - E(s_n) = dt (sum_j a_j F_j + a f(T_n + theta (T(s) - T_n))).
+
+    s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
+    earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).  blur : 0 is the problem itself,
+    up to 1 a smoothed one in which melting shows less and less in T(s) (phase_change.blurred).
+    """
+
+    scene: ThermalScene
+    substep: SubstepData
+    loads: ThermalLoads
+    stage: Stage
+    dt: float
+    s_n: Floats
+    power_M: Floats
+    earlier: Floats
+    stores: bool
+    blur: float = 0.0
+
+
+@dataclass(frozen=True)
+class StageBalance:
+    """The heat balance of a stage at one T.
+
+    R : (n,) residual at each node [J]; at fixed nodes it is the heat that came through them.
+    flow : (n,) [W] into the nodes, all but storage, fixed nodes' reactions included.  inside : (n,) [W] the part of
+    it that does not come through the surface: flow - inside does, by consistent recovery.
+    terms : (n_terms,) boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum
+    of
+    the sizes of all heats at all nodes [J].
+    """
+
+    R: Floats
+    flow: Floats
+    inside: Floats
+    terms: Floats
+    stored: Floats
+    norm: float
+    scale: float
+    jacobian: csr_matrix | None
+
+    @property
+    def relative_residual(self) -> float:
+        """norm as a part of scale [1]."""
+        return self.norm / self.scale if self.scale > 0 else 0.0
+
+
+def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
+    """Evaluate the residual at s : (n,) [K], and its derivative by s where asked for.
+
+    Rows and columns of fixed nodes are replaced by the identity.  Raises BadPropertyError.
+    """
+    scene, substep, stage = problem.scene, problem.substep, problem.stage
+    volume, model = scene.volume, scene.model
+    weight = stage.a * problem.dt
+    data = np.zeros(volume.pattern.indices.size if jacobian else 0)
+    S, f = np.zeros(volume.n), np.zeros(volume.n)
+    at = phase_change.fields(scene.melting, s)
+    if problem.blur > 0.0:
+        at = phase_change.blurred(scene.melting, at, s, problem.blur, scene.fixed)
+    if stage.theta != 1.0:
+        at = phase_change.between(phase_change.fields(scene.melting, problem.s_n), at, stage.theta)
+    if not problem.stores:
+        at = phase_change.sloped(at)
+    # The matrix is M + theta a dt K: half steps of backward Euler share it, to the bit, with the midpoint rule.
+    slope = stage.theta * weight
+    into = MatrixEntries(data, slope)
+    if jacobian:
+        into = scene.matrix_cache.fill(volume, model.bodies, substep.masses, substep.shapes, into, problem.stores)
+    stored = np.zeros(len(model.bodies))
+    if problem.stores:
+        stored = store(volume, substep.masses, model.bodies, problem.s_n, s, S, into)
+    # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
+    #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, substep.shapes,
+    #   model.bodies, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
+    conduct(volume, substep.shapes, model.bodies, at, f, into)
+    # fault: boundary terms at the start of the step -> boundary = boundary_flow(substep, problem.loads,
+    #   problem.power_M, problem.s_n) | thermal_fmu/test_thermal_time
+    boundary = boundary_flow(substep, problem.loads, problem.power_M, at.T)
+    inside = f + boundary.inside
+    f += boundary.f
+    R = S - problem.earlier - weight * f
+    reaction = np.where(scene.fixed, R, 0.0)
+    norm = float(np.abs(R - reaction).sum())
+    scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
+    matrix = _matrix(scene, boundary, slope, at.dT, data) if jacobian else None
+    return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix)
+
+
+def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats) -> csr_matrix:
+    pattern = scene.volume.pattern
+    for slots, values in boundary.places:
+        change = slope * values.ravel()
+        # fault: boundary terms of a melting node unscaled -> np.add.at(data, slots.ravel(), change) |
+        #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
+        np.add.at(data, slots.ravel(), change if dT is None else change * dT[pattern.indices[slots.ravel()]])
+    touched, diagonal = scene.fixed_entries
+    data[touched] = 0.0
+    data[diagonal] = 1.0
+    A = csr_matrix((data, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+    if not boundary.across:
+        return A
+    nodes = np.concatenate([nodes for nodes, _ in boundary.across])
+    rows, cols = np.repeat(nodes, 4, axis=1).ravel(), np.tile(nodes, (1, 4)).ravel()
+    values = slope * np.concatenate([values.ravel() for _, values in boundary.across])
+    if dT is not None:
+        # fault: contact of a melting node unscaled -> values *= 1.0 |
+        #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
+        values *= dT[cols]
+    free = ~(scene.fixed[rows] | scene.fixed[cols])
+    return A + csr_matrix((values[free], (rows[free], cols[free])), shape=A.shape)
+
+
+# Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.
+#
+# From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a
+# solve with existing factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the
+# state: the factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
 
 # Linear solves: GMRES about an anchor
 
@@ -187,21 +308,40 @@ def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Fac
     except NotConvergedError:
         if not problem.scene.melting:
             raise
+
+        def blurred(blur: float, last: SolvedStage | None, goal: float) -> SolvedStage:
+            guess, known = (s, anchor) if last is None else (last.s, last.anchor)
+            return newton(replace(problem, blur=blur), guess, goal, factors, known)
+
         # fault: no detour through blurred laws -> raise |
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
-        solved = _phase_continuation(problem, s, tolerance, factors, anchor)
+        solved = phase_continuation(blurred, tolerance)
     demand_limits(problem.substep, problem.loads, temperature(problem.scene.melting, solved.s))
     return solved
 
 
-def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
-                        anchor: AnchorMatrix | None) -> SolvedStage:
-    """Solve a stage along problems whose melting is blurred less and less, each from the solution of the one before."""
+class Solution(Protocol):
+    """A dataclass that says what a solution cost.  iterations : linear solves."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def iterations(self) -> int: ...
+
+
+Solved = TypeVar("Solved", bound=Solution)
+
+
+def phase_continuation(solve: Callable[[float, Solved | None, float], Solved], tolerance: float) -> Solved:
+    """Solve a stage along problems whose melting is blurred less and less, each from the solution of the one before.
+
+    solve : (blur, that solution or None, tolerance) -> solution.  Raises NotConvergedError, and what solve raises.
+    """
     blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
+    last: Solved | None = None
     while True:
-        goal = tolerance if blur == 0.0 else BLURRED_TOLERANCE
         try:
-            solved = newton(replace(problem, blur=blur), s, goal, factors, anchor)
+            solved = solve(blur, last, tolerance if blur == 0.0 else BLURRED_TOLERANCE)
         except NotConvergedError:
             if blur == 1.0 or retreats == MAX_RETREATS:
                 raise
@@ -214,7 +354,7 @@ def _phase_continuation(problem: StageProblem, s: Floats, tolerance: float, fact
         #   thermal_fmu/test_thermal_phase::test_a_slab_that_changes_phase_in_one_step_converges
         if blur == 0.0:
             return replace(solved, iterations=spent)
-        s, anchor, done = solved.s, solved.anchor, blur
+        last, done = solved, blur
         blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
 
 

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import TERMS
+from thermal_fmu.boundary import TERMS, Heat, inflow_outflow
 from thermal_fmu.cells import spread_energies
-from thermal_fmu.heat import Heat, inflow_outflow
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
-from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, solve_stage
+from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
-from thermal_fmu.stage import StageProblem, balance
 
 Floats = NDArray[np.float64]
 

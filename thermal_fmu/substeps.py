@@ -11,9 +11,8 @@ from contact.problem.thermal import InnerSteps, ThermalProblem
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
-from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, solve_stage
+from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
-from thermal_fmu.stage import StageProblem, balance
 from thermal_fmu.step import (
     Floats,
     NodalFlow,

@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from contact.half.moved import alias_moved
+
 if TYPE_CHECKING:
     from contact.half.build import build_fmu
     from contact.half.build import main as build_main
@@ -21,8 +23,8 @@ if TYPE_CHECKING:
     from contact.problem.errors import read as read_problem
     from contact.problem.mechanical import ForeignMechanical
     from contact.problem.thermal import ForeignThermal
-    from contact.rpc.link import LinkError
-    from contact.rpc.open import open_link
+    from contact.rpc.calls import LinkError
+    from contact.rpc.link import open_link
 
 __all__ = ["ContactRefusedError", "ContactSurfaces", "Couplings", "Discard", "Done", "Facing", "Field",
            "ForeignMechanical", "ForeignThermal", "HalfModel",
@@ -44,11 +46,14 @@ _HOME = {
     "contact.problem.errors": ("read_problem",),
     "contact.problem.mechanical": ("ForeignMechanical",),
     "contact.problem.thermal": ("ForeignThermal",),
-    "contact.rpc.link": ("LinkError",),
-    "contact.rpc.open": ("open_link",),
+    "contact.rpc.calls": ("LinkError",),
+    "contact.rpc.link": ("open_link",),
 }
 _NAMED_THERE = {"build_main": "main", "read_problem": "read"}
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+alias_moved(__name__, field="contact.half.functions", property="contact.half.functions",
+            signal="contact.half.functions", sparse="contact.half.linalg", surfaces="contact.half.contact_client")
 
 
 def __getattr__(name: str) -> object:

@@ -1,10 +1,10 @@
-"""Fields: boundary data as a function of time and place, a sum of products of a signal and two profiles."""
+"""Functions that halves are told of (signals, fields, properties), and shape functions of the kinds of cells."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from contact.problem.curves import FieldSum, Form, Polynomial, PropertyTable, SignalTable
 from contact.problem.errors import made
 from contact.problem.values import SignalName
+
+Floats = NDArray[np.float64]
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -83,7 +85,7 @@ def signal_from(spec: float | Mapping[str, Any] | SignalName | SignalTable) -> S
     return Signal(np.zeros(1), np.array([float(spec)]))
 
 
-Floats = NDArray[np.float64]
+# Fields: boundary data as a function of time and place, a sum of products of a signal and two profiles.
 
 # What a field is at one time: its value where it is the same everywhere, else the (n_terms,) factors of its terms.
 Level = float | Floats
@@ -238,8 +240,6 @@ def profile_from(spec: Any) -> Profile:
 
 # Properties: material data as a function of temperature, with derivative and exact integral.
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Property:
@@ -253,13 +253,13 @@ class Property:
     low: float = -np.inf
     high: float = np.inf
 
-    def __call__(self, T: Array) -> Array:
+    def __call__(self, T: Floats) -> Floats:
         """Return the value at T : any shape [K], same shape, in the unit of the property."""
         if self.curve is None:
             return np.full(np.shape(T), self.constant)
         return np.asarray(self.curve(np.clip(T, self.low, self.high)))
 
-    def slope(self, T: Array) -> Array:
+    def slope(self, T: Floats) -> Floats:
         """Return the derivative by temperature, same shape as T [unit of the property per K]; 0 beyond a table.
 
         T : any shape [K].
@@ -269,7 +269,7 @@ class Property:
         inside = (self.low <= T) & (self.high >= T)
         return np.where(inside, self._derivative(np.clip(T, self.low, self.high)), 0.0)
 
-    def increase(self, T0: Array, T: Array) -> Array:
+    def increase(self, T0: Floats, T: Floats) -> Floats:
         """Return the exact integral over temperature from T0 to T, same shape [unit of the property times K].
 
         T0 : any shape [K].  T : same shape [K].
@@ -281,10 +281,10 @@ class Property:
             return self.constant * (T - T0)
         return self._integral(T) - self._integral(T0)
 
-    def _integral(self, T: Array) -> Array:
+    def _integral(self, T: Floats) -> Floats:
         assert self.curve is not None
         inner = np.clip(T, self.low, self.high)
-        total: Array = self._antiderivative(inner)
+        total: Floats = self._antiderivative(inner)
         outside = T - inner
         if outside.any():
             total = total + outside * self.curve(inner)
@@ -336,3 +336,35 @@ def property_from(spec: float | Mapping[str, Any] | PropertyTable | Polynomial) 
         cubic = PchipInterpolator(T, value)
         curve = PPoly(cubic.c, cubic.x)
     return Property(None, curve, float(T[0]), float(T[-1]))
+
+
+# Shape functions and quadrature of the kinds of cells, as tables that compiled loops can use.
+
+@dataclass(frozen=True)
+class CellQuadrature:
+    """Shape functions of one kind of cell at its quadrature points.
+
+    N : (nq, nn) [1].  dN : (nq, nn, 2) [1], derivatives by reference coordinates.  w : (nq,) weights [1].
+    """
+
+    N: Floats
+    dN: Floats
+    w: Floats
+
+
+@cache
+def table_of(kind: str) -> CellQuadrature:
+    """Return the table of "quad" (4 nodes) or "triangle" (3 nodes), nodes anticlockwise."""
+    # Loaded where there is a mesh to solve on: a half without one need not wait for it.
+    from skfem import ElementQuad1, ElementTriP1
+    from skfem.quadrature import get_quadrature
+
+    # 2 x 2 Gauss points on quads, 3 points inside triangles: both integrate products of two shape functions, or of two
+    # of their gradients, exactly on a straight-sided plane cell, and all weights are positive (a negative one could
+    # make the storage at a point negative).
+    element, order = {"quad": (ElementQuad1(), 3), "triangle": (ElementTriP1(), 2)}[kind]
+    X, w = get_quadrature(element.refdom, order)
+    basis = [element.lbasis(X, i) for i in range(element.refdom.nnodes)]
+    N = np.array([np.broadcast_to(phi, w.shape) for phi, _ in basis]).T
+    dN = np.array([np.broadcast_to(dphi, X.shape) for _, dphi in basis]).transpose(2, 0, 1)
+    return CellQuadrature(np.ascontiguousarray(N, dtype=float), np.ascontiguousarray(dN, dtype=float), np.array(w))

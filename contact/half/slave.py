@@ -26,8 +26,7 @@ from contact.half.layout import Layout, checked_output, layout_of, standard_vari
 from contact.half.model import Discard, Done, Floats, HalfModel, Value, Values, load_directory
 from contact.half.state import StateError, from_bytes, frozen_copy, to_bytes
 from contact.messages import Reply, Request
-from contact.rpc.link import Link
-from contact.rpc.open import open_link
+from contact.rpc.link import Link, open_link
 
 WELL, DISCARDED, FAILED, INTERRUPTED = range(4)  # status.code
 
@@ -168,7 +167,7 @@ class LinkOnDemand:
         self._link: Link | None = None
 
     def ask(self, request: Request) -> Reply:
-        """Ask the service.  Raises contact.rpc.link.LinkError."""
+        """Ask the service.  Raises contact.rpc.calls.LinkError."""
         if self._link is None:
             self._link = open_link(self.spec)
         return self._link.ask(request)

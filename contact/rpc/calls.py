@@ -1,4 +1,4 @@
-"""The calls of a server: a queue that carries each out once, and their statistics.  No transport in here.
+"""The calls of a server: a queue that carries each out once, their statistics, their errors.  No transport in here.
 
 A client numbers its calls 1, 2, 3, ... and repeats a call under its number when no answer came.  So that a
 call is never carried out twice, the queue keeps the last answers of every client, lets a repeated call wait
@@ -200,3 +200,33 @@ def lines(stats: ServerStats) -> list[str]:
     """Format statistics for a log, a line a verb."""
     return [f"{name}: {v.count} calls, {v.total:.4g} s (median {v.typical:.3g} s, most {v.most:.3g} s), "
             f"{v.bytes_in} bytes in, {v.bytes_out} bytes out" for name, v in stats.verbs.items()]
+
+
+# What may go wrong with a call:
+#
+#     LinkError
+#     |-- LinkSpecError      the link's text is wrong, or names an address that is not allowed
+#     |-- ServiceDownError   nobody is there, or who was there died
+#     |-- LinkTimeoutError   somebody is there and did not answer within the deadline
+#     `-- LinkProtocolError  what came back is not an answer (damaged, refused by the transport, a bug at the far end)
+#
+# That the service refuses a request is no error of the link: it is the reply `Refused`.
+
+class LinkError(Exception):
+    """The contact service could not be asked."""
+
+
+class LinkSpecError(LinkError):
+    """The link's text is wrong, or names an address that is not allowed."""
+
+
+class ServiceDownError(LinkError):
+    """Nobody is there, or who was there died."""
+
+
+class LinkTimeoutError(LinkError):
+    """Somebody is there and did not answer within the deadline."""
+
+
+class LinkProtocolError(LinkError):
+    """What came back is not an answer."""

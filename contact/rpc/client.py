@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from threading import Lock
 from typing import Any, cast
 
-from contact.codec import REPLIES, Kinds, WireError, decode, encode, kinds_of
+from contact.codec import REPLIES, Kinds, decode, encode, kinds_of
 from contact.messages import Refused, Register, Registered, Reply, Request
-from contact.rpc.calls import Envelope, ServerStats
-from contact.rpc.link import LinkError, LinkProtocolError, LinkTimeoutError, ServiceDownError
+from contact.records import WireError
+from contact.rpc.calls import Envelope, LinkError, LinkProtocolError, LinkTimeoutError, ServerStats, ServiceDownError
 from contact.rpc.server import keys_of
 from contact.rpc.zenoh_session import CONNECT_TIMEOUT, QueryAnswer, Session, close_session, open_session
 

@@ -1,43 +1,20 @@
 """Links to the contact service: one method, three transports that give bitwise the same reply.
 
-    LinkError
-    |-- LinkSpecError      the link's text is wrong, or names an address that is not allowed
-    |-- ServiceDownError   nobody is there, or who was there died
-    |-- LinkTimeoutError   somebody is there and did not answer within the deadline
-    `-- LinkProtocolError  what came back is not an answer (damaged, refused by the transport, a bug at the far end)
-
-That the service refuses a request is no error of the link: it is the reply `Refused`.
+What may go wrong: contact.rpc.calls.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Protocol
 
-from contact.codec import REPLIES, REQUESTS, WireError, decode, encode
+from contact.codec import REPLIES, REQUESTS, decode, encode
 from contact.messages import Reply, Request
+from contact.records import WireError
+from contact.rpc.calls import LinkProtocolError, LinkSpecError
 
 Handler = Callable[[Request], Reply]
-
-
-class LinkError(Exception):
-    """The contact service could not be asked."""
-
-
-class LinkSpecError(LinkError):
-    """The link's text is wrong, or names an address that is not allowed."""
-
-
-class ServiceDownError(LinkError):
-    """Nobody is there, or who was there died."""
-
-
-class LinkTimeoutError(LinkError):
-    """Somebody is there and did not answer within the deadline."""
-
-
-class LinkProtocolError(LinkError):
-    """What came back is not an answer."""
 
 
 class Link(Protocol):
@@ -79,3 +56,24 @@ class CodecLink:
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+_ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
+
+
+def open_link(spec: str) -> Link:
+    """Open a link: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own process).
+
+    zenoh is imported only when asked for: an embedded run has no threads and no sockets of it.
+    Raises LinkSpecError for any other text, ServiceDownError where no service listens.
+    """
+    if spec in ("direct", "codec"):
+        from contact.service import ContactService
+
+        return (DirectLink if spec == "direct" else CodecLink)(ContactService().handle)
+    match = _ZENOH.fullmatch(spec)
+    if match is None:
+        raise LinkSpecError(f"contact link {spec!r} is none of: direct, codec, zenoh:tcp/127.0.0.1:PORT/RUN")
+    from contact.rpc.client import ZenohLink
+
+    return ZenohLink(match["endpoint"], match["run"])

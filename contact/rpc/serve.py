@@ -1,7 +1,7 @@
 """The contact service in a process of its own:  python -m contact.rpc.serve --listen tcp/127.0.0.1:PORT --run ID
 
 It says `ready ENDPOINT INSTANCE` on its standard output and answers until it is interrupted.  With --child it
-lives as long as its parent (contact.rpc.child).
+lives as long as its parent (contact.rpc.server).
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from types import FrameType
 
 from contact.codec import REQUESTS
 from contact.rpc.calls import lines
-from contact.rpc.child import become_child, keep_freed_memory
 from contact.rpc.link import Handler
-from contact.rpc.server import Server
+from contact.rpc.server import Server, become_child, keep_freed_memory
 from contact.rpc.zenoh_session import Session, close_all_sessions, close_session, open_session
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import zenoh
 
-from contact.rpc.link import LinkError, LinkSpecError, ServiceDownError
+from contact.rpc.calls import LinkError, LinkSpecError, ServiceDownError
 
 CONNECT_TIMEOUT = 5.0  # s
 WATCH_PERIOD = 0.25  # s between looks at whether the other processes live, while waiting for an answer

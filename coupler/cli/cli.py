@@ -7,8 +7,12 @@ its own says that its answer is not to be trusted; 130 interrupted.
 
 from __future__ import annotations
 
+import json
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
@@ -16,28 +20,69 @@ from typing import Annotated, Any
 
 import typer
 
-from contact.rpc.link import LinkError
+from contact.rpc.calls import LinkError
 from coupler.cli.console import ProgressLine, summary
-from coupler.cli.forms import migrate_command, schema_command
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.experiments.advise import AdviceOptions, advise
-from coupler.experiments.trial_lines import TrialLine
+from coupler.experiments.pool import TrialLine
 from coupler.experiments.variants import CELLS
-from coupler.fmu.launch import build_halves
+from coupler.fmu.launch import build_halves, make_folder
 from coupler.init.init import init_command
-from coupler.record.paths import check_target
+from coupler.init.templates import SCENARIO, shipped_scenarios
+from coupler.record.paths import check_free, check_target, new_files
 from coupler.record.results import Results
 from coupler.report import write_report
-from coupler.running.demo import run_demo
 from coupler.running.pilot import is_quick
 from coupler.running.pilot import pilot as pilot_run
+from coupler.running.progress import Progress
 from coupler.running.replay import rules_report
-from coupler.running.resume import resume, resumed
-from coupler.running.run import run
+from coupler.running.run import resume, resumed, run
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario, parse_override
+from coupler.scenario.load import checked_form
+from coupler.scenario.schema import VERSION
+from coupler.scenario.versions import json_schema, migrated, unsaid
 from coupler.verify.verify import verify_half_command
+
+# `slideline schema` and `slideline migrate`: the form of a scenario, for editors, and of older files.
+
+def schema_command(out: Annotated[Path | None, typer.Option("--out", "-o", help="A new file for it.")] = None) -> None:
+    """Write the JSON Schema of a scenario: editors complete and check its keys by it."""
+    text = json.dumps(json_schema(), indent=1) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    check_free(out)
+    with new_files({out: text}):
+        typer.echo(f"{out}: the keys of a scenario of version {VERSION}.\n"
+                   f"  In the first line of a scenario: # yaml-language-server: $schema={out}")
+
+
+def migrate_command(scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.", show_default=False)]
+                    ) -> None:
+    """Write a scenario of an older version as one of the newest, with the same numbers."""
+    document, file = checked_form(scenario)
+    if file.slideline == VERSION:
+        typer.echo(f"{scenario} is of version {VERSION} already.")
+        return
+    said = unsaid(file)
+    _replace(scenario, migrated(document.text, file))
+    typer.echo(f"{scenario}: version {file.slideline} -> {VERSION}")
+    for at, key, value in said:
+        typer.echo(f"  {'.'.join(map(str, at))}: {key}: {value}, as version {file.slideline} had it")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file anew, whole or not at all.  Raises ScenarioError."""
+    aside = path.with_name(f".{path.name}.new")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
+    except OSError as exc:
+        aside.unlink(missing_ok=True)
+        raise ScenarioError(f"the file cannot be written ({exc.strerror})", file=str(path)) from exc
+
 
 FAILED, BAD_INPUT, BAD_RESULTS, UNTRUSTED, INTERRUPTED = 1, 2, 3, 4, 130
 
@@ -202,9 +247,9 @@ def study_command(scenario: ScenarioFile,
     """Run a grid of settings, and draw error against cost.  After Ctrl-C the same command continues."""
     # Here and not above: a command that makes no study starts a second sooner without matplotlib.
     from coupler.experiments.grid import grid_of, parse_axis
+    from coupler.experiments.pool import StudyLine
     from coupler.experiments.study import StudyOptions, conduct
     from coupler.experiments.study_files import write_study
-    from coupler.experiments.trial_lines import StudyLine
 
     keys: dict[str, Any] = {}
     if grid:
@@ -260,6 +305,40 @@ def build_command(scenario: ScenarioFile,
     """Build the FMUs of a scenario by hand, for use in any FMI 2.0 master."""
     for path in build_halves(_scenario(scenario, sets, swaps), out):
         typer.echo(path)
+
+
+# Coarse and rigid: the probes stay within 3 K of the full scene's, in about a third of its time.
+OVERRIDES = {"mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [12, 12],
+             "bodies.upper.mesh.rectangle.cells": [12, 12]}
+
+
+@dataclass(frozen=True)
+class Demo:
+    """The files of a demo.  scenario : the copy that was run."""
+
+    scenario: Path
+    results: Results
+    page: Path
+
+
+def run_demo(folder: Path, on_start: Callable[[Scenario], AbstractContextManager[Callable[[Progress], Any]]],
+             ) -> Demo:
+    """Copy the sliding blocks to a folder, run them coarse with the rigid half, write the report.
+
+    on_start : called before the run; its context gives what is called after every window.
+    Raises ScenarioError where the folder cannot be made, or holds another scenario of this name.
+    """
+    make_folder(folder)
+    copy, text = folder / SCENARIO, (shipped_scenarios() / SCENARIO).read_bytes()
+    if copy.exists() and copy.read_bytes() != text:
+        raise ScenarioError("another scenario of this name is in this folder already; nothing was written",
+                            file=str(copy), remedy="Give the demo another folder: slideline demo FOLDER")
+    if not copy.exists():
+        copy.write_bytes(text)
+    scenario = load_scenario(copy, overrides=OVERRIDES)
+    with on_start(scenario) as progress:
+        results = run(scenario, folder / "run.h5", on_window=progress)
+    return Demo(copy, results, write_report(results, folder / "run.html"))
 
 
 @app.command("demo")

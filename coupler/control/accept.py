@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coupler.control import auto, error_estimate, events, step_size
+from coupler.control import auto, error_estimate, events, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.events import Found
-from coupler.control.monitor_values import failed_monitors, monitors
 from coupler.control.plan import Plan
-from coupler.control.state import Committed, ControlState
+from coupler.control.state import Committed, ControlState, failed_monitors, monitors
 from coupler.control.two_cycle import CycleAction, WindowSummary, act
 from coupler.errors import CouplingError
 from coupler.rules import engine as rules
@@ -129,9 +128,9 @@ def accept(attempt: Attempt) -> Decision:
                                     attempt.at.control.settings.iteration)
     if error is not None and error.error > 1.0:
         if not at_least(attempt):
-            size = step_size.rejected(attempt.H, error.size, error.order)
+            size = window_size.rejected(attempt.H, error.size, error.order)
             again = replace(shorter(attempt, size, error.words),
-                            controller=step_size.failed(attempt.at.control.controller))
+                            controller=window_size.failed(attempt.at.control.controller))
             return Decision(_rejected(solved, Verdict.ERROR, error.words), again, error=error)
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
@@ -243,8 +242,8 @@ def _sized(attempt: Attempt, control: ControlState, error: Estimate | None) -> C
     adaptive = attempt.plan.adaptive
     if adaptive is None:
         return control
-    limits = step_size.StepLimits(adaptive.least, adaptive.most)
-    size, memory = step_size.proposed(control.controller, attempt.H, None if error is None else error.size,
+    limits = window_size.StepLimits(adaptive.least, adaptive.most)
+    size, memory = window_size.proposed(control.controller, attempt.H, None if error is None else error.size,
                                      2 if error is None else error.order, limits)
     # fault: a crumb before a kink sets the size after it -> size = max(size, 0.0) | coupler/test_control
     size = max(size, _as_planned(attempt, error))
@@ -259,7 +258,7 @@ def _as_planned(attempt: Attempt, error: Estimate | None) -> float:
     of the iteration, tells nothing of longer ones.
     """
     planned = attempt.at.control.size
-    return planned if planned > attempt.H and (error is None or error.size <= step_size.AIM) else 0.0
+    return planned if planned > attempt.H and (error is None or error.size <= window_size.AIM) else 0.0
 
 
 def _is_slow(attempt: Attempt) -> bool:

@@ -2,7 +2,7 @@
 
 With rho, what plain iteration multiplies a difference by in one window, and R, what is left of a temperature after
 one window with the geometry held, an alternation from window to window is multiplied by R - 2 rho f in windows solved
-once, where f is how often the thermal half sees it (coupler.schemes.extrapolation, alternating_gain).  So it dies where
+once, where f is how often the thermal half sees it (coupler.schemes.levels, alternating_gain).  So it dies where
 
     2 rho f < 1 + R          (docs/theory.md, limits of stability).
 
@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from coupler.control.error_estimate import front_moves
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
-from coupler.schemes.extrapolation import DAMPED, alternating_gain, closest
+from coupler.schemes.levels import DAMPED, alternating_gain, closest, predicted
 from coupler.schemes.scheme import CouplingScheme
-from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved, predicted
-from coupler.schemes.table import scheme_of
+from coupler.schemes.schemes import scheme_of
+from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ class Memory:
 
 @dataclass(frozen=True)
 class SchemeChoice:
-    """scheme : of the next window.  reason : in words.  extrapolation : of x and t_N (coupler.schemes.extrapolation).
+    """scheme : of the next window.  reason : in words.  extrapolation : of x and t_N (coupler.schemes.levels).
 
     loose : the share of a change in which iterates need only agree; 0: as the user said.
     """

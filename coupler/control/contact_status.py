@@ -6,16 +6,18 @@ slip in part, or slip.  Single nodes are not looked at: the edge of a pair that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface, Pair
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -142,7 +144,6 @@ def changed(before: ContactStatus, now: ContactStatus) -> list[int]:
 # gap, its largest pressure; between the first point and the last one all windows have points on both sides.
 
 
-
 @dataclass(frozen=True)
 class Branch:
     """pair : whose.  at : where a law bends; a pressure [Pa] where `pressure`, else a gap [m]."""
@@ -200,3 +201,49 @@ def side(branch: Branch, level: Level) -> tuple[ContactState, tuple[float, ...]]
         return ContactState.ABOVE, (value - branch.at,)
     # fault: how far a gap is from a bend is not told -> return ContactState.BELOW, () | coupler/test_branches
     return ContactState.BELOW, (branch.at - value,)
+
+
+# Where a quantity that falls towards zero will reach it, from a few of its values, and how sure that is.
+
+# So many values are used: the fourth tells how far the curve through three is to be trusted, a fifth is history.
+MOST = 4
+# With two values nothing tells how the slope changes: so much of the way ahead is in doubt.
+DOUBT = 0.1
+
+
+@dataclass(frozen=True)
+class Root:
+    """t : where zero is reached.  doubt >= 0 : how far off that may be, in the same unit."""
+
+    t: float
+    doubt: float
+
+
+def root(t: Sequence[float], left: Sequence[float]) -> Root | None:
+    """Zero of a quantity by inverse interpolation (Neville's scheme for t as a function of what is left, at 0).
+
+    t, left : times ascending and what was left then.  None where it is not falling or not above zero at the last one.
+    Only the last values that fall throughout count.  Of the orders the one is taken that changed the answer least.
+    """
+    first = len(left) - 1
+    # fault: extrapolated from values on both sides of a rise -> while first > 0 and len(left) - first < MOST: |
+    #   coupler/test_events
+    while first > 0 and len(left) - first < MOST and left[first - 1] > left[first]:
+        first -= 1
+    t, left = t[first:], left[first:]
+    if len(t) < 2 or not left[-1] > 0.0 or not all(map(math.isfinite, left)):
+        return None
+    # The last value goes first, so that each order adds an older one.
+    times, values = list(reversed(t)), list(reversed(left))
+    column, answers = list(times), [times[0]]
+    for order in range(1, len(times)):
+        column = [(values[i + order] * column[i] - values[i] * column[i + 1]) / (values[i + order] - values[i])
+                  for i in range(len(column) - 1)]
+        answers.append(column[0])
+    last = times[0]
+    linear = answers[1]
+    best = Root(linear, DOUBT * (linear - last))
+    for older, newer in pairwise(answers[1:]):
+        if abs(newer - older) < best.doubt and newer > last:
+            best = Root(newer, abs(newer - older))
+    return best

@@ -12,10 +12,9 @@ from functools import partial
 from coupler.control import auto, error_estimate, events
 from coupler.control.accept import Attempt, accept
 from coupler.control.error_estimate import Estimate
-from coupler.control.monitor_values import monitors
 from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
-from coupler.control.state import Committed, ControlState, first, opened
+from coupler.control.state import Committed, ControlState, first, monitors, opened
 from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
@@ -120,7 +119,7 @@ class Tried:
 
     @property
     def monitors(self) -> dict[str, float]:
-        """What rules look at, but for the probes (coupler.control.monitor_values)."""
+        """What rules look at, but for the probes (coupler.control.state)."""
         return monitors(self.before, self.span, self.solved, self.error)
 
 

@@ -10,7 +10,8 @@ from functools import cached_property
 from coupler.control.contact_status import Branch, ContactStatus, PairNodes, contact_status, side
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme
 from coupler.scenario.rule_model import Rule
-from coupler.schemes.state import Level, Schedule, Settings
+from coupler.schemes.levels import Level
+from coupler.schemes.state import Schedule, Settings
 
 
 @dataclass(frozen=True)

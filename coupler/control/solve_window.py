@@ -9,11 +9,10 @@ from types import TracebackType
 
 from coupler.errors import CouplingError
 from coupler.scenario.options import Scheme
-from coupler.schemes.adiabatic import with_mode
 from coupler.schemes.scheme import WindowTask
+from coupler.schemes.schemes import scheme_of, with_mode
 from coupler.schemes.state import CoupledState, Halves, IterationHistory, Settings, Solved, Span
 from coupler.schemes.sweep import DiscardError
-from coupler.schemes.table import scheme_of
 
 
 class SavedStates:
@@ -56,7 +55,7 @@ def keep(solved: Solved) -> Scheme | None:
 class SolveOptions:
     """How a window is solved.  scheme : never `auto`, which has chosen one.
 
-    extrapolation : of x and t_N, where the scheme extrapolates them (coupler.schemes.extrapolation).
+    extrapolation : of x and t_N, where the scheme extrapolates them (coupler.schemes.levels).
     instead : from the window as solved, the scheme by which it is to be solved once more; None: it stays.
     """
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.scenario.options import OnCycle, Scheme
-from coupler.schemes.state import Level, Settings
+from coupler.schemes.levels import Level
+from coupler.schemes.state import Settings
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from contact.problem.values import did_you_mean
-from coupler.deck.bodies import DeckBody, Names
-from coupler.deck.keywords import Log
-from coupler.deck.lexer import KeywordBlock, number, numbers, wrong
+from coupler.deck.bodies import DeckBody, DeckSurfaces, Names
+from coupler.deck.lexer import KeywordBlock, Log, number, numbers, wrong
 from coupler.deck.outline import Outline, Owner, named
-from coupler.deck.surfaces import DeckSurfaces
 
 ENDS = 1.001  # a table that ends before it is zero drops to zero within a thousandth of its last gap
 TOUCH = 0.05  # of that: a gap over which surfaces of different meshes still touch

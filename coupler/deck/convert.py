@@ -10,28 +10,28 @@ from typing import Any
 
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from coupler.deck.bodies import DeckBody, Names, bodies_of
-from coupler.deck.conditions import (
+from coupler.deck.bodies import DeckBody, DeckSurfaces, Edge, Names, bodies_of, surfaces_of
+from coupler.deck.contact import Analysis, pairs_of
+from coupler.deck.lexer import Converted, DeckLine, Log, blocks_of, printable, understood, wrong
+from coupler.deck.loads import (
     FORCES,
     PRESCRIBED,
+    Load,
     NodeSets,
     conditions_at,
+    conditions_of,
     first_temperature,
     forces_of,
+    loads_of,
     prescribed_of,
     temperatures_of,
 )
-from coupler.deck.contact import Analysis, pairs_of
-from coupler.deck.keywords import Converted, Log, understood
-from coupler.deck.lexer import DeckLine, blocks_of, printable, wrong
-from coupler.deck.loads import Load, conditions_of, loads_of
 from coupler.deck.materials import expansion_from, material_of, merged, physics_of
 from coupler.deck.mesh import DeckMesh, mesh_of
 from coupler.deck.outline import Outline, outline_of
 from coupler.deck.steps import DeckStep, Signal, amplitudes_of, steps_of
-from coupler.deck.surfaces import DeckSurfaces, Edge, surfaces_of
 from coupler.errors import ScenarioError
-from coupler.running.safe_write import check_free, new_files
+from coupler.record.paths import check_free, new_files
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
 from coupler.scenario.document import dumped, layout

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from coupler.deck.keywords import Log
-from coupler.deck.lexer import DeckLine, KeywordBlock, number, numbers, wrong
+from coupler.deck.lexer import DeckLine, KeywordBlock, Log, number, numbers, wrong
 from coupler.deck.outline import Outline, Owner
 
 MAX_ROWS = 2_000  # of a table: a scenario is a text of some kilobytes

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.problem.values import did_you_mean
-from coupler.deck.keywords import Log
-from coupler.deck.lexer import DeckLine, KeywordBlock, is_whole, number, whole, wrong
+from coupler.deck.lexer import DeckLine, KeywordBlock, Log, is_whole, number, whole, wrong
 from coupler.deck.outline import Outline, named, scope_of
 
 PLANE = re.compile(r"(CPE|CPS|CAX)([34])([RHIT]*)")

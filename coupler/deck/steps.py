@@ -8,8 +8,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 from contact.problem.values import did_you_mean
-from coupler.deck.keywords import Log
-from coupler.deck.lexer import DeckLine, KeywordBlock, number, numbers, wrong
+from coupler.deck.lexer import DeckLine, KeywordBlock, Log, number, numbers, wrong
 from coupler.deck.outline import Outline, named
 
 PROCEDURES = ("STATIC", "COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT", "HEAT TRANSFER")

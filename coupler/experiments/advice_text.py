@@ -9,8 +9,16 @@ from textwrap import shorten
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.experiments.findings import Findings, SimplificationTrial
-from coupler.experiments.goals import Deviations, Goal, at_common_times, largest_ratio, range_of, worst_probe
+from coupler.experiments.findings import (
+    Deviations,
+    Findings,
+    Goal,
+    SimplificationTrial,
+    at_common_times,
+    largest_ratio,
+    range_of,
+    worst_probe,
+)
 from coupler.experiments.trial import TrialResult
 from coupler.experiments.variants import OWN, Aspect, Simplification
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import signal
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +20,7 @@ import numpy as np
 from contact.half.build import package_directory
 from contact.half.entry import sources_hash
 from coupler.errors import CouplingError, HalfError, ResultsError
-from coupler.fmu.builders import known_halves
+from coupler.fmu.launch import known_halves
 from coupler.record.checkpoint import versions
 from coupler.record.paths import part_of
 from coupler.record.results import Results
@@ -202,3 +204,21 @@ class TrialStore:
             os.replace(part_of(path), path)
         except OSError as exc:
             raise ResultsError(f"{path}: the trial cannot be written ({exc.strerror})") from exc
+
+
+# `python -m coupler.experiments.trial`: a process that runs jobs, one line of JSON in, one out; it ends when its
+# input does.
+
+def main() -> None:
+    """Serve until standard input ends."""
+    # What native code prints must not come between the answers.
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    # Ctrl-C is for the one who started this process; a run that sees it would stop half-way.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for line in sys.stdin:
+        print(json.dumps(solve(json.loads(line)), allow_nan=False), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()

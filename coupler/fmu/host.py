@@ -1,6 +1,6 @@
 """The process around one half:  python -m coupler.fmu.host --name NAME --fmu FILE --extracted DIR --run ID
 
-It lives as long as its parent (contact.rpc.child), which it tells `ready ENDPOINT INSTANCE` and from which it
+It lives as long as its parent (contact.rpc.server), which it tells `ready ENDPOINT INSTANCE` and from which it
 first hears the endpoint of the contact service.  Every call into the FMU comes from the main thread.
 """
 
@@ -13,12 +13,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from contact.rpc.child import become_child
-from contact.rpc.server import Server
+from contact.rpc.server import Server, become_child
 from contact.rpc.zenoh_session import close_all_sessions, open_session
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
-from coupler.fmu.verbs import (
+from coupler.fmu.remote import (
     VERBS,
     Acknowledged,
     Close,
@@ -72,7 +71,7 @@ def role_of(name: str) -> str:
 
 
 def answer(half: Half, verb: Verb) -> Any:
-    """Carry out a verb on a half.  Returns one of coupler.fmu.verbs.ANSWERS."""
+    """Carry out a verb on a half.  Returns one of coupler.fmu.remote.ANSWERS."""
     try:
         return _answer(half, verb)
     except HalfError as exc:

@@ -1,21 +1,178 @@
-"""Halves of a scenario: built into FMUs, loaded in this process or each in one of its own."""
+"""Halves of a scenario: built into FMUs in a cache named by content, loaded in this process or each in its own.
+
+A half is an installed package with an entry point in the group `slideline.halves` (name -> module); the module is run
+as `python -m MODULE DIRECTORY OUT.fmu` in a process of its own, so the coupler never imports a half.  An FMU that lies
+ready, of whatever tool, is named by its path instead.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import difflib
+import hashlib
+import io
+import os
 import shutil
+import subprocess
 import tempfile
+import time
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from coupler.errors import ScenarioError
-from coupler.fmu.builders import build_half
+from contact.half.build import content_hash, package_directory
+from contact.half.entry import sources_hash
+from contact.half.model import load_directory
+from coupler.errors import HalfError, ScenarioError
+from coupler.fmu.children import python
+from coupler.fmu.description import SAFE_WORDS, is_safe, unpack
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
 from coupler.scenario import Scenario
 
+GROUP = "slideline.halves"
+DEADLINE = 300.0  # s a builder may take
+KEEP_DAYS = 30  # an FMU not used for so long is dropped from the cache
+
+
+def known_halves() -> dict[str, EntryPoint]:
+    """The kinds of halves that are installed."""
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
+    """The FMU of the half of `kind` whose interface.h5 and model.json are in `directory`.
+
+    kind : an entry point's name, or the path of an FMU that lies ready, which is copied to the cache as it is.
+    cache : where FMUs are kept (default: cache_directory()).  The same content is built once; beside the FMU lies
+    what it unpacks to, which load_half then uses.  Raises HalfError for an unknown kind, or with the builder's words.
+    """
+    if kind.endswith(".fmu"):
+        return _ready(Path(kind), cache_directory() if cache is None else cache)
+    known = known_halves()
+    if kind not in known:
+        near = difflib.get_close_matches(kind, known, 1)
+        raise HalfError(f"no half of kind {kind!r} is installed; there are {', '.join(sorted(known)) or 'none'}"
+                        + (f"; did you mean {near[0]!r}?" if near else ""))
+    module = known[kind].module
+    cache = cache_directory() if cache is None else cache
+    place = cache / f"{kind}-{_key(kind, module, directory)}"
+    return _cached(place, lambda new: _run_builder(kind, module, directory, new))
+
+
+def _ready(fmu: Path, cache: Path) -> Path:
+    """The copy of an FMU in the cache, named by its content, unpacked beside."""
+    try:
+        content = fmu.read_bytes()
+    except OSError as exc:
+        raise HalfError(f"{fmu} cannot be read ({exc.strerror})") from exc
+    if not zipfile.is_zipfile(io.BytesIO(content)):  # told by its own path, not by that of a copy
+        raise HalfError(f"{fmu} cannot be unpacked: an FMU is a zip archive, this is none")
+    place = cache / f"ready-{hashlib.sha256(content).hexdigest()[:32]}"
+    return _cached(place, lambda new: new.write_bytes(content))
+
+
+def _cached(place: Path, make: Callable[[Path], object]) -> Path:
+    """The FMU at a place of the cache, made if it is not there yet."""
+    fmu = place / "half.fmu"
+    if not fmu.is_file():
+        _put(place, make)
+    # A cache that belongs to another user may be read all the same.
+    with contextlib.suppress(OSError):
+        os.utime(place)
+    return fmu
+
+
+def cache_directory() -> Path:
+    """SLIDELINE_CACHE, else ~/.cache/slideline, else a directory of this user's among the temporary ones.
+
+    The second is passed over where FMUs cannot be loaded from it (see coupler.fmu.description) or it cannot be written.
+    Raises HalfError if none will do.
+    """
+    chosen = os.environ.get("SLIDELINE_CACHE")
+    if chosen:
+        return _chosen_cache(Path(chosen).absolute())
+    home = Path.home() / ".cache" / "slideline"
+    if is_safe(home):
+        try:
+            home.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            pass  # a read-only home: the next choice serves
+        else:
+            if os.access(home, os.W_OK):
+                return home
+    own = Path(tempfile.gettempdir()) / f"slideline-{os.getuid() if hasattr(os, 'getuid') else 'cache'}"
+    own.mkdir(mode=0o700, exist_ok=True)
+    # FMUs are programs: a directory somebody else made could hold somebody else's.
+    if own.is_symlink() or (hasattr(os, "getuid") and own.stat().st_uid != os.getuid()):
+        raise HalfError(f"{own} belongs to another user; set SLIDELINE_CACHE to a directory of your own")
+    return own
+
+
+def _chosen_cache(path: Path) -> Path:
+    if not is_safe(path):
+        raise HalfError(f"SLIDELINE_CACHE is {path}: FMUs cannot be loaded from there; {SAFE_WORDS}")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise HalfError(f"SLIDELINE_CACHE is {path}: no such folder can be made ({exc.strerror})") from exc
+    return path
+
+
+def _key(kind: str, module: str, directory: Path) -> str:
+    package = module.partition(".")[0]
+    try:
+        interface, model = load_directory(directory)
+        sources = {name: sources_hash(package_directory(name)) for name in ("contact", package)}
+    except ValueError as exc:
+        raise HalfError(str(exc), half=kind) from exc
+    return content_hash(interface, model, sources)
+
+
+def _put(place: Path, make: Callable[[Path], object]) -> None:
+    """Make half.fmu and unpack it in a scratch directory, then move both into place at once."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    _drop_old(place.parent)
+    scratch = Path(tempfile.mkdtemp(dir=place.parent, prefix=".build-"))
+    try:
+        make(scratch / "half.fmu")
+        unpack(scratch / "half.fmu", scratch / "half")
+        try:
+            os.replace(scratch, place)
+        except OSError:
+            # Another process was quicker; what it built is the same.
+            if not (place / "half.fmu").is_file():
+                raise
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _run_builder(kind: str, module: str, directory: Path, out: Path) -> None:
+    command = [*python(), "-m", module, str(directory.absolute()), str(out)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=DEADLINE,
+                              stdin=subprocess.DEVNULL, check=False)
+    except subprocess.TimeoutExpired as exc:
+        raise HalfError(f"its builder ({module}) did not end within {DEADLINE:g} s", half=kind) from exc
+    if done.returncode != 0 or not out.is_file():
+        tail = "\n".join((done.stderr or done.stdout).strip().splitlines()[-30:])
+        raise HalfError(f"its builder ({module}) ended with code {done.returncode} and made no FMU", half=kind,
+                        log=tail)
+
+
+def _drop_old(cache: Path) -> None:
+    limit = time.time() - KEEP_DAYS * 86400
+    for place in cache.glob("*-" + "[0-9a-f]" * 32):
+        with contextlib.suppress(FileNotFoundError):  # another process may be dropping it too
+            if place.stat().st_mtime < limit:
+                shutil.rmtree(place, ignore_errors=True)
+
+
+# The two halves of a run.
 
 @dataclass(frozen=True)
 class Launched:

@@ -13,14 +13,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from contact.rpc.calls import LinkError, ServiceDownError
 from contact.rpc.client import Client
-from contact.rpc.link import LinkError, ServiceDownError
 from contact.rpc.zenoh_session import Session, close_session, open_session
 from coupler.errors import HalfError, indented
 from coupler.fmu.children import Child, ChildError, python, ready_line, reap, start
 from coupler.fmu.host import role_of
-from coupler.fmu.remote import RemoteHalf
-from coupler.fmu.verbs import ANSWERS
+from coupler.fmu.remote import ANSWERS, RemoteHalf
 
 CONTACT = "contact"
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")

@@ -28,12 +28,11 @@ from coupler.init.templates import (
     template_named,
     templates,
 )
-from coupler.running.safe_write import check_free, new_files
+from coupler.record.paths import check_free, new_files
 from coupler.scenario import parse_override
 from coupler.scenario.document import WIDTH, Document, document_from, dumped, layout
 from coupler.scenario.edits import apply_overrides
-from coupler.scenario.load import checked
-from coupler.scenario.scenario import Scenario
+from coupler.scenario.load import Scenario, checked
 
 # The questions of `slideline init`, for what no option gave; the function that asks is passed in.
 

@@ -1,4 +1,4 @@
-"""What a new scenario is made of: templates, named materials, and the choices of its user."""
+"""What comes with an installation: templates of scenarios with their choices, named materials, scenarios."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, document_from, dotted, read_document
 from coupler.scenario.edits import cells_times
+
+# What a new scenario is made of: templates, named materials, and the choices of its user.
 
 FOLDER = Path(__file__).resolve().parent.parent / "templates"
 
@@ -195,3 +197,23 @@ def _meshed(tree: Mapping[str, Any], factor: float) -> dict[str, Any]:
         raise ScenarioError("a mesh is so many times as fine, a number above 0", key="--mesh", value=factor,
                             remedy="2 halves the cells' edges, 0.5 doubles them")
     return {dotted(key): cells for key, cells in cells_times(tree, factor).items()}
+
+
+# The scenarios that belong to an installation.
+
+SCENARIO = "sliding_blocks.yaml"
+
+
+def shipped_scenarios() -> Path:
+    """Return the folder of scenarios: beside the packages in a checkout, inside this one when installed.
+
+    Raises ScenarioError where there is none.
+    """
+    here = Path(__file__).resolve().parent.parent
+    for folder in (here / "scenarios", here.parent / "scenarios"):
+        if (folder / SCENARIO).is_file():
+            return folder
+    raise ScenarioError("the scenarios that belong to this installation are missing", file=str(here / "scenarios"),
+                        remedy="Install slideline again, or give `slideline run` a scenario of your own")
+
+

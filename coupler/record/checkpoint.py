@@ -22,8 +22,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from contact.codec import WireError, decode, encode, kinds_of
+from contact.codec import decode, encode, kinds_of
 from contact.half.diagnostics import ContactLog
+from contact.records import WireError
 from coupler.control.plan import Plan
 from coupler.control.state import Committed
 from coupler.errors import ResultsError

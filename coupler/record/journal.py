@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.codec import WireError, decode_record, encode_record
+from contact.records import WireError, decode_record, encode_record
 from coupler.errors import ResultsError
 
 MAGIC = b"SLIDELINE-JOURNAL-1\n"

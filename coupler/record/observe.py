@@ -17,7 +17,8 @@ from coupler.fmu.half import Block, Half
 from coupler.fmu.outputs import On, OutputField, at_nodes, component_of, names_of, output_fields, place_of, unclear
 from coupler.record.tables import FRICTION
 from coupler.scenario import Probe
-from coupler.schemes.state import Halves, Level
+from coupler.schemes.levels import Level
+from coupler.schemes.state import Halves
 
 Array = NDArray[np.float64]
 # The halves' blocks behind what every frame holds of the exchange (EXCHANGED in coupler.record.tables).

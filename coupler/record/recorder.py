@@ -27,7 +27,8 @@ from coupler.record.tables import (
     contact_row,
 )
 from coupler.rules.engine import Firing
-from coupler.schemes.state import IterationHistory, Ledger, Level, Solved
+from coupler.schemes.levels import Level
+from coupler.schemes.state import IterationHistory, Ledger, Solved
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.record.vtkhdf import FileField
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.integer]

@@ -11,7 +11,7 @@ from coupler.control.state import Committed, ControlState
 from coupler.errors import CouplingError, ScenarioError
 from coupler.fmu.half import Half
 from coupler.record.checkpoint import RunRecord
-from coupler.rules.fit import unfit
+from coupler.rules.engine import unfit
 from coupler.scenario.options import Iteration, Scheme
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.state import Halves

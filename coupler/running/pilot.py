@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from coupler.control.loop import windows
 from coupler.control.plan import Plan
-from coupler.control.window_limits import TURNS, Feedback, WindowLimits, feedback, limits
+from coupler.control.window_size import TURNS, Feedback, WindowLimits, feedback, limits
 from coupler.fmu.launch import launch
 from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario

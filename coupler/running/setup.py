@@ -14,12 +14,12 @@ from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import Launched
-from coupler.rules.engine import wanted
-from coupler.rules.fit import schemes_of, unfit
+from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
 from coupler.scenario.rule_model import outputs
-from coupler.schemes.state import HEATS, CoupledState, EnergyAccount, Halves, Level, schedule, wanted_outputs
-from coupler.schemes.table import scheme_of
+from coupler.schemes.levels import Level
+from coupler.schemes.schemes import scheme_of
+from coupler.schemes.state import HEATS, CoupledState, EnergyAccount, Halves, schedule, wanted_outputs
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from contact.problem.values import Count, NotNegative, Number, Positive, Whole, 
 
 
 class Scheme(Enum):
-    """Names of how a window is solved; what each is: coupler.schemes.table."""
+    """Names of how a window is solved; what each is: coupler.schemes.schemes."""
 
     STAGGERED = "staggered"
     MECHANICAL_FIRST = "mechanical_first"

@@ -9,11 +9,10 @@ import numpy as np
 
 from contact.half.interface import Interface
 from contact.problem.values import did_you_mean
-from coupler.scenario.context import Context
 from coupler.scenario.document import Key
-from coupler.scenario.mesh import Floats, Ints, body_mean, cell_volumes, cells_along, cells_with, locate
+from coupler.scenario.mesh import Floats, Ints
 from coupler.scenario.problems import NEAREST
-from coupler.scenario.scene import surface_key
+from coupler.scenario.scene import Context, surface_key
 from coupler.scenario.schema import Place, ProbeSpec
 
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
@@ -205,3 +204,141 @@ def _node_areas(interface: Interface, edges: Ints) -> Floats:
     r = ends[:, :, 0] if interface.axisymmetric else np.ones(edges.shape)
     # fault: mean of a surface without its areas -> return 1.0 + 0.0 * r | coupler/test_scenario_probes
     return np.asarray(length[:, None] * (2 * r + r[:, ::-1]) / 6)
+
+
+# Places of a mesh: which cell a point lies in, with what weights its nodes make up the value there or the mean over a
+# body.
+
+# A point this far outside a cell, as a share of its size, still counts as inside: points on edges, round-off.
+SLACK = 1e-9
+NEWTON_STEPS = 30
+
+
+def locate(interface: Interface, body: str, at: Floats) -> tuple[Ints, Floats] | None:
+    """Return the nodes (n,) and weights (n,) [1] of a point of a body's reference mesh; None where it is off the mesh.
+
+    at : (2,) [m].  Weights are the cell's shape functions there; nodes with weight 0 are left out.
+    """
+    index = interface.bodies.index(body)
+    for cells, owner in (
+        (interface.quads, interface.quad_body),
+        (interface.triangles, interface.triangle_body),
+    ):
+        own = cells[owner == index]
+        if not len(own):
+            continue
+        x = interface.nodes[own]
+        low, high = x.min(axis=1), x.max(axis=1)
+        slack = SLACK * (high - low).max(axis=1, keepdims=True)
+        for cell in np.flatnonzero(((at >= low - slack) & (at <= high + slack)).all(axis=1)):
+            weights = _quad_weights(x[cell], at) if x.shape[1] == 4 else _triangle_weights(x[cell], at)
+            if weights is not None and weights.min() >= -SLACK:
+                return _cleaned(own[cell], weights)
+    return None
+
+
+def _cleaned(nodes: Ints, weights: Floats) -> tuple[Ints, Floats]:
+    kept = weights > SLACK
+    # fault: probe takes the first node of its cell -> return nodes[kept][:1], np.ones(1) | coupler/test_scenario_probes
+    return nodes[kept], weights[kept] / weights[kept].sum()
+
+
+def _triangle_weights(x: Floats, at: Floats) -> Floats:
+    """(3,) barycentric coordinates."""
+    edges = (x[1:] - x[0]).T
+    b = np.linalg.solve(edges, at - x[0])
+    return np.array([1.0 - b.sum(), *b])
+
+
+def _quad_weights(x: Floats, at: Floats) -> Floats | None:
+    """(4,) bilinear shape functions at a point, by Newton on the map from the unit square; None: outside."""
+    xi = np.full(2, 0.5)
+    size = float(np.ptp(x, axis=0).max())
+    for _ in range(NEWTON_STEPS):
+        a, b = xi
+        N = np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
+        miss = at - N @ x
+        if np.abs(miss).max() <= 1e-14 * size:
+            return N
+        dN = np.array([[b - 1, 1 - b, b, -b], [a - 1, -a, a, 1 - a]])
+        J = (dN @ x).T
+        if abs(np.linalg.det(J)) < 1e-30 * size**2:
+            return None
+        xi = np.clip(xi + np.linalg.solve(J, miss), -1.0, 2.0)
+    # Round-off may keep the last digits from settling; a point not reached lies outside.
+    return N if np.abs(miss).max() <= SLACK * size else None
+
+
+GAUSS = 1 / np.sqrt(3)
+
+
+def body_mean(interface: Interface, body: str) -> tuple[Ints, Floats]:
+    """Return the nodes (n,), ascending, and weights (n,) [1], adding up to 1, of the mean over a body.
+
+    A weight is the integral of N_i dV over V, reference; dV = dA or r dA.
+    body : one of interface.bodies.  Exact for cells of any shape: N_i r det J has degree 3 along each side.
+    """
+    number = interface.bodies.index(body)
+    quads = interface.quads[interface.quad_body == number]
+    triangles = interface.triangles[interface.triangle_body == number]
+    shares = [_of_quads(interface.nodes[quads], interface.axisymmetric),
+              _of_triangles(interface.nodes[triangles], interface.axisymmetric)]
+    nodes, where = np.unique(np.concatenate([quads.ravel(), triangles.ravel()]), return_inverse=True)
+    weights = np.bincount(where, weights=np.concatenate([s.ravel() for s in shares]))
+    return nodes.astype(np.int32), weights / weights.sum()
+
+
+def cell_volumes(interface: Interface) -> Floats:
+    """Return the reference volume of each cell (n_cells,), quads first.
+
+    It is the integral of dA [m2] or, axisymmetric, of r dA [m3].
+    """
+    return np.concatenate([_of_quads(interface.nodes[interface.quads], interface.axisymmetric).sum(axis=1),
+                           _of_triangles(interface.nodes[interface.triangles], interface.axisymmetric).sum(axis=1)])
+
+
+def cells_with(interface: Interface, nodes: Ints) -> Ints:
+    """Return the numbers of the cells (n,), quads first, that have all of these nodes.
+
+    nodes : (m,) node numbers, each once.
+    """
+    has = [np.isin(cells, nodes).sum(axis=1) for cells in (interface.quads, interface.triangles)]
+    return np.flatnonzero(np.concatenate(has) == len(nodes)).astype(np.int32)
+
+
+def cells_along(interface: Interface, edges: Ints) -> Ints:
+    """Return the cell (n_edges,), quads first, that has each edge of a surface.
+
+    edges : (n_edges, 2) node numbers.
+    """
+    quads, triangles = interface.quads, interface.triangles
+    every = np.concatenate([np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2)
+                            for cells in (quads, triangles)])
+    owner = np.concatenate([np.repeat(np.arange(len(quads)), 4), len(quads) + np.repeat(np.arange(len(triangles)), 3)])
+    key, wanted = (np.sort(e, axis=1).astype(np.int64) @ (len(interface.nodes), 1) for e in (every, edges))
+    order = np.argsort(key, kind="stable")
+    return owner[order][np.searchsorted(key[order], wanted)].astype(np.int32)
+
+
+def _of_quads(x: Floats, axisymmetric: bool) -> Floats:
+    """Integrals of N_i dV, (n, 4), of quads with corners x : (n, 4, 2)."""
+    share = np.zeros(x.shape[:2])
+    a, b = np.array([-1, 1, 1, -1]), np.array([-1, -1, 1, 1])
+    for xi, eta in ((i * GAUSS, j * GAUSS) for i in (-1, 1) for j in (-1, 1)):
+        N = (1 + a * xi) * (1 + b * eta) / 4
+        along = np.einsum("i,nik->nk", a * (1 + b * eta) / 4, x)
+        across = np.einsum("i,nik->nk", b * (1 + a * xi) / 4, x)
+        volume = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
+        if axisymmetric:
+            # fault: mean over a cylinder as over a plate -> volume = volume * 1.0 | coupler/test_scenario_probes
+            volume = volume * (x[:, :, 0] @ N)
+        share += volume[:, None] * N
+    return share
+
+
+def _of_triangles(x: Floats, axisymmetric: bool) -> Floats:
+    """Integrals of N_i dV, (n, 3), of triangles with corners x : (n, 3, 2)."""
+    one, two = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    area = (one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / 2
+    r = x[:, :, 0] if axisymmetric else np.ones(x.shape[:2])
+    return np.asarray(area[:, None] * (r + r.sum(axis=1, keepdims=True)) / 12)

@@ -10,9 +10,8 @@ from contact.problem.mechanical import Solution
 from contact.problem.thermal import Method
 from contact.problem.values import did_you_mean
 from coupler.scenario import rule_model
-from coupler.scenario.context import Context
 from coupler.scenario.document import Key
-from coupler.scenario.kinds import OWN
+from coupler.scenario.problems import OWN
 from coupler.scenario.rule_model import (
     Action,
     Drive,
@@ -29,6 +28,7 @@ from coupler.scenario.rule_model import (
 )
 from coupler.scenario.rule_model import Change as NewValue
 from coupler.scenario.rule_schema import ActionSpec, Condition, Conditions, DriveSpec, HalfName, RuleSpec
+from coupler.scenario.scene import Context
 
 # control.method of our own halves (docs/design.md); 0 is the method of the scenario.
 THERMAL_METHODS = {"own": 0} | {method.value: number for number, method in enumerate(Method, start=1)}

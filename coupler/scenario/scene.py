@@ -1,4 +1,4 @@
-"""All bodies in one numbering: the Interface that both halves and the coupler share."""
+"""All bodies in one numbering, the Interface that halves and coupler share; and the scenario while it is checked."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from coupler.scenario.document import Document, DocumentErrors, Key
 from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshedBody, MeshError, file_mesh, rectangle_mesh
 from coupler.scenario.problems import NEAREST
 from coupler.scenario.schema import Geometry, ScenarioFile
+from coupler.scenario.si import ToSI
 
 
 @dataclass(frozen=True)
@@ -163,3 +164,20 @@ def _penalty(document: Document, file: ScenarioFile, name: str, nodes: Floats,
                              "State the penalty as a number [Pa/m].")
     # fault: penalty from the stiffer body -> return max(stiffness) / h | coupler/test_scenario_load
     return min(stiffness) / h
+
+
+# One scenario while it is checked.
+
+@dataclass(frozen=True)
+class Context:
+    """One scenario, checked for its form, in SI and meshed.  found : what is wrong with it so far."""
+
+    document: Document
+    file: ScenarioFile
+    convert: ToSI
+    scene: Scene
+    found: DocumentErrors
+
+    @property
+    def interface(self) -> Interface:
+        return self.scene.interface

@@ -17,17 +17,9 @@ from numpy.typing import NDArray
 
 from coupler.scenario.options import Iteration, OnMax, Scheme, Seen, Tolerance, Tolerances
 from coupler.schemes.acceleration import Memory, Trail, contraction, contractions, next_guess, relaxed, remembered
+from coupler.schemes.levels import Level, exchanged, predicted
 from coupler.schemes.scheme import BOTH_ENDS, CouplingScheme, Exchange, Exchanged, Sees, WindowTask
-from coupler.schemes.state import (
-    NO_WORK,
-    IterationHistory,
-    Level,
-    Solved,
-    Verdict,
-    Work,
-    exchanged,
-    predicted,
-)
+from coupler.schemes.state import NO_WORK, IterationHistory, Solved, Verdict, Work
 from coupler.schemes.sweep import Swept, mechanical_first
 
 # Whether a window's iterates agree: one number a quantity, at most 1 where it does.

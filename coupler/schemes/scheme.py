@@ -1,4 +1,4 @@
-"""What a coupling scheme is: one frozen object that says all there is to know of it.  coupler.schemes.table has them.
+"""What a coupling scheme is: one frozen object that says all there is to know of it.  coupler.schemes.schemes has them.
 
 A scheme says what each half is given of the other in a window, and with it of which order the error of that is:
 
@@ -61,7 +61,7 @@ class Exchange:
 class WindowTask:
     """A window to solve.  halves, state : as they are at its start.
 
-    iteration : of schemes that iterate.  extrapolation : of schemes that extrapolate (coupler.schemes.extrapolation).
+    iteration : of schemes that iterate.  extrapolation : of schemes that extrapolate (coupler.schemes.levels).
     roll_back : puts both halves back to the start of the window; it is told why.
     """
 
@@ -94,7 +94,7 @@ class CouplingScheme:
     frozen_entropy : mechanics step at frozen entropy (`control.mode` 1).
     lacking : thermal half, mechanical half, substeps -> what they lack for this scheme; None: nothing.
     alternating_gain : how often the thermal half sees what alternates from window to window, where that gives the
-        longest stable window (coupler.control.window_limits); None: not known.
+        longest stable window (coupler.control.window_size); None: not known.
     simpler : schemes that an advice tries in its place.
     """
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from coupler.fmu.half import Advance, Half, Status
 from coupler.scenario.options import Scheme
+from coupler.schemes.levels import Level, Slope, between, exchanged, geometry_at
 from coupler.schemes.state import (
     HEATS,
     NO_WORK,
@@ -21,16 +22,11 @@ from coupler.schemes.state import (
     EnergyAccount,
     Halves,
     IterationHistory,
-    Level,
-    Slope,
     Solved,
     Span,
     Verdict,
     Work,
-    between,
     delivered,
-    exchanged,
-    geometry_at,
     share_of,
     with_made,
 )
@@ -85,7 +81,7 @@ class _Call:
 
 
 class Leading(Protocol):
-    """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.along_heat)."""
+    """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.schemes)."""
 
     def seen(self, t0: float, t1: float, stored: Array, rate: Array | None) -> tuple[Array, Array]:
         """Return x (n_nodes, 2) [m] and t_N (n_s,) [Pa] for the substep from t0 to t1 [s].

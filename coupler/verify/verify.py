@@ -13,17 +13,24 @@ from rich.console import Console
 
 from contact.problem.values import did_you_mean
 from coupler.errors import HalfError, ScenarioError
-from coupler.fmu.builders import build_half, known_halves
 from coupler.fmu.description import read_description, unpack
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
-from coupler.init.templates import templates
-from coupler.running.demo import shipped_scenarios
+from coupler.fmu.launch import build_half, known_halves
+from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
-from coupler.verify.behaviour import behaviour_findings
-from coupler.verify.bench import settled
-from coupler.verify.description_checks import description_findings, reference_finding, state_findings
-from coupler.verify.finding import CheckVerdict, Finding, conclusion, failed, passed, table_of
+from coupler.verify.behaviour import behaviour_findings, settled
+from coupler.verify.border import (
+    CheckVerdict,
+    Finding,
+    conclusion,
+    description_findings,
+    failed,
+    passed,
+    reference_finding,
+    state_findings,
+    table_of,
+)
 
 RUNS = "takes substeps"
 

@@ -1,1 +1,1 @@
-"""How materials flow: one file a law, all of them named in catalogue.py."""
+"""How materials flow: hardening, creep, melting; all laws are named in catalogue.py."""

@@ -10,15 +10,10 @@ import numpy as np
 
 from contact.compiled import inner, one_of
 from contact.problem.flow import Plastic
-from mechanical_fmu.laws.creep_norton import NortonLaw
-from mechanical_fmu.laws.creep_power import PowerLaw
-from mechanical_fmu.laws.hardening_linear import LinearLaw
-from mechanical_fmu.laws.hardening_table import TableLaw
-from mechanical_fmu.laws.hardening_voce import VoceLaw
-from mechanical_fmu.laws.kinematic import KinematicLaw
+from mechanical_fmu.laws.creep import NortonLaw, PowerLaw
+from mechanical_fmu.laws.hardening import KinematicLaw, LinearLaw, OverstressLaw, TableLaw, VoceLaw
 from mechanical_fmu.laws.law import CreepLaw, Floats, IsotropicHardening, Point
 from mechanical_fmu.laws.liquid import LiquidLaw
-from mechanical_fmu.laws.overstress import OverstressLaw
 
 HARDENING: tuple[type[IsotropicHardening], ...] = (LinearLaw, VoceLaw, TableLaw)
 CREEP: tuple[type[CreepLaw], ...] = (NortonLaw, PowerLaw)

@@ -16,15 +16,26 @@ import numpy as np
 
 from contact.compiled import inner
 from contact.half.functions import Property
-from mechanical_fmu.laws.kinds import H_BACK, H_CREEP, H_INELASTIC, H_PLASTIC, H_SOLID, H_STRAIN
-from mechanical_fmu.laws.law import Fields, Floats, Point, Points, lowest
+from mechanical_fmu.laws.law import (
+    H_BACK,
+    H_CREEP,
+    H_INELASTIC,
+    H_PLASTIC,
+    H_SOLID,
+    H_STRAIN,
+    Fields,
+    Floats,
+    Point,
+    Points,
+    lowest,
+)
 
 
 @inner
 def solidify(p: Point, h_n: Floats, h: Floats) -> None:
     """Turn h, a copy of h_n, into the history the solid at the end of the step begins it with.
 
-    h_n, h : (15,) history of a melting point (laws/kinds.py), strains [1], backstress [Pa], solid fraction [1].
+    h_n, h : (15,) history of a melting point (laws/law.py), strains [1], backstress [Pa], solid fraction [1].
     """
     f, f_n = p.solid_fraction, h_n[H_SOLID]
     # fault: what solidifies inherits the strain of the liquid -> w = 1.0 | mechanical_fmu/test_points_melting

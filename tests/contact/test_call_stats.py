@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.codec import WireError, decode_record, encode, encode_record
+from contact.codec import encode
 from contact.messages import Project
-from contact.rpc.calls import RECENT, CallStats, Verb, lines
+from contact.records import WireError, decode_record, encode_record
+from contact.rpc.calls import RECENT, CallStats, LinkProtocolError, Verb, lines
 from contact.rpc.client import ZenohLink
-from contact.rpc.link import LinkProtocolError
 from contact.rpc.zenoh_session import close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,8 +7,8 @@ import pytest
 
 from contact.codec import REPLIES, encode
 from contact.messages import Project, Registered
+from contact.rpc.calls import LinkProtocolError, LinkTimeoutError
 from contact.rpc.client import Client
-from contact.rpc.link import LinkProtocolError, LinkTimeoutError
 from contact.rpc.zenoh_session import QueryAnswer
 
 TIMEOUT = QueryAnswer(ok=False, spoken=False, label="", payload=b"Timeout")

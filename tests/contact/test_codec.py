@@ -11,17 +11,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from contact.codec import (
-    ALIGNMENT,
-    REPLIES,
-    REQUESTS,
-    WireError,
-    decode,
-    decode_record,
-    encode,
-    encode_record,
-    kinds_of,
-)
+from contact.codec import REPLIES, REQUESTS, decode, encode, kinds_of
 from contact.messages import (
     WIRE_VERSION,
     Coupling,
@@ -35,6 +25,7 @@ from contact.messages import (
     Traction,
     Tractions,
 )
+from contact.records import ALIGNMENT, WireError, decode_record, encode_record
 
 rng = np.random.default_rng(1)
 I4 = np.arange(6, dtype=np.int32)

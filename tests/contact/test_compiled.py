@@ -41,7 +41,7 @@ def test_a_change_of_a_constant_in_another_file_is_seen(tmp_path):
         return [float(word) for word in done.stdout.split()]
 
     assert answers() == [3.0, 6.0]
-    for file, old, new in (("mechanical_fmu/laws/hardening_linear.py", "return p.yield_stress + ",
+    for file, old, new in (("mechanical_fmu/laws/hardening.py", "return p.yield_stress + ",
                             "return p.yield_stress + 16.0 + "), ("contact/deepest.py", "3.0", "7.0")):
         changed = tmp_path / file
         changed.write_text(changed.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from contact.codec import WireError, decode, decode_record, encode, encode_record, kinds_of
+from contact.codec import decode, encode, kinds_of
+from contact.records import WireError, decode_record, encode_record
 
 Array = NDArray[np.float64]
 

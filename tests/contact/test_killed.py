@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from contact.messages import Registered, Traction, Tractions
+from contact.rpc.calls import ServiceDownError
 from contact.rpc.client import ZenohLink
-from contact.rpc.link import DirectLink, Link, ServiceDownError
+from contact.rpc.link import DirectLink, Link
 from contact.service import ContactService
 
 sys.path.insert(0, str(Path(__file__).parent))

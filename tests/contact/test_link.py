@@ -10,9 +10,16 @@ import numpy as np
 import pytest
 
 from contact.messages import Project, Refused, Registered
-from contact.rpc.calls import CAPACITY, KEEP_ANSWERS, KEEP_CLIENTS, Answered, CallQueue
-from contact.rpc.link import CodecLink, DirectLink, LinkProtocolError, LinkSpecError
-from contact.rpc.open import open_link
+from contact.rpc.calls import (
+    CAPACITY,
+    KEEP_ANSWERS,
+    KEEP_CLIENTS,
+    Answered,
+    CallQueue,
+    LinkProtocolError,
+    LinkSpecError,
+)
+from contact.rpc.link import CodecLink, DirectLink, open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import FakeContact, register

@@ -17,16 +17,9 @@ import pytest
 from contact.codec import REPLIES, REQUESTS, encode
 from contact.messages import Project, Refused, Registered, Traction
 from contact.rpc import zenoh_session
+from contact.rpc.calls import LinkError, LinkProtocolError, LinkSpecError, LinkTimeoutError, ServiceDownError
 from contact.rpc.client import Client, ZenohLink
-from contact.rpc.link import (
-    DirectLink,
-    LinkError,
-    LinkProtocolError,
-    LinkSpecError,
-    LinkTimeoutError,
-    ServiceDownError,
-)
-from contact.rpc.open import open_link
+from contact.rpc.link import DirectLink, open_link
 from contact.rpc.server import Server
 from contact.rpc.zenoh_session import check_loopback, close_session, open_session
 
@@ -240,7 +233,7 @@ def run_script(code: str, *args: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_program_that_forgets_to_close_ends_all_the_same(service):
-    code = ("import sys; from contact.rpc.open import open_link; sys.path.insert(0, sys.argv[2]);"
+    code = ("import sys; from contact.rpc.link import open_link; sys.path.insert(0, sys.argv[2]);"
             "from fake_contact import register; l = open_link(sys.argv[1]); print(l.ask(register()).surfaces)")
     done = run_script(code, f"zenoh:{service.endpoint}/r", str(Path(FAKE).parent))
     assert (done.returncode, done.stdout) == (0, "surfaces-4\n")
@@ -256,8 +249,8 @@ def test_a_server_that_forgets_to_close_ends_all_the_same():
 def test_a_session_is_not_used_after_a_fork(service, link):
     code = """
 import os, sys
-from contact.rpc.link import LinkError
-from contact.rpc.open import open_link
+from contact.rpc.calls import LinkError
+from contact.rpc.link import open_link
 from contact.messages import Project
 import numpy as np
 link = open_link(sys.argv[1])

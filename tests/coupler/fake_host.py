@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from contact.messages import Passes, Project, Register, Registered
-from contact.rpc.link import LinkError
-from contact.rpc.open import open_link
+from contact.rpc.calls import LinkError
+from contact.rpc.link import open_link
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Block, Status
 from coupler.fmu.host import main

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contact.codec import encode_record
+from contact.records import encode_record
 from coupler.fmu.half import Half, Status
 
 TIMES = (0.0, 9000.0, 11000.0, 11300.0, 13000.0)  # s of the sliding blocks: apart, closing, pressed, sliding

@@ -13,7 +13,8 @@ from coupler.control.loop import Plan, windows
 from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.state import CoupledState, EnergyAccount, Level, schedule, share_of, wanted_outputs
+from coupler.schemes.levels import Level
+from coupler.schemes.state import CoupledState, EnergyAccount, schedule, share_of, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf

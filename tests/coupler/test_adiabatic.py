@@ -11,8 +11,9 @@ import pytest
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
 from coupler.scenario.options import Scheme
-from coupler.schemes.adiabatic import with_mode
-from coupler.schemes.state import CoupledState, EnergyAccount, Level
+from coupler.schemes.levels import Level
+from coupler.schemes.schemes import with_mode
+from coupler.schemes.state import CoupledState, EnergyAccount
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

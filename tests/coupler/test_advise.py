@@ -11,11 +11,20 @@ import pytest
 
 from coupler import load_scenario
 from coupler.errors import ScenarioError
-from coupler.experiments.advice_search import variant
 from coupler.experiments.advice_text import advice, misses
-from coupler.experiments.advise import advised, text_of
-from coupler.experiments.findings import Findings, SimplificationTrial, combination_of
-from coupler.experiments.goals import Goal, GoalRequest, compare, goals_of, largest_ratio, parse_goal, worst_probe
+from coupler.experiments.advise import advised, text_of, variant
+from coupler.experiments.findings import (
+    Findings,
+    Goal,
+    GoalRequest,
+    SimplificationTrial,
+    combination_of,
+    compare,
+    goals_of,
+    largest_ratio,
+    parse_goal,
+    worst_probe,
+)
 from coupler.experiments.trial import TrialResult
 from coupler.experiments.variants import (
     Aspect,

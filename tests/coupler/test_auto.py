@@ -25,7 +25,7 @@ from coupler.control.auto import (
     stable_window,
 )
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
-from coupler.schemes.extrapolation import DAMPED, alternating_gain
+from coupler.schemes.levels import DAMPED, alternating_gain
 from coupler.schemes.state import IterationHistory, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -14,7 +14,7 @@ from coupler.errors import ScenarioError
 from coupler.running.setup import plan_of
 from coupler.scenario import load_scenario
 from coupler.scenario.options import Scheme
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import ROOT

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.codec import WireError
+from contact.records import WireError
 from coupler.errors import ResultsError
 from coupler.record import checkpoint as module
 from coupler.record.checkpoint import Checkpoint, Origin, from_bytes, read_checkpoint, to_bytes, write_checkpoint

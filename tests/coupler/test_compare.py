@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 from coupler.cli.cli import app
 from coupler.errors import ResultsError
 from coupler.record.results import Results
-from coupler.report.compare import compare
-from coupler.report.comparison import sentence, write_comparison
+from coupler.report.comparison import compare, sentence, write_comparison
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, write_run

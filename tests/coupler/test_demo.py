@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from coupler.cli.cli import run_demo
 from coupler.errors import ScenarioError
 from coupler.fmu.launch import build_halves
-from coupler.running.demo import SCENARIO, run_demo, shipped_scenarios
+from coupler.init.templates import SCENARIO, shipped_scenarios
 from coupler.scenario import load_scenario
 
 

@@ -22,11 +22,11 @@ from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, halved, solve_once
 from coupler.fmu.half import Block
 from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, Scheme, Tolerance, WindowRange
+from coupler.schemes.levels import Level
 from coupler.schemes.state import (
     Clock,
     CoupledState,
     EnergyAccount,
-    Level,
     Settings,
     Solved,
     Span,

@@ -11,13 +11,22 @@ import numpy as np
 import pytest
 
 from contact.half.interface import Interface, Pair
-from coupler.control.contact_status import SLIPPING, ContactState, PairNodes, changed, contact_status, pair_nodes_of
-from coupler.control.events import NEXT, WORDS, root
+from coupler.control.contact_status import (
+    SLIPPING,
+    ContactState,
+    PairNodes,
+    changed,
+    contact_status,
+    pair_nodes_of,
+    root,
+)
+from coupler.control.events import NEXT, WORDS
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.plan import Locate
 from coupler.fmu.half import Block
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.state import Level, schedule, wanted_outputs
+from coupler.schemes.levels import Level
+from coupler.schemes.state import schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from closing_rod import closing_rod

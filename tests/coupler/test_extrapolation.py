@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from coupler.schemes.extrapolation import alternating_gain, closest, extrapolated_slope, weights
-from coupler.schemes.state import Level, geometry_at
+from coupler.schemes.levels import Level, alternating_gain, closest, extrapolated_slope, geometry_at, weights
 
 UNEVEN = [3.0, 2.0, 0.5]
 

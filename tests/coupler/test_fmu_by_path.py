@@ -10,8 +10,7 @@ import pytest
 
 from coupler import load_scenario, run
 from coupler.errors import HalfError, ScenarioError
-from coupler.fmu.builders import build_half
-from coupler.fmu.launch import build_halves
+from coupler.fmu.launch import build_half, build_halves
 
 BARS = Path(__file__).resolve().parents[2] / "scenarios/heated_bars.yaml"
 

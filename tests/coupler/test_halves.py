@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from coupler.errors import HalfError
-from coupler.fmu.builders import build_half, cache_directory, known_halves
+from coupler.fmu.launch import build_half, cache_directory, known_halves
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "contact"))
 from toy_halves import HALVES, directory, environment
@@ -58,14 +58,14 @@ def test_a_failing_builder_speaks(cache, tmp_path):
 
 
 def test_a_builder_that_does_not_end_is_given_up(cache, tmp_path, monkeypatch):
-    monkeypatch.setattr("coupler.fmu.builders.DEADLINE", 0.01)
+    monkeypatch.setattr("coupler.fmu.launch.DEADLINE", 0.01)
     with pytest.raises(HalfError, match=r"did not end within 0\.01 s"):
         build_half("toy", directory(tmp_path / "a"), cache)
 
 
 def test_two_builders_at_once_end_with_one_fmu(cache, tmp_path):
     directory(tmp_path / "a")
-    code = "import sys; from pathlib import Path; from coupler.fmu.builders import build_half; " \
+    code = "import sys; from pathlib import Path; from coupler.fmu.launch import build_half; " \
            "print(build_half('toy', Path(sys.argv[1]), Path(sys.argv[2])))"
     both = [subprocess.Popen([sys.executable, "-P", "-c", code, str(tmp_path / "a"), str(cache)], text=True,
                              stdout=subprocess.PIPE, env=environment()) for _ in range(2)]

@@ -67,7 +67,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 import psutil
 from test_killed_in_traction import of, start, wait_for
-from contact.rpc.link import ServiceDownError
+from contact.rpc.calls import ServiceDownError
 
 flag, out, number = Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4])
 try:

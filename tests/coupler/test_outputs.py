@@ -20,7 +20,7 @@ from coupler.record.recorder import Recorder
 from coupler.record.results import Results
 from coupler.record.vtkhdf import FieldReader
 from coupler.scenario import Scenario, load_scenario
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent / "contact"))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from coupler.control.plan import Plan
-from coupler.control.window_limits import Feedback, feedback, limits
+from coupler.control.window_size import Feedback, feedback, limits
 from coupler.running.pilot import Prediction, along
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.state import Span, schedule, wanted_outputs

@@ -20,9 +20,9 @@ import pytest
 
 from contact.messages import Project, Registered
 from contact.rpc import zenoh_session
+from contact.rpc.calls import ServiceDownError
 from contact.rpc.client import ZenohLink
-from contact.rpc.link import ServiceDownError
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from coupler.errors import HalfError
 from coupler.fmu.children import ChildError, python, start
 from coupler.fmu.half import Status

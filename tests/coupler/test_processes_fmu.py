@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.codec import decode_record
-from contact.rpc.link import ServiceDownError
+from contact.records import decode_record
+from contact.rpc.calls import ServiceDownError
 from coupler.errors import HalfError
 from coupler.fmu.processes import processes
 from coupler.scenario import load_scenario

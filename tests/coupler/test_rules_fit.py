@@ -10,7 +10,7 @@ import pytest
 from coupler.control.state import ControlState
 from coupler.errors import ScenarioError
 from coupler.fmu.half import Block
-from coupler.rules.fit import unfit
+from coupler.rules.engine import unfit
 from coupler.running.interactive import changed
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_model import Change, Drive, Give, Rule, Stop, Test, When

@@ -64,7 +64,7 @@ def test_a_point_in_a_distorted_quad(tmp_path: Path) -> None:
     """The inverse of the bilinear map, checked by mapping forth again."""
     from dataclasses import replace
 
-    from coupler.scenario.mesh import locate
+    from coupler.scenario.probes import locate
 
     interface = load_text(tmp_path, GOOD).interface
     shift = 0.06 * np.sin(7 * interface.nodes[:, ::-1] + 1)
@@ -94,7 +94,7 @@ def test_a_body_of_bent_cells(tmp_path: Path) -> None:
     """Its mean of r and of z is its centre of volume, here from the outline: exact, as polygons are."""
     from dataclasses import replace
 
-    from coupler.scenario.mesh import body_mean
+    from coupler.scenario.probes import body_mean
 
     interface = load_text(tmp_path, GOOD, {"geometry": "axisymmetric"}).interface
     x = interface.nodes + 0.06 * np.sin(7 * interface.nodes[:, ::-1] + 1)

@@ -28,8 +28,8 @@ from coupler.fmu.half import Block
 from coupler.record.tables import WINDOW_FIELDS
 from coupler.scenario.options import ErrorTolerances, Scheme, Seen, WindowRange
 from coupler.schemes.scheme import CouplingScheme
+from coupler.schemes.schemes import SCHEMES, scheme_of
 from coupler.schemes.state import CoupledState, EnergyAccount, Halves, Settings, Span, schedule, wanted_outputs
-from coupler.schemes.table import SCHEMES, scheme_of
 
 THEORY = (Path(__file__).resolve().parents[2] / "docs" / "theory.md").read_text(encoding="utf-8").splitlines()
 ROWS = [pytest.param(s, level, id=f"{s.name.value}-{level.value}") for s in SCHEMES for level in s.exchange]

@@ -12,7 +12,8 @@ import pytest
 
 from coupler.control.two_cycle import Swing, Watch, note, swung, two_cycles
 from coupler.scenario.options import Scheme
-from coupler.schemes.state import Level, Verdict, geometry_at, predicted
+from coupler.schemes.levels import Level, geometry_at, predicted
+from coupler.schemes.state import Verdict
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from coupler.control.step_size import (
+from coupler.control.window_size import (
     AGAIN,
     AIM,
     GROW,

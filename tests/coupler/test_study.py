@@ -15,11 +15,18 @@ from coupler.errors import ResultsError, ScenarioError
 from coupler.experiments import pool, trial
 from coupler.experiments.grid import grid_of, parse_axis, settings_of
 from coupler.experiments.pool import run_there
-from coupler.experiments.reference import from_file, richardson
 from coupler.experiments.study import StabilityLimit
-from coupler.experiments.study_chart import draw
+from coupler.experiments.study_files import draw
 from coupler.experiments.trial import Job, TrialStore
-from coupler.experiments.work_precision import cheapest, errors_of, pareto_front, point_of, scale_of
+from coupler.experiments.work_precision import (
+    cheapest,
+    errors_of,
+    from_file,
+    pareto_front,
+    point_of,
+    richardson,
+    scale_of,
+)
 from coupler.scenario.options import Scheme
 
 sys.path.insert(0, str(Path(__file__).parent))

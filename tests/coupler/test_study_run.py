@@ -17,10 +17,10 @@ from typer.testing import CliRunner
 from coupler import load_scenario, run
 from coupler.cli.cli import app
 from coupler.errors import ScenarioError
+from coupler.experiments.pool import StudyLine
 from coupler.experiments.study import Study, StudyOptions, conduct
 from coupler.experiments.study_files import write_study
 from coupler.experiments.trial import TrialResult
-from coupler.experiments.trial_lines import StudyLine
 
 sys.path.insert(0, str(Path(__file__).parent))
 from study_scenes import E8, LUMPED

@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 from coupler.cli.cli import app
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.half import Advance, Block, Status
-from coupler.verify.description_checks import description_findings, role_of
-from coupler.verify.finding import CheckVerdict, Finding, conclusion, table_of
+from coupler.verify.border import CheckVerdict, Finding, conclusion, description_findings, role_of, table_of
 from coupler.verify.verify import verify_half
 
 N = 3

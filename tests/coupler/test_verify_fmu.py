@@ -18,7 +18,7 @@ RESTORE = "save and restore to the bit"
 VERIFY = """
 import json, sys, tempfile
 from pathlib import Path
-from coupler.verify.finding import CheckVerdict
+from coupler.verify.border import CheckVerdict
 from coupler.verify.verify import fmu_of, verify_fmu
 
 told = {}

@@ -13,7 +13,7 @@ from contact.half.interface import Interface
 from contact.half.linalg import pattern_of
 from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.laws.catalogue import POINT
-from mechanical_fmu.laws.kinds import PLASTIC
+from mechanical_fmu.laws.law import PLASTIC
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.volume import DeformableMesh, PointStep
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mechanical_fmu.laws.catalogue import POINT
-from mechanical_fmu.laws.kinds import history_size
+from mechanical_fmu.laws.law import history_size
 from mechanical_fmu.material import moduli
 from mechanical_fmu.point import update
 from mechanical_fmu.problem import parse_material

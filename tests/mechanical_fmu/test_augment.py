@@ -12,12 +12,12 @@ import pytest
 
 from contact.half.model import Discard
 from contact.half.state import from_bytes, frozen_copy, to_bytes
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inputs_of
 
-from mechanical_fmu.uzawa import MAX_ROUNDS
+from mechanical_fmu.enforcement import MAX_ROUNDS
 
 TOLERANCE = EXPECTED["C4"]["tolerance"]
 MODULUS, LENGTH, DELTA = STEEL["E"] / (1 - STEEL["nu"] ** 2), 2.0, 5e-7  # two blocks are one bar in plane strain

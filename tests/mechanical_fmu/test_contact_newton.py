@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, blocks, done, elastic, hold, inputs_of
 
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from mechanical_fmu.enforcement import ENFORCEMENTS
 
 ROUND_OFF = 1e-14

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 from contact.half.state import frozen_copy
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, block, blocks, done, elastic, hold, inputs_of, press

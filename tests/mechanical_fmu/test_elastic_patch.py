@@ -11,6 +11,7 @@ import pytest
 
 from contact.half.linalg import pattern_of
 from contact.half.model import Discard
+from mechanical_fmu.advance import predicted
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.newton import SolverSettings, solve
@@ -164,7 +165,7 @@ def test_newton_converges_quadratically():
                                                         press("block.top", 2e9), press("block.right", -1e10)])
     system = half.system
     loading = half._loading(inputs_of(half), 0.0, 1, np.zeros(0), LINK)
-    start = half._predicted(np.zeros((system.volume.n_nodes, 2)), loading)
+    start = predicted(system, np.zeros((system.volume.n_nodes, 2)), loading, tangent=True)
     found = solve(system, loading, start, None, SolverSettings(1e-11))
     r = [e for e in found.history if e > 1e-12][-3:]
     assert found.iterations <= 6

@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, blocks, done, elastic, hold, inputs_of
 
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 
 PRESS = 1e-6  # m, of two blocks of 1 m
 E = 2.0e11

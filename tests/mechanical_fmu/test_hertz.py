@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, NO_CELLS, done, hold, inputs_of, rectangle
 
 from contact.half.interface import Interface, Pair
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from mechanical_fmu.elastic_half import load
 
 R, FINE = 0.05, 5e-5

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mechanical_fmu.laws.kinds import has_skew_tangent, history_size
+from mechanical_fmu.laws.law import has_skew_tangent, history_size
 from mechanical_fmu.point import deviator, update
 
 sys.path.insert(0, str(Path(__file__).parent))

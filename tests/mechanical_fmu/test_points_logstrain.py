@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanical_fmu.strain import log_strain, log_strain_curvature, log_strain_gradient, piola, piola_tangent, shape
+from mechanical_fmu.strain import log_strain_curvature, log_strain_gradient, piola, piola_tangent, shape
 
 RANDOM = np.random.default_rng(7)
 STEP = 1e-5
@@ -31,16 +31,14 @@ STATES = {"undeformed": five(np.eye(2)), "sheared": five([[1.3, 0.4], [-0.2, 0.8
           **{f"{10.0**-k:g} apart": nearly(10.0**-k) for k in (3, 6, 9, 12)}}
 
 
-def strain(F):
-    E = np.empty(4)
-    log_strain(F, E)
-    return E
-
-
 def gradient(F):
     E, L = np.empty(4), np.empty((4, 5))
     log_strain_gradient(F, E, L)
     return E, L
+
+
+def strain(F):
+    return gradient(F)[0]
 
 
 def differences(f, F):
@@ -60,7 +58,6 @@ def test_strain_and_its_derivatives(name):
     F = STATES[name]
     E, L = gradient(F)
     assert np.abs(E - by_eigenvalues(F)).max() <= 1e-14 * max(1.0, np.abs(E).max())
-    assert np.array_equal(E, strain(F))
     assert np.abs(L - differences(strain, F)).max() <= 1e-8 * np.abs(L).max()
     S, H = RANDOM.standard_normal(4), np.empty((5, 5))
     log_strain_curvature(F, S, H)

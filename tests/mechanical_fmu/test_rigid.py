@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.rpc.open import open_link
-from mechanical_fmu.rigid_half import load
+from contact.rpc.link import open_link
+from mechanical_fmu.small_halves import load_rigid
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, blocks, done
@@ -20,7 +20,7 @@ PRESSURE = {"t": [0, 1, 2], "value": [1e6, 1e6, 1e7]}
 
 
 def rigid(interface, **more):
-    return load(interface, {"half": "rigid", "format": 2} | more)
+    return load_rigid(interface, {"half": "rigid", "format": 2} | more)
 
 
 def scene():

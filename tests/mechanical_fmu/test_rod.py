@@ -11,8 +11,8 @@ import pytest
 
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard
-from contact.rpc.open import open_link
-from mechanical_fmu.rod_half import load
+from contact.rpc.link import open_link
+from mechanical_fmu.small_halves import load_rod
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import done
@@ -47,7 +47,7 @@ def spec(**more: Any) -> dict[str, Any]:
 
 
 def answer(interface: Interface, model: dict[str, Any], T: np.ndarray, t: float = 1.0, **given: Any) -> dict[str, Any]:
-    half, link = load(interface, model), open_link("direct")
+    half, link = load_rod(interface, model), open_link("direct")
     T0 = np.full(len(interface.nodes), T_REF)
     start = {"T": T0, **{key: np.zeros(T0.size) for key in given}}
     state, _ = half.start(start, 0.0, link)
@@ -110,7 +110,7 @@ def test_a_modulus_that_is_not_positive_is_a_discard():
     interface = scene()
     model = spec()
     model["materials"]["m"]["E"] = {"polynomial": [1e9, -1e7], "T_ref": 300.0}
-    half, link = load(interface, model), open_link("direct")
+    half, link = load_rod(interface, model), open_link("direct")
     T = np.full(len(interface.nodes), T_REF)
     state, _ = half.start({"T": T}, 0.0, link)
     answered = half.step(state, {"T": T + 200.0}, 0.0, 1.0, link)
@@ -127,13 +127,13 @@ def test_a_modulus_that_is_not_positive_is_a_discard():
 ])
 def test_refusals(change: dict[str, Any], words: str):
     with pytest.raises(ValueError, match=words):
-        load(scene(), spec(**change))
+        load_rod(scene(), spec(**change))
 
 
 def test_ends_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="equal heights"):
-        load(scene(height=0.5 * H), spec())
+        load_rod(scene(height=0.5 * H), spec())
     whole = scene()
     wrong = Interface(**{**vars(whole), "pairs": (Pair("p", "a.bottom", "b.left", 0.01, 0.0),)})
     with pytest.raises(ValueError, match=r"a\.bottom.*is not the left or right end"):
-        load(wrong, spec())
+        load_rod(wrong, spec())

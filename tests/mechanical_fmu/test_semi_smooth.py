@@ -17,7 +17,7 @@ from mechanical_scenes import EXPECTED, STEEL, blocks, done, elastic, hold, inpu
 from contact.half.model import Discard
 from contact.half.state import from_bytes, to_bytes
 from contact.problem.pairs import Settling
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from mechanical_fmu.enforcement import ENFORCEMENTS
 from mechanical_fmu.problem import parse_elastic
 

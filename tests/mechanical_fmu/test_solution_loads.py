@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import STEEL, NoLink, block, blocks, done, elastic, hold, inputs_of, press

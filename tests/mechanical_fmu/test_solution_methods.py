@@ -11,7 +11,7 @@ import pytest
 
 from contact.half.model import Discard
 from contact.half.state import from_bytes, frozen_copy, to_bytes
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, blocks, done, elastic, hold, inputs_of, press

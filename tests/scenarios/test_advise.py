@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.experiments.advice_search import FULL_MODEL
-from coupler.experiments.advise import Advice, AdviceOptions, advise
+from coupler.experiments.advise import FULL_MODEL, Advice, AdviceOptions, advise
 from coupler.experiments.variants import RIGID_REST
 
 sys.path.insert(0, str(Path(__file__).parent))

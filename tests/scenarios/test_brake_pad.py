@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.report.compare import compare
+from coupler.report.comparison import compare
 
 ROOT = Path(__file__).resolve().parents[2]
 D10 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["D10"]

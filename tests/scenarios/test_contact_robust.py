@@ -21,7 +21,7 @@ from contact_scenes import EXPECTED, mirrored, passes, push, renumbered, scene
 from mechanical_scenes import STEEL, blocks, done, hold, inputs_of
 
 from contact.messages import Floats, Register, Tractions
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from mechanical_fmu.elastic_half import load
 
 CLOSE = 1e-9

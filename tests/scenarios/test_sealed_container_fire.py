@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from coupler import Results, load_scenario, run
-from coupler.report.compare import compare
-from coupler.report.comparison import sentence
+from coupler.report.comparison import compare, sentence
 
 SCENE = Path(__file__).resolve().parents[2] / "scenarios/sealed_container_fire.yaml"
 # The fire is out at 1200 s, the air cold at 1260 s, the gap at its widest at 1350 s; what follows is cooling.

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from coupler import load_scenario
 from coupler.cli.cli import app
-from coupler.control.window_limits import limits
+from coupler.control.window_size import limits
 from coupler.running.pilot import pilot
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from coupler.control.two_cycle import two_cycles
 from coupler.scenario.options import Acceleration, OnMax, Scheme, Seen, Tolerance
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))

@@ -12,7 +12,7 @@ import pytest
 from contact.half.interface import Interface, Pair
 from contact.half.model import Done
 from contact.half.state import from_bytes, to_bytes
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from thermal_fmu.stations.half import load_lumped
 
 sys.path.insert(0, str(Path(__file__).parent))

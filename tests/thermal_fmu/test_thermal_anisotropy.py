@@ -16,9 +16,9 @@ from contact.half.interface import Pair
 from contact.half.model import Done
 from thermal_fmu.half import contact_at, load
 from thermal_fmu.methods import METHODS
+from thermal_fmu.newton import StageProblem, balance
 from thermal_fmu.scene import freeze
 from thermal_fmu.sources import loads_at
-from thermal_fmu.stage import StageProblem, balance
 
 ANGLE = 0.6
 SKEW = {"k_1": 40.0, "k_2": 5.0, "angle": ANGLE, "turns": False}

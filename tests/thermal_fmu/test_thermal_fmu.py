@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler.fmu.builders import build_half
+from coupler.fmu.launch import build_half
 from coupler.scenario import Scenario, load_scenario
 
 HERE = Path(__file__).parent

@@ -14,9 +14,9 @@ from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, run
 from contact.half.interface import Pair
 from thermal_fmu.half import contact_at, load
 from thermal_fmu.methods import METHODS
+from thermal_fmu.newton import StageProblem, balance
 from thermal_fmu.scene import freeze
 from thermal_fmu.sources import loads_at
-from thermal_fmu.stage import StageProblem, balance
 
 PEAK = {"T": [0, 395, 398, 400, 402, 405, 1000], "value": [900, 900, 950, 60000, 950, 900, 900], "form": "cubic"}
 QUADRATIC = {"polynomial": [800.0, 0.5, 2e-3]}

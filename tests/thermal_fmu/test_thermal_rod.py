@@ -13,7 +13,7 @@ import pytest
 from contact.half.interface import Interface, Pair
 from contact.half.model import Discard, Done
 from contact.half.state import from_bytes, to_bytes
-from contact.rpc.open import open_link
+from contact.rpc.link import open_link
 from thermal_fmu.half import load as load_plane
 from thermal_fmu.stations.half import load_rod
 

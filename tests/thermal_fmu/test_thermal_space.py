@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, run, scene, spec
 
-from contact.half.quadrature import table_of
+from contact.half.functions import table_of
 
 SIDES = ("left", "right", "bottom", "top")
 

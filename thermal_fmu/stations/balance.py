@@ -9,21 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import TERMS, BoundaryHeat, boundary_flow, demand_limits
+from thermal_fmu.boundary import TERMS, BoundaryHeat, Heat, boundary_flow, demand_limits, inflow_outflow
 from thermal_fmu.cells import BadPropertyError
-from thermal_fmu.heat import Heat, inflow_outflow
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Stage, TimeMethod
 from thermal_fmu.newton import (
-    BLUR_FACTOR,
-    BLURRED_TOLERANCE,
-    LEAST_BLUR,
     MAX_CLIMBS,
     MAX_ITERATIONS,
-    MAX_RETREATS,
     ROUND_OFF,
     STAGE_TOLERANCE,
     NotConvergedError,
     descend,
+    phase_continuation,
 )
 from thermal_fmu.phase_change import Melting, NodalFields, temperature
 from thermal_fmu.problem import ThermalBody
@@ -59,7 +55,7 @@ class StationProblem:
     """Find s with  E(s) - E(s_n) = dt (sum_j a_j F_j + a f(T_n + theta (T(s) - T_n))).
 
     s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
-    earlier : (n,) dt sum_j a_j F_j [J].  blur : as in thermal_fmu/stage.py.
+    earlier : (n,) dt sum_j a_j F_j [J].  blur : as in thermal_fmu/newton.py.
     """
 
     substep: StationSubstep
@@ -268,21 +264,8 @@ def _melting_strategies(problem: StationProblem, s: Floats, tolerance: float) ->
 
 
 def _phase_continuation(problem: StationProblem, s: Floats, tolerance: float, limits: NewtonLimits) -> SolvedStations:
-    blur, sharper, done, spent, retreats = 1.0, BLUR_FACTOR, 1.0, 0, 0
-    while True:
-        try:
-            solved = _newton(replace(problem, blur=blur), s, tolerance if blur == 0.0 else BLURRED_TOLERANCE, limits)
-        except NotConvergedError:
-            if blur == 1.0 or retreats == MAX_RETREATS:
-                raise
-            sharper, retreats = sharper**0.5, retreats + 1
-            blur = max(done, LEAST_BLUR) * sharper
-            continue
-        spent += solved.iterations
-        if blur == 0.0:
-            return replace(solved, iterations=spent)
-        s, done = solved.s, blur
-        blur = blur * sharper if blur * sharper >= LEAST_BLUR else 0.0
+    return phase_continuation(lambda blur, last, goal: _newton(
+        replace(problem, blur=blur), s if last is None else last.s, goal, limits), tolerance)
 
 
 def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: NewtonLimits) -> SolvedStations:

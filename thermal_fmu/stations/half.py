@@ -14,9 +14,9 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
+from thermal_fmu.boundary import Heat, no_heat
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError
 from thermal_fmu.half import contact_at, face_variables, whole
-from thermal_fmu.heat import Heat, no_heat
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.problem import parse_model

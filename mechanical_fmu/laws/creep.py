@@ -1,4 +1,4 @@
-"""Norton's creep, de_c/dt = A q^n exp(-Q/(R T)), over one step, fully implicit, at any length of step.
+"""Creep, Norton's de_c/dt = A q^n exp(-Q/(R T)), over one step, fully implicit, at any length of step.
 
 The creep equivalent strain grows at A q^n, A = exp(creep_log_factor).  Over a step from the trial stress Q, with q at
 its end:
@@ -84,3 +84,27 @@ class NortonLaw(CreepLaw):
         if (self.A(T) < 0.0).any():
             return f"the creep factor A is {lowest(self.A(T), T)}"
         return "its creep needs temperatures above 0 K" if self.Q and (T <= 0.0).any() else ""
+
+
+# Superplastic flow, q = K (de_c/dt)^m: Norton's law stated from the stress's side, A = K^(-1/m) and n = 1/m.
+
+@dataclass(frozen=True)
+class PowerLaw(CreepLaw):
+    """q = K (de_c/dt)^m, K : [Pa s^m], 0 < m <= 1.  heat : fraction of its work that becomes heat."""
+
+    K: Property
+    m: float
+    heat: float = 1.0
+
+    FIELDS: ClassVar[Fields] = NortonLaw.FIELDS
+    KERNELS: ClassVar = NortonLaw.KERNELS
+
+    def fill(self, p: Points, T: Floats) -> None:
+        """Fill the FIELDS of p : (n,) at T : (n,) [K]."""
+        p["creep_log_factor"], p["creep_exponent"] = -np.log(self.K(T)) / self.m, 1.0 / self.m
+        p["creep_heat"] = self.heat
+
+    def refusal(self, T: Floats) -> str:
+        """Say what is wrong with the law at T : (n,) [K], or ""."""
+        low = self.K(T)
+        return f"the factor K of its flow is {lowest(low, T)}" if (low <= 0.0).any() else ""
