@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
 Array = NDArray[np.float64]

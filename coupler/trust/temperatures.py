@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import Field, Profile, field_from
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
 Array = NDArray[np.float64]

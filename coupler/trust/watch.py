@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from contact.half.interface import Interface
-from coupler.schemes.state import Level, imbalance
+from coupler.schemes.levels import Level
+from coupler.schemes.state import imbalance
 from coupler.trust import passing, rhythm, temperatures
 from coupler.trust.checks import Check, measured
 

@@ -18,7 +18,7 @@ from contact.half.interface import Interface
 from coupler import CouplingError, HalfError, Results, Run, ScenarioError
 from coupler.record.tables import ERROR_FIELDS
 from coupler.scenario import Scenario
-from coupler.schemes.state import Level
+from coupler.schemes.levels import Level
 from coupler.trust.checks import told as told_checks
 from random_scenes.direct_half import without_fmus
 from random_scenes.scene import Scene
