@@ -126,7 +126,8 @@ def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Leve
     scale = sum(abs(v) for v in terms.values())
     heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]
     # A half that keeps no ledger may make heat that is not told.
-    both = adiabatic or not data.known or not terms or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
+    untold = not data.known or not terms
+    both = untold or adiabatic or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
     # A flux may enter here and leave there: its sum has one sign, its parts may not.
     mixed = any(n.removeprefix("heat.") == "flux" and v for n, v in terms.items())
     made = log.made or both or mixed or any(v > 0.0 for v in heats)
@@ -152,7 +153,8 @@ def check(log: TemperatureLog, where: str) -> Check:
     if not log.least > 0.0:
         return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K", log.t, f"the lowest is {log.least:.6g} K", remedy)
     if log.made and log.taken:
-        return Check(NAME, TrustVerdict.UNCHECKED, what="heat is made and taken away inside, or by a flux, or it is not told")
+        return Check(NAME, TrustVerdict.UNCHECKED,
+                     what="heat is made and taken away inside, or by a flux, or it is not told")
     side = "below the lowest" if log.excess < 0.0 else "above the highest"
     what = (f"{where} is {abs(log.excess):.3g} K {side} of the data ({log.low:.6g} to {log.high:.6g} K) at "
             f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: undershoot or overshoot that no physics makes")
