@@ -102,7 +102,7 @@ def corners(draw: DrawFn, size: float, gap: float) -> Layout:
     """A block on a floor and beside a wall: its corner belongs to two pairs."""
     thick = rounded(0.4 * size)
     n = draw(one_of(4, 2, 8))
-    free_wall = draw(one_of(0, gap))  # it touches the wall, or nearly
+    free_wall = draw(one_of(0, gap, 1e-5 * size, 1e-3 * size))  # it touches the wall, or nearly
     recipes: dict[str, Doc] = {
         "floor": {"patch": [[0, -thick], [size, -thick], [size, 0], [0, 0]], "cells": [draw(one_of(n, n + 1)), 2]},
         "wall": {"patch": [[-thick, 0], [0, 0], [0, size], [-thick, size]], "cells": [2, draw(one_of(n, n + 1))]},
@@ -214,9 +214,13 @@ def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: floa
     if layout.driven not in layout.hold:
         how = draw(one_of("moved", "moved", "moved", "pressed"))
         if layout.kind == "rings":
-            how = draw(one_of("moved", "pressure"))
-            boundary.append({"on": layout.drive_on, "u_x": 0, "u_y": 0} if how == "moved" else
+            how = draw(one_of("still", "still", "moved", "pressure"))
+            boundary.append({"on": layout.drive_on, "u_x": 0, "u_y": 0} if how == "still" else
+                            {"on": layout.drive_on, "u_x": u_x, "u_y": u_y} if how == "moved" else
                             {"on": layout.drive_on, "pressure": draw(courses(end, 0.0, stiff * 1e-4))})
+            if layout.geometry == "axisymmetric":
+                boundary[-1] = boundary[-1] if how == "pressure" else _axial(boundary[-1])
+                boundary += _symmetry(layout) if how == "still" else []
             if how == "pressure":
                 boundary += _symmetry(layout)
         elif how == "moved" and layout.geometry == "plane" and draw(one_in(5)):

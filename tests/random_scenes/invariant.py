@@ -34,12 +34,14 @@ class Invariant:
     check : the scene, its story (completed) and a generator of random numbers -> what does not hold.  It may run
     changed scenes (story.told); the same numbers give the same answer.
     runs : about how many scenes a check runs; those that run none are checked in every scene.
+    weight : how often it is drawn where it applies; a law that few scenes can break is drawn more often.
     """
 
     name: str
     applies: Callable[[Scene], bool]
     check: Callable[[Scene, Story, np.random.Generator], Sequence[Finding]]
     runs: int = 1
+    weight: float = 1.0
 
     def __str__(self) -> str:
         return self.name

@@ -234,7 +234,7 @@ def _several(scene: Scene) -> bool:
     return any(pair.get("conduction") for pair in scene.pairs.values())
 
 
-OPEN = Invariant("what is open does not press", _several, _open_does_not_press)
+OPEN = Invariant("what is open does not press", _several, _open_does_not_press, weight=4.0)
 """A pair whose sides never meet, by their coordinates, conducts by its `open` law only: with any other `closed` law the
 scene is the same to round-off.  Red where a node of two pairs lends the pressure of the one to the other.
 """

@@ -76,7 +76,12 @@ def drawn(scene: Scene, rng: np.random.Generator) -> list[Invariant]:
         if i.runs:
             families.setdefault(i.name.partition(":")[0], []).append(i)
     laws = list(families.values())
-    picked = [laws[k][rng.integers(len(laws[k]))] for k in rng.permutation(len(laws))[:DRAWN]]
+    weights = np.array([max(i.weight for i in family) for family in laws])
+    picked = []
+    if laws:
+        for k in rng.choice(len(laws), min(DRAWN, len(laws)), replace=False, p=weights / weights.sum()):
+            own = np.array([i.weight for i in laws[k]])
+            picked.append(laws[k][rng.choice(len(own), p=own / own.sum())])
     return [i for i in fit if not i.runs] + picked
 
 
