@@ -78,10 +78,13 @@ class ContactPoints:
     """Contact quadrature points with the pressure between them.
 
     nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions [1].
-    gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange;
-    area_s, area_m : (n_p,) [m2] the piece as either side measures it.  pair, slave_edge, master_edge : (n_p,) as
-    registered.  from_master : (n_p,) True where a second pass searched the point from the master; None where none does.
-    Slave and master are those of the pair all the same.
+    gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange where
+    closed, measured on the side searched from; open_area : (n_p,) [m2] that of the gas between the two sides.
+    area_s, area_m : (n_p,) [m2] the piece as either side measures it, spread over its points so that shape functions
+    are integrated exactly; end_s, end_m : (n_p,) [m2] the same two areas, spread as on the side searched from, where
+    the piece is apart, else `area`.  pair, slave_edge, master_edge : (n_p,) as registered.  from_master : (n_p,) True
+    where a second pass searched the point from the master; None where none does.  Slave and master are those of the
+    pair all the same.
     """
 
     nodes: Ints
@@ -90,8 +93,11 @@ class ContactPoints:
     gap: Floats
     p: Floats
     area: Floats
+    open_area: Floats
     area_s: Floats
     area_m: Floats
+    end_s: Floats
+    end_m: Floats
     pair: Ints
     slave_edge: Ints
     master_edge: Ints
@@ -106,11 +112,11 @@ class ContactPoints:
         return np.where(other, self.nodes[:, 2:], self.nodes[:, :2]), np.where(other, self.N_m, self.N_s)
 
 
-def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> ContactPoints:
-    """Give each contact quadrature point its pressure from nodal tractions t_N : (n_s,) [Pa], <= 0.
+def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Floats) -> ContactPoints:
+    """Give each contact quadrature point its pressure and its areas.
 
-    They are linear along the edge searched from.  A positive gap under pressure is read as no gap (touching means p_N >
-    0).
+    t_N : (n_s,) nodal tractions [Pa], <= 0, linear along the edge searched from.  x : (n_nodes, 2) [m], where facing
+    was found.  A positive gap under pressure is read as no gap (touching means p_N > 0).
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
@@ -119,7 +125,10 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Co
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair,
+    mean, end = gap_areas(surfaces, facing, nodes, N_s, N_m, x)
+    apart = gap > 0.0
+    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, np.where(apart, mean, facing.area), facing.area,
+                           facing.area_m, facing.area, np.where(apart, end, facing.area), facing.pair,
                            facing.slave_edge, facing.master_edge)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
@@ -164,7 +173,49 @@ def _by_pair_sides(points: ContactPoints, exchanged: NDArray[np.bool_]) -> Conta
 
     N_s, N_m = sides(points.N_s, points.N_m)
     area_s, area_m = sides(points.area_s, points.area_m)
+    end_s, end_m = sides(points.end_s, points.end_m)
     slave_edge, master_edge = sides(points.slave_edge, points.master_edge)
     nodes = np.concatenate(sides(points.nodes[:, :2], points.nodes[:, 2:]), axis=1)
-    return replace(points, nodes=nodes, N_s=N_s, N_m=N_m, area_s=area_s, area_m=area_m, slave_edge=slave_edge,
-                   master_edge=master_edge, from_master=exchanged)
+    return replace(points, nodes=nodes, N_s=N_s, N_m=N_m, area_s=area_s, area_m=area_m, end_s=end_s, end_m=end_m,
+                   slave_edge=slave_edge, master_edge=master_edge, from_master=exchanged)
+
+
+# The area of a gas layer between curved sides
+
+def gap_areas(surfaces: ContactSurfaces, facing: Facing, nodes: Ints, N_s: Floats, N_m: Floats,
+              x: Floats) -> tuple[Floats, Floats]:
+    """Return (n_p,) the area a gas layer conducts through, and (n_p,) the area at the master's end of the rays [m2].
+
+    nodes : (n_p, 4), slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) [1].  x : (n_nodes, 2) [m].
+    Along the rays of a piece, s = 0 on the slave to 1 on the master, the area is A (1 + s (r_1 - 1)) (1 + s (r_2 - 1))
+    with the stretches r_1 in the plane and r_2 around the axis.  Layers in a row: the mean is
+    A / int_0^1 ds/((1 + s (r_1 - 1)) (1 + s (r_2 - 1))) = A (r_1 - r_2)/ln(r_1/r_2), the logarithmic mean of both
+    areas for cylinders (r_2 = 1), the geometric one for spheres (r_1 = r_2), the same from either side (Incropera &
+    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).  Both stretches are those of whole pieces, whose lengths and
+    radii both sides measured: so they have a limit at the axis.
+    """
+    A, M = _piece_sums(facing.area), _piece_sums(facing.area_m)
+    whole = np.divide(M, A, out=np.ones(A.size), where=A > 0.0)
+    r_2 = np.ones(A.size)
+    if surfaces.interface.axisymmetric:
+        R_s, R_m = (_piece_sums((N * x[at, 0]).sum(axis=1)) for N, at in ((N_s, nodes[:, :2]), (N_m, nodes[:, 2:])))
+        r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
+    # A point of `form: nodes` is measured on the slave alone.
+    by_node = np.array([pair.by_node for pair in surfaces.interface.pairs])[facing.pair]
+    # fault: heat across a gap by the area of the slave alone -> mean = np.ones(A.size) |
+    #   thermal_fmu/test_thermal_gap_area
+    mean = np.where(by_node, 1.0, logarithmic_mean(whole / r_2, r_2))
+    return facing.area * mean, facing.area * np.where(by_node, 1.0, whole)
+
+
+def _piece_sums(values: Floats) -> Floats:
+    """Return (n_p,) the sum over the two points of each piece, which are neighbours, at both of them."""
+    return np.repeat(values.reshape(-1, 2).sum(axis=1), 2)
+
+
+def logarithmic_mean(a: Floats, b: Floats) -> Floats:
+    """Return (a - b)/ln(a/b), (n,), of a, b : (n,) >= 0 in one unit; a where they are equal, 0 where one is 0."""
+    total = a + b
+    z = np.divide(a - b, total, out=np.zeros(a.size), where=total > 0.0)
+    with np.errstate(divide="ignore"):  # one is 0
+        return 0.5 * total * np.divide(z, np.arctanh(z), out=np.ones(a.size), where=z != 0.0)
