@@ -191,21 +191,48 @@ def gap_areas(surfaces: ContactSurfaces, facing: Facing, nodes: Ints, N_s: Float
     with the stretches r_1 in the plane and r_2 around the axis.  Layers in a row: the mean is
     A / int_0^1 ds/((1 + s (r_1 - 1)) (1 + s (r_2 - 1))) = A (r_1 - r_2)/ln(r_1/r_2), the logarithmic mean of both
     areas for cylinders (r_2 = 1), the geometric one for spheres (r_1 = r_2), the same from either side (Incropera &
-    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).  Both stretches are those of whole pieces, whose lengths and
-    radii both sides measured: so they have a limit at the axis.
+    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).
+    """
+    r_1, r_2 = _stretches(facing, N_s, N_m, x[nodes], surfaces.interface.axisymmetric)
+    nodal = np.array([pair.by_node for pair in surfaces.interface.pairs])[facing.pair]
+    if nodal.any():
+        r_1[nodal] = _stretch_at_nodes(facing, np.flatnonzero(nodal), N_s, N_m, x[nodes])
+    # fault: heat across a gap by the area of the slave alone -> mean = np.ones(r_1.size) |
+    #   thermal_fmu/test_thermal_gap_area
+    mean = logarithmic_mean(r_1, r_2)
+    return facing.area * mean, facing.area * r_1 * r_2
+
+
+def _stretches(facing: Facing, N_s: Floats, N_m: Floats, x: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
+    """Return (n_p,) stretches in the plane and around the axis [1] of the piece of each point, 1 where it has no area.
+
+    N_s, N_m : (n_p, 2) [1].  x : (n_p, 4, 2) of the nodes of both edges [m].  Lengths and radii are those of whole
+    pieces, as both sides measured them: so the stretches have a limit at the axis.
     """
     A, M = _piece_sums(facing.area), _piece_sums(facing.area_m)
     whole = np.divide(M, A, out=np.ones(A.size), where=A > 0.0)
     r_2 = np.ones(A.size)
-    if surfaces.interface.axisymmetric:
-        R_s, R_m = (_piece_sums((N * x[at, 0]).sum(axis=1)) for N, at in ((N_s, nodes[:, :2]), (N_m, nodes[:, 2:])))
+    if axisymmetric:
+        R_s, R_m = (_piece_sums((N * r).sum(axis=1)) for N, r in ((N_s, x[:, :2, 0]), (N_m, x[:, 2:, 0])))
         r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
-    # A point of `form: nodes` is measured on the slave alone.
-    by_node = np.array([pair.by_node for pair in surfaces.interface.pairs])[facing.pair]
-    # fault: heat across a gap by the area of the slave alone -> mean = np.ones(A.size) |
-    #   thermal_fmu/test_thermal_gap_area
-    mean = np.where(by_node, 1.0, logarithmic_mean(whole / r_2, r_2))
-    return facing.area * mean, facing.area * np.where(by_node, 1.0, whole)
+    return whole / r_2, r_2
+
+
+def _stretch_at_nodes(facing: Facing, rows: NDArray[np.intp], N_s: Floats, N_m: Floats, x: Floats) -> Floats:
+    """Return (n_rows,) the stretch in the plane [1] at rows, points of `form: nodes`: that of their slave edge.
+
+    N_s, N_m : (n_p, 2) [1].  x : (n_p, 4, 2) of the nodes of both edges [m].  The edge's two points, two rows each,
+    face what lies so far apart; where only one of them faces something it is 1.
+    """
+    on_s, on_m = (np.einsum("pi,pij->pj", N[rows], at[rows]) for N, at in ((N_s, x[:, :2]), (N_m, x[:, 2:])))
+    edge, pair = facing.slave_edge[rows], facing.pair[rows]
+    at = np.arange(0, len(rows) - 2, 2)
+    at = at[(edge[at] == edge[at + 2]) & (pair[at] == pair[at + 2])]
+    length_s, length_m = (np.linalg.norm(on[at + 2] - on[at], axis=1) for on in (on_s, on_m))
+    out = np.ones(len(rows))
+    for row in range(4):
+        out[at + row] = length_m / length_s
+    return out
 
 
 def _piece_sums(values: Floats) -> Floats:

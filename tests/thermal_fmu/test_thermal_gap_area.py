@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, run
+from thermal_scenes import EXPECTED, inputs_of, run
 
+from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
-from thermal_fmu.contact_quadrature import logarithmic_mean
+from thermal_fmu.contact_quadrature import contact_points, logarithmic_mean
+from thermal_fmu.stations.half import load_lumped
 
 SIGMA = 5.670374419e-8
 CELLS = 16  # a quarter
@@ -112,6 +114,40 @@ def test_meshes_that_do_not_match_agree_from_either_side(geometry, cells):
     near.append(heat_outwards(between(0.1, 0.2, "out", geometry, cells, two_pass=True), {"radiation": {}},
                               "near_radiation"))
     assert np.ptp(near) < 2e-3 * near[0]
+
+
+@pytest.mark.parametrize("slave", SLAVES)
+@pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
+def test_one_point_a_node(geometry, slave):
+    """`form: nodes` measures the stretch of an edge where its two nodes' rays meet the other side."""
+    mesh = between(0.1, 0.2, slave, geometry, _cells(geometry), by_node=True)
+    wanted = exact(0.1, 0.2, geometry)
+    assert heat_outwards(mesh, {"conduction": GAP}, "gap") == pytest.approx(wanted[0], rel=5e-3)
+    assert heat_outwards(mesh, {"radiation": {}}, "near_radiation") == pytest.approx(wanted[1], rel=5e-3)
+
+
+@pytest.mark.parametrize("slave", SLAVES)
+def test_lumped_bodies_see_the_same_area(slave):
+    """Bodies too heavy to change their temperature in a second."""
+    mesh, link = between(0.1, 0.2, slave, "axisymmetric", _cells("axisymmetric")), DirectLink(ContactService().handle)
+    half = load_lumped(mesh, {
+        "half": "lumped", "format": 2, "materials": {"m": {"rho": 1e12, "k": 1.0, "c": 1.0}}, "boundary": [],
+        "bodies": {"in": {"material": "m", "T0": HOT}, "out": {"material": "m", "T0": COLD}},
+        "pairs": {"gap": {"conduction": GAP}}})
+    inputs = inputs_of(mesh, half)
+    done = half.step(half.start(inputs, 0.0, link)[0], inputs, 0.0, 1.0, link)
+    heat = done.outputs["heat.gap.master" if slave == "in" else "heat.gap.slave"]
+    assert heat == pytest.approx(heat_outwards(mesh, {"conduction": GAP}, "gap"), rel=1e-8)
+
+
+def test_closed_contact_keeps_the_area_it_is_searched_from():
+    mesh = between(0.1, 0.2, "in", "axisymmetric", _cells("axisymmetric"))
+    surfaces = ContactSurfaces(mesh)
+    facing = surfaces.facing(DirectLink(ContactService().handle), mesh.nodes)
+    pressed = contact_points(surfaces, facing, np.full(len(mesh.contact_nodes), -1e6), mesh.nodes)
+    assert (pressed.p > 0.0).all()
+    for area in (pressed.area, pressed.open_area, pressed.end_s, pressed.end_m):
+        assert (area == facing.area).all()
 
 
 def test_the_logarithmic_mean():
