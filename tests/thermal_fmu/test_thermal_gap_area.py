@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, inputs_of, run
+from thermal_scenes import EXPECTED, Box, inputs_of, run, scene
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface, Pair
@@ -22,7 +22,7 @@ SIGMA = 5.670374419e-8
 CELLS = 16  # a quarter
 K, HOT, COLD = 0.03, 500.0, 300.0
 EPS_IN, EPS_OUT = 0.8, 0.3
-GAP = {"closed": {"law": "constant", "h": 1.0}, "open": {"law": "gas", "k_g": K, "g_m": 1e-12}}
+GAP = {"closed": {"law": "constant", "h": 1.0}, "open": {"law": "gas", "k_g": K, "g_m": 0.0}}
 SLAVES = ("in", "out")
 
 
@@ -114,6 +114,21 @@ def test_meshes_that_do_not_match_agree_from_either_side(geometry, cells):
     near.append(heat_outwards(between(0.1, 0.2, "out", geometry, cells, two_pass=True), {"radiation": {}},
                               "near_radiation"))
     assert np.ptp(near) < 2e-3 * near[0]
+
+
+@pytest.mark.parametrize("side", ["inner", "outer"])
+def test_a_straight_can_has_its_closed_form(side):
+    """Walls along the axis, 50 and 51 mm: only the radii differ."""
+    pair = ("can.right", "wall.left") if side == "inner" else ("wall.left", "can.right")
+    mesh = scene(Box(0.04, 0.05, 0.0, 0.1, 1, 5), Box(0.051, 0.06, 0.0, 0.1, 1, 7), geometry="axisymmetric",
+                 names=("can", "wall"), pairs=(Pair("gap", *pair, 0.01, 1e9),))
+    held = [{"on": f"{b}.{s}", "temperature": T} for b, T in (("can", HOT), ("wall", COLD)) for s in ("left", "right")]
+    model = {"half": "thermal", "format": 2, "method": "steady", "materials": {"m": {"rho": 1.0, "k": 1.0, "c": 1.0}},
+             "bodies": {"can": {"material": "m", "T0": HOT}, "wall": {"material": "m", "T0": COLD}},
+             "boundary": held, "pairs": {"gap": {"conduction": GAP}}}
+    out = run(mesh, model, 1.0, 1, DirectLink(ContactService().handle)).outputs[-1]
+    heat = out["heat.gap.master" if side == "inner" else "heat.gap.slave"]
+    assert heat == pytest.approx(2.0 * np.pi * 0.1 * K / np.log(51.0 / 50.0) * (HOT - COLD), rel=1e-10)
 
 
 @pytest.mark.parametrize("slave", SLAVES)
