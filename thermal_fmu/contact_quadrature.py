@@ -214,6 +214,7 @@ def _stretches(facing: Facing, N_s: Floats, N_m: Floats, x: Floats, axisymmetric
     r_2 = np.ones(A.size)
     if axisymmetric:
         R_s, R_m = (_piece_sums((N * r).sum(axis=1)) for N, r in ((N_s, x[:, :2, 0]), (N_m, x[:, 2:, 0])))
+        # fault: gaps do not widen around the axis -> r_2 = 1.0 * r_2 | thermal_fmu/test_thermal_gap_area
         r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
     return whole / r_2, r_2
 

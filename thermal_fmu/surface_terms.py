@@ -134,6 +134,8 @@ def radiation_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None])
         at = np.flatnonzero((points.pair == pair) & (weight > 0.0))
         if at.size:
             end_s, end_m = points.end_s[at], points.end_m[at]
+            # fault: near radiation by the area of the slave alone -> small, end_m = end_s, end_s |
+            #   thermal_fmu/test_thermal_gap_area
             small = np.minimum(end_s, end_m)
             part_s, part_m = (np.divide(small, end, out=np.ones(at.size), where=end > 0.0) for end in (end_s, end_m))
             groups.append(RadiationGroup(laws.emissivities, points.nodes[at], points.N_s[at], points.N_m[at],
