@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
+from contact.half.gap_area import gap_areas
 from contact.half.linalg import Pattern
 from contact.messages import Facing
 
@@ -125,7 +126,7 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    mean, end = gap_areas(surfaces, facing, nodes, N_s, N_m, x)
+    mean, end = gap_areas(surfaces.interface, surfaces.edges, facing, x)
     apart = gap > 0.0
     points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, np.where(apart, mean, facing.area), facing.area,
                            facing.area_m, facing.area, np.where(apart, end, facing.area), facing.pair,
@@ -178,72 +179,3 @@ def _by_pair_sides(points: ContactPoints, exchanged: NDArray[np.bool_]) -> Conta
     nodes = np.concatenate(sides(points.nodes[:, :2], points.nodes[:, 2:]), axis=1)
     return replace(points, nodes=nodes, N_s=N_s, N_m=N_m, area_s=area_s, area_m=area_m, end_s=end_s, end_m=end_m,
                    slave_edge=slave_edge, master_edge=master_edge, from_master=exchanged)
-
-
-# The area of a gas layer between curved sides
-
-def gap_areas(surfaces: ContactSurfaces, facing: Facing, nodes: Ints, N_s: Floats, N_m: Floats,
-              x: Floats) -> tuple[Floats, Floats]:
-    """Return (n_p,) the area a gas layer conducts through, and (n_p,) the area at the master's end of the rays [m2].
-
-    nodes : (n_p, 4), slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) [1].  x : (n_nodes, 2) [m].
-    Along the rays of a piece, s = 0 on the slave to 1 on the master, the area is A (1 + s (r_1 - 1)) (1 + s (r_2 - 1))
-    with the stretches r_1 in the plane and r_2 around the axis.  Layers in a row: the mean is
-    A / int_0^1 ds/((1 + s (r_1 - 1)) (1 + s (r_2 - 1))) = A (r_1 - r_2)/ln(r_1/r_2), the logarithmic mean of both
-    areas for cylinders (r_2 = 1), the geometric one for spheres (r_1 = r_2), the same from either side (Incropera &
-    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).
-    """
-    r_1, r_2 = _stretches(facing, N_s, N_m, x[nodes], surfaces.interface.axisymmetric)
-    nodal = np.array([pair.by_node for pair in surfaces.interface.pairs])[facing.pair]
-    if nodal.any():
-        r_1[nodal] = _stretch_at_nodes(facing, np.flatnonzero(nodal), N_s, N_m, x[nodes])
-    # fault: heat across a gap by the area of the slave alone -> mean = np.ones(r_1.size) |
-    #   thermal_fmu/test_thermal_gap_area
-    mean = logarithmic_mean(r_1, r_2)
-    return facing.area * mean, facing.area * r_1 * r_2
-
-
-def _stretches(facing: Facing, N_s: Floats, N_m: Floats, x: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
-    """Return (n_p,) stretches in the plane and around the axis [1] of the piece of each point, 1 where it has no area.
-
-    N_s, N_m : (n_p, 2) [1].  x : (n_p, 4, 2) of the nodes of both edges [m].  Lengths and radii are those of whole
-    pieces, as both sides measured them: so the stretches have a limit at the axis.
-    """
-    A, M = _piece_sums(facing.area), _piece_sums(facing.area_m)
-    whole = np.divide(M, A, out=np.ones(A.size), where=A > 0.0)
-    r_2 = np.ones(A.size)
-    if axisymmetric:
-        R_s, R_m = (_piece_sums((N * r).sum(axis=1)) for N, r in ((N_s, x[:, :2, 0]), (N_m, x[:, 2:, 0])))
-        # fault: gaps do not widen around the axis -> r_2 = 1.0 * r_2 | thermal_fmu/test_thermal_gap_area
-        r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
-    return whole / r_2, r_2
-
-
-def _stretch_at_nodes(facing: Facing, rows: NDArray[np.intp], N_s: Floats, N_m: Floats, x: Floats) -> Floats:
-    """Return (n_rows,) the stretch in the plane [1] at rows, points of `form: nodes`: that of their slave edge.
-
-    N_s, N_m : (n_p, 2) [1].  x : (n_p, 4, 2) of the nodes of both edges [m].  The edge's two points, two rows each,
-    face what lies so far apart; where only one of them faces something it is 1.
-    """
-    on_s, on_m = (np.einsum("pi,pij->pj", N[rows], at[rows]) for N, at in ((N_s, x[:, :2]), (N_m, x[:, 2:])))
-    edge, pair = facing.slave_edge[rows], facing.pair[rows]
-    at = np.arange(0, len(rows) - 2, 2)
-    at = at[(edge[at] == edge[at + 2]) & (pair[at] == pair[at + 2])]
-    length_s, length_m = (np.linalg.norm(on[at + 2] - on[at], axis=1) for on in (on_s, on_m))
-    out = np.ones(len(rows))
-    for row in range(4):
-        out[at + row] = length_m / length_s
-    return out
-
-
-def _piece_sums(values: Floats) -> Floats:
-    """Return (n_p,) the sum over the two points of each piece, which are neighbours, at both of them."""
-    return np.repeat(values.reshape(-1, 2).sum(axis=1), 2)
-
-
-def logarithmic_mean(a: Floats, b: Floats) -> Floats:
-    """Return (a - b)/ln(a/b), (n,), of a, b : (n,) >= 0 in one unit; a where they are equal, 0 where one is 0."""
-    total = a + b
-    z = np.divide(a - b, total, out=np.zeros(a.size), where=total > 0.0)
-    with np.errstate(divide="ignore"):  # one is 0
-        return 0.5 * total * np.divide(z, np.arctanh(z), out=np.ones(a.size), where=z != 0.0)

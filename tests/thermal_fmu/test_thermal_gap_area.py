@@ -12,10 +12,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, inputs_of, run, scene
 
 from contact.half.contact_client import ContactSurfaces
+from contact.half.gap_area import logarithmic_mean
 from contact.half.interface import Interface, Pair
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
-from thermal_fmu.contact_quadrature import contact_points, logarithmic_mean
+from thermal_fmu.contact_quadrature import contact_points
 from thermal_fmu.stations.half import load_lumped
 
 SIGMA = 5.670374419e-8
