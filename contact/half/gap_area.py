@@ -17,19 +17,32 @@ def gap_areas(interface: Interface, edges: Ints, facing: Facing, x: Floats) -> t
     with the stretches r_1 in the plane and r_2 around the axis.  Layers in a row: the mean is
     A / int_0^1 ds/((1 + s (r_1 - 1)) (1 + s (r_2 - 1))) = A (r_1 - r_2)/ln(r_1/r_2), the logarithmic mean of both
     areas for cylinders (r_2 = 1), the geometric one for spheres (r_1 = r_2), the same from either side (Incropera &
-    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).
+    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).  The stretches are those of whole pieces, whose lengths and
+    radii both sides measured: so they have a limit at the axis.
     """
-    on_s, on_m = (_on_edges(x[edges[edge]], xi) for edge, xi in ((facing.slave_edge, facing.xi_s),
-                                                                 (facing.master_edge, facing.xi_m)))
-    r_1, r_2 = _stretches(facing, on_s, on_m, interface.axisymmetric)
-    nodal = np.array([pair.by_node for pair in interface.pairs])[facing.pair]
-    if nodal.any():
-        rows = np.flatnonzero(nodal)
-        r_1[rows] = _stretch_at_nodes(facing, rows, on_s[rows], on_m[rows])
+    A, M = _of_pieces(facing.area), _of_pieces(facing.area_m)
+    r_1 = np.divide(M, A, out=np.ones(A.size), where=A > 0.0)
+    r_2 = np.ones(A.size)
+    by_node = [pair.by_node for pair in interface.pairs]
+    if interface.axisymmetric or any(by_node):
+        on_s = _on_edges(x[edges[facing.slave_edge]], facing.xi_s)
+        on_m = _on_edges(x[edges[facing.master_edge]], facing.xi_m)
+        if interface.axisymmetric:
+            R_s, R_m = _of_pieces(on_s[:, 0]), _of_pieces(on_m[:, 0])
+            # fault: gaps do not widen around the axis -> r_2 = 1.0 * r_2 | thermal_fmu/test_thermal_gap_area
+            r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
+            r_1 /= r_2
+        nodal = np.flatnonzero(np.array(by_node)[facing.pair[::2]])
+        r_1[nodal] = _stretch_at_nodes(facing, 2 * nodal, on_s[2 * nodal], on_m[2 * nodal])
     # fault: heat across a gap by the area of the slave alone -> mean = np.ones(r_1.size) |
     #   thermal_fmu/test_thermal_gap_area
     mean = logarithmic_mean(r_1, r_2)
-    return facing.area * mean, facing.area * r_1 * r_2
+    return facing.area * np.repeat(mean, 2), facing.area * np.repeat(r_1 * r_2, 2)
+
+
+def _of_pieces(values: Floats) -> Floats:
+    """Return (n_p/2,) the sums over the two points of each piece, which are neighbours in values : (n_p,)."""
+    return np.asarray(values[::2] + values[1::2])
 
 
 def _on_edges(ends: Floats, xi: Floats) -> Floats:
@@ -37,41 +50,18 @@ def _on_edges(ends: Floats, xi: Floats) -> Floats:
     return np.asarray((1.0 - xi)[:, None] * ends[:, 0] + xi[:, None] * ends[:, 1])
 
 
-def _stretches(facing: Facing, on_s: Floats, on_m: Floats, axisymmetric: bool) -> tuple[Floats, Floats]:
-    """Return (n_p,) stretches in the plane and around the axis [1] of the piece of each point, 1 where it has no area.
-
-    on_s, on_m : (n_p, 2) the points on either side [m].  Lengths and radii are those of whole pieces, as both sides
-    measured them: so the stretches have a limit at the axis.
-    """
-    A, M = _piece_sums(facing.area), _piece_sums(facing.area_m)
-    whole = np.divide(M, A, out=np.ones(A.size), where=A > 0.0)
-    r_2 = np.ones(A.size)
-    if axisymmetric:
-        R_s, R_m = _piece_sums(on_s[:, 0]), _piece_sums(on_m[:, 0])
-        # fault: gaps do not widen around the axis -> r_2 = 1.0 * r_2 | thermal_fmu/test_thermal_gap_area
-        r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
-    return whole / r_2, r_2
-
-
 def _stretch_at_nodes(facing: Facing, rows: NDArray[np.intp], on_s: Floats, on_m: Floats) -> Floats:
     """Return (n_rows,) the stretch in the plane [1] at rows, points of `form: nodes`: that of their slave edge.
 
-    on_s, on_m : (n_rows, 2) the points on either side [m].  The edge's two points, two rows each, face what lies so
-    far apart; where only one of them faces something it is 1.
+    on_s, on_m : (n_rows, 2) the points on either side [m].  The edge's two points face what lies so far apart; where
+    only one of them faces something it is 1.
     """
     edge, pair = facing.slave_edge[rows], facing.pair[rows]
-    at = np.arange(0, len(rows) - 2, 2)
-    at = at[(edge[at] == edge[at + 2]) & (pair[at] == pair[at + 2])]
-    length_s, length_m = (np.linalg.norm(on[at + 2] - on[at], axis=1) for on in (on_s, on_m))
+    first = np.flatnonzero((edge[:-1] == edge[1:]) & (pair[:-1] == pair[1:]))
+    length_s, length_m = (np.linalg.norm(on[first + 1] - on[first], axis=1) for on in (on_s, on_m))
     out = np.ones(len(rows))
-    for row in range(4):
-        out[at + row] = length_m / length_s
+    out[first] = out[first + 1] = length_m / length_s
     return out
-
-
-def _piece_sums(values: Floats) -> Floats:
-    """Return (n_p,) the sum over the two points of each piece, which are neighbours, at both of them."""
-    return np.repeat(values.reshape(-1, 2).sum(axis=1), 2)
 
 
 def logarithmic_mean(a: Floats, b: Floats) -> Floats:
