@@ -77,7 +77,8 @@ class Facing:
     pair : (n_p,) number of the pair.  slave_edge, master_edge : (n_p,) numbers as registered.  xi_s, xi_m : (n_p,) in
     [0, 1] along the edge, from its first node.  gap : (n_p,) g_N [m].  area : (n_p,) A [m2], the common area of the
     exchange, measured on the slave.  area_m : (n_p,) [m2], the same piece measured on the master (for the part of
-    the master's film).
+    the master's film, and for what crosses a gap between sides of unlike area).  The two points of a piece are
+    neighbours.
     node_gap : (n_s,) [m], g_N of every surface node, both sides; gap_max where nothing is faced (the least over the
     pairs the node takes part in).  node_covered : (n_s,) part in [0, 1] of the node's surface that faces something.
     """

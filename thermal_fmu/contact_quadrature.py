@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
+from contact.half.gap_area import gap_areas
 from contact.half.linalg import Pattern
 from contact.messages import Facing
 
@@ -78,10 +79,13 @@ class ContactPoints:
     """Contact quadrature points with the pressure between them.
 
     nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions [1].
-    gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange;
-    area_s, area_m : (n_p,) [m2] the piece as either side measures it.  pair, slave_edge, master_edge : (n_p,) as
-    registered.  from_master : (n_p,) True where a second pass searched the point from the master; None where none does.
-    Slave and master are those of the pair all the same.
+    gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange where
+    closed, measured on the side searched from; open_area : (n_p,) [m2] that of the gas between the two sides.
+    area_s, area_m : (n_p,) [m2] the piece as either side measures it, spread over its points so that shape functions
+    are integrated exactly; end_s, end_m : (n_p,) [m2] the same two areas, spread as on the side searched from, where
+    the piece is apart, else `area`.  pair, slave_edge, master_edge : (n_p,) as registered.  from_master : (n_p,) True
+    where a second pass searched the point from the master; None where none does.  Slave and master are those of the
+    pair all the same.
     """
 
     nodes: Ints
@@ -90,8 +94,11 @@ class ContactPoints:
     gap: Floats
     p: Floats
     area: Floats
+    open_area: Floats
     area_s: Floats
     area_m: Floats
+    end_s: Floats
+    end_m: Floats
     pair: Ints
     slave_edge: Ints
     master_edge: Ints
@@ -106,11 +113,11 @@ class ContactPoints:
         return np.where(other, self.nodes[:, 2:], self.nodes[:, :2]), np.where(other, self.N_m, self.N_s)
 
 
-def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> ContactPoints:
-    """Give each contact quadrature point its pressure from nodal tractions t_N : (n_s,) [Pa], <= 0.
+def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Floats) -> ContactPoints:
+    """Give each contact quadrature point its pressure and its areas.
 
-    They are linear along the edge searched from.  A positive gap under pressure is read as no gap (touching means p_N >
-    0).
+    t_N : (n_s,) nodal tractions [Pa], <= 0, linear along the edge searched from.  x : (n_nodes, 2) [m], where facing
+    was found.  A positive gap under pressure is read as no gap (touching means p_N > 0).
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     slave = surfaces.message.edges[facing.slave_edge]
@@ -119,7 +126,10 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats) -> Co
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, facing.area, facing.area_m, facing.pair,
+    mean, end = gap_areas(surfaces.interface, surfaces.edges, facing, x)
+    apart = gap > 0.0
+    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, np.where(apart, mean, facing.area), facing.area,
+                           facing.area_m, facing.area, np.where(apart, end, facing.area), facing.pair,
                            facing.slave_edge, facing.master_edge)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
@@ -164,7 +174,8 @@ def _by_pair_sides(points: ContactPoints, exchanged: NDArray[np.bool_]) -> Conta
 
     N_s, N_m = sides(points.N_s, points.N_m)
     area_s, area_m = sides(points.area_s, points.area_m)
+    end_s, end_m = sides(points.end_s, points.end_m)
     slave_edge, master_edge = sides(points.slave_edge, points.master_edge)
     nodes = np.concatenate(sides(points.nodes[:, :2], points.nodes[:, 2:]), axis=1)
-    return replace(points, nodes=nodes, N_s=N_s, N_m=N_m, area_s=area_s, area_m=area_m, slave_edge=slave_edge,
-                   master_edge=master_edge, from_master=exchanged)
+    return replace(points, nodes=nodes, N_s=N_s, N_m=N_m, area_s=area_s, area_m=area_m, end_s=end_s, end_m=end_m,
+                   slave_edge=slave_edge, master_edge=master_edge, from_master=exchanged)

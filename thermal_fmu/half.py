@@ -78,7 +78,8 @@ def contact_at(surfaces: ContactSurfaces, x: Floats, inputs: Values, link: Link)
     """
     if not surfaces.interface.pairs:
         return None
-    return contact_points(surfaces, surfaces.facing(link, x), np.asarray(inputs["contact.t_N"], dtype=np.float64))
+    t_N = np.asarray(inputs["contact.t_N"], dtype=np.float64)
+    return contact_points(surfaces, surfaces.facing(link, x), t_N, x)
 
 
 # Outputs that are fields

@@ -98,7 +98,8 @@ class FrozenRadiator:
 class RadiationGroup:
     """Contact quadrature points of a pair that radiate to each other.
 
-    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) weighted with 1 - w [m2].
+    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) of the smaller side, weighted with
+    1 - w [m2].  part_s, part_m : (n,) that area as a part of either side's own [1], one of them 1.
     emissivities : of slave and master.
     """
 
@@ -107,6 +108,8 @@ class RadiationGroup:
     N_s: Floats
     N_m: Floats
     area: Floats
+    part_s: Floats
+    part_m: Floats
 
 
 def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenRadiator:
@@ -130,8 +133,13 @@ def radiation_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None])
             weight -= gap_factor(points.gap, *gap.ends)
         at = np.flatnonzero((points.pair == pair) & (weight > 0.0))
         if at.size:
+            end_s, end_m = points.end_s[at], points.end_m[at]
+            # fault: near radiation by the area of the slave alone -> small, end_m = end_s, end_s |
+            #   thermal_fmu/test_thermal_gap_area
+            small = np.minimum(end_s, end_m)
+            part_s, part_m = (np.divide(small, end, out=np.ones(at.size), where=end > 0.0) for end in (end_s, end_m))
             groups.append(RadiationGroup(laws.emissivities, points.nodes[at], points.N_s[at], points.N_m[at],
-                                         (weight * points.area)[at]))
+                                         weight[at] * small, part_s, part_m))
     return tuple(groups)
 
 
@@ -159,8 +167,10 @@ def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: fl
 def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[Floats, Floats]:
     """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q = (1 - w) sigma (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) leaves
-    the slave's nodes by its shape functions and enters the master's by theirs.
+    T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q leaves the slave's nodes by its shape functions and enters the
+    master's by theirs.  It is (1 - w) sigma (T_s^4 - T_m^4) over a row of three resistances: (1 - eps)/(eps A) of
+    either surface, and 1/A of the smaller one, whose rays all meet the other (Howell, Menguc & Siegel, Thermal
+    Radiation Heat Transfer, 5.3).  With equal areas that makes A/(1/eps_s + 1/eps_m - 1), as between plates.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
@@ -169,15 +179,16 @@ def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[
     #   thermal_fmu/test_thermal_radiation
     eps_s, deps_s = _emissivity(of_slave, T_s)
     eps_m, deps_m = _emissivity(of_master, T_m)
-    # fault: black bodies between plates -> strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m) |
+    # fault: black bodies between plates -> resistance = group.part_s / eps_s + group.part_m / eps_m |
     #   thermal_fmu/test_thermal_radiation
-    strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m - 1.0)
+    resistance = group.part_s / eps_s + group.part_m / eps_m - np.minimum(group.part_s, group.part_m)  # times area
+    strength = sigma * group.area / resistance
     q = strength * (_fourth(T_s) - _fourth(T_m))
-    per_resistance = q / (1.0 / eps_s + 1.0 / eps_m - 1.0)  # a point may have no area
-    dq_s = 4.0 * strength * np.abs(T_s) ** 3 + per_resistance * deps_s / eps_s**2
+    per_resistance = q / resistance  # a point may have no area
+    dq_s = 4.0 * strength * np.abs(T_s) ** 3 + per_resistance * group.part_s * deps_s / eps_s**2
     # fault: derivative of the master's emissivity forgotten -> dq_m = -4.0 * strength * np.abs(T_m) ** 3 + 0.0 *
     #   per_resistance | thermal_fmu/test_thermal_fields
-    dq_m = -4.0 * strength * np.abs(T_m) ** 3 + per_resistance * deps_m / eps_m**2
+    dq_m = -4.0 * strength * np.abs(T_m) ** 3 + per_resistance * group.part_m * deps_m / eps_m**2
     # fault: near radiation one-sided -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
     #   thermal_fmu/test_thermal_friction
     out = np.concatenate([group.N_s, -group.N_m], axis=1)
@@ -322,7 +333,7 @@ class ConductionGroup:
     """Contact quadrature points of one pair under one law.
 
     argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
-    N_s, N_m : (n, 2) [1].  area : (n,) [m2].
+    N_s, N_m : (n, 2) [1].  area : (n,) [m2], where open that of the gas between the sides.
     """
 
     pair: int
@@ -350,9 +361,9 @@ def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]
         for closed, law in ((True, laws.closed), (False, laws.open)):
             at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
             if law is not None and at.size:
-                argument = (points.p if closed else points.gap)[at]
-                groups.append(ConductionGroup(pair, closed, law, argument, points.nodes[at], points.N_s[at],
-                                              points.N_m[at], points.area[at]))
+                argument, area = (points.p, points.area) if closed else (points.gap, points.open_area)
+                groups.append(ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],
+                                              points.N_m[at], area[at]))
     return tuple(groups)
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from contact.half.diagnostics import start_notes
+from contact.half.diagnostics import facing_at, start_notes
 from contact.half.functions import property_from
-from contact.half.interface import Interface, Pair
-from contact.laws import branch_jump, closed_conductance, parse_law
+from contact.half.gap_area import gap_areas
+from contact.half.interface import Interface, Pair, register_message
+from contact.laws import branch_jump, closed_conductance, open_conductance, parse_law
 from coupler.scenario.probes import locate
 
 # Conductances that differ by less than this share at touch join.
@@ -37,13 +39,17 @@ def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
     if laws.get("closed") is None or laws.get("open") is None:
         return []
     closed, opened = parse_law(laws["closed"]), parse_law(laws["open"])
-    T = float(np.mean([body["T0"] for body in model["bodies"].values()]))
+    T = _mean_T0(model)
     h = float(closed_conductance(closed, 0.0, T)[0])
     jump = branch_jump(closed, opened, T)
     if abs(jump) <= JOINED * max(abs(h), abs(h - jump)):
         return []
     return [f"pair {name}: the conductance jumps from {h - jump:.6g} to {h:.6g} W/m2K when it touches; laws that join "
             "there let windows stay large"]
+
+
+def _mean_T0(model: Model) -> float:
+    return float(np.mean([body["T0"] for body in model["bodies"].values()]))
 
 
 def _unlit(model: Model, pairs: Iterable[Pair]) -> list[str]:
@@ -108,11 +114,12 @@ def _out_of_sight(model: Model, pair: Pair, spec: Model) -> list[str]:
 # What a user should know of a scenario's contact though it is no error.
 
 def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> list[str]:
-    """A sentence each: bodies that overlap, pairs that face nothing, folds, penalties that are too stiff.
+    """A sentence each: bodies that overlap, pairs that face nothing, folds, too stiff penalties, gaps not parallel.
 
     thermal, mechanical : model.json of the halves (of another package: what is not found in them is not told).
     """
-    return overlap_notes(interface) + start_notes(interface, _stiffness(thermal, mechanical))
+    return (overlap_notes(interface) + start_notes(interface, _stiffness(thermal, mechanical))
+            + ray_notes(interface, thermal))
 
 
 def _stiffness(thermal: Model, mechanical: Model) -> dict[str, float]:
@@ -160,3 +167,46 @@ def _too_deep(interface: Interface, pair: Pair, own: str, other: str, body: str)
         if np.linalg.norm(face - x, axis=1).min() > 1.5 * longest and locate(interface, body, x) is not None:
             found += 1
     return found
+
+
+# Gaps across which the rays of either side are other rays.
+
+# The heat by the rays of one side may differ by this share from that by the other's before it is told.
+UNLIKE_RAYS = 0.01
+
+
+def ray_notes(interface: Interface, thermal: Model) -> list[str]:
+    """One sentence a pair whose open gap conducts otherwise, at the start, when slave and master change over."""
+    if not any(_open_law(thermal, pair) for pair in interface.pairs):
+        return []
+    exchanged = tuple(replace(pair, slave=pair.master, master=pair.slave) for pair in interface.pairs)
+    by_slave, by_master = (_gap_conductances(i, thermal) for i in (interface, replace(interface, pairs=exchanged)))
+    notes = []
+    for pair, a, b in zip(interface.pairs, by_slave, by_master, strict=True):
+        # fault: rays of either side taken for the same -> if pair.two_pass or a * b >= 0.0: |
+        #   coupler/test_scenario_thermal
+        if pair.two_pass or abs(a - b) <= UNLIKE_RAYS * max(a, b):
+            continue
+        notes.append(f"pair {pair.name}: at the start its gap conducts {a:.4g} W/K along the normals of {pair.slave} "
+                     f"and {b:.4g} along those of {pair.master}, {100.0 * abs(a - b) / max(a, b):.2g} % apart: the "
+                     "sides are not parallel there, or reach beyond each other; two_pass: true takes the mean")
+    return notes
+
+
+def _open_law(thermal: Model, pair: Pair) -> Model | None:
+    laws: Model = thermal.get("pairs", {}).get(pair.name, {}).get("conduction") or {}
+    return laws.get("open")
+
+
+def _gap_conductances(interface: Interface, thermal: Model) -> list[float]:
+    """Return the heat each pair passes across what is open at the start, by one kelvin [W/K]; 0 where it has no law."""
+    facing = facing_at(interface, interface.nodes)
+    edges = interface.contact_nodes[register_message(interface).edges].reshape(-1, 2)
+    area, _ = gap_areas(interface, edges, facing, interface.nodes)
+    out = []
+    for k, pair in enumerate(interface.pairs):
+        law = _open_law(thermal, pair)
+        at = (facing.pair == k) & (facing.gap > 0.0)
+        h = 0.0 if law is None else open_conductance(parse_law(law), facing.gap[at], _mean_T0(thermal))[0]
+        out.append(float((h * area[at]).sum()))
+    return out

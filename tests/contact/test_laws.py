@@ -48,6 +48,12 @@ def test_d7_rarefied_gas() -> None:
     np.testing.assert_allclose(h, D7["expected"], rtol=0, atol=D7["tolerance"])
 
 
+def test_a_gas_without_a_jump_distance() -> None:
+    """k_g/g down to 1 nm, and finite at the touch, where an open point that is not pressed has no gap."""
+    h, _ = open_conductance(parse_law({"law": "gas", "k_g": 0.03, "g_m": 0}), np.array([1e-3, 1e-8, 0.0]), 300.0)
+    np.testing.assert_allclose(h, [30.0, 3e6, 3e7], rtol=1e-14)
+
+
 def test_power_law_of_the_sliding_blocks() -> None:
     """2000 + 6000 min(p/10 MPa, 1)^.95, and it joins the gas gap .05/25e-6 at the touch."""
     law = parse_law(POWER)
@@ -111,7 +117,7 @@ def test_gap_factor() -> None:
     ({"law": "constant", "h": "5"}, "law.h: a number is needed here, not text, not '5'"),
     ({"law": "constant", "h": float("nan")}, "law.h: the number is not finite, not nan"),
     ({"law": "constant", "h": 1, "g": 2}, "law.g: unknown key, not 2"),
-    ({**GAS, "g_m": 0}, "law.g_m: must be greater than zero, not 0"),
+    ({**GAS, "g_m": -1e-9}, "law.g_m: must not be negative, not -1e-09"),
     ({**POWER, "p_max": -1}, "law.p_max: must be greater than zero"),
     ({**POWER, "exponent": 0}, "law.exponent: must be greater than zero"),
     ({**CMY, "sigma": 0.0}, "law.sigma: must be greater than zero"),

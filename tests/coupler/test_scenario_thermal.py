@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from math import pi
 from pathlib import Path
@@ -10,9 +11,9 @@ import numpy as np
 import pytest
 
 from contact.half.functions import field_from
-from contact.half.interface import Pair
+from contact.half.interface import Interface, Pair
 from coupler.errors import ScenarioError
-from coupler.scenario.notes import thermal_notes
+from coupler.scenario.notes import ray_notes, thermal_notes
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, line_of, load_text
@@ -258,6 +259,40 @@ def test_the_line_is_that_of_the_wrong_value(old: str, new: str, piece: str, tmp
 def test_what_is_no_error_is_noted(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert RICH.count(old) == 1
     assert any(words in note for note in load_text(tmp_path, RICH.replace(old, new)).notes)
+
+
+def cylinder_above_a_plane(**pair) -> Interface:
+    """60 degrees to either side of a cylinder of 0.1 m, 2 mm above a plane; `pair` says who is the slave."""
+    n, R = 192, 0.1
+    angle = np.linspace(-60.0, 60.0, n + 1) * pi / 180.0
+    arcs = [np.stack([r * np.sin(angle), 0.102 - r * np.cos(angle)], axis=1) for r in (R, 0.9 * R)]
+    at = np.linspace(-0.6, 0.6, 2 * n + 1)
+    lines = [np.stack([at, np.full(at.size, y)], axis=1) for y in (-0.01, 0.0)]
+    a, b = np.arange(n), np.arange(2 * n)
+    m = 2 * (n + 1)
+    top, low = m + 2 * n + 1 + b, m + b
+    quads = np.concatenate([np.stack([a, a + 1, n + 2 + a, n + 1 + a], axis=1),
+                            np.stack([low, low + 1, top + 1, top], axis=1)]).astype(np.int32)
+    surfaces = {"round.below": np.stack([a, a + 1], axis=1).astype(np.int32),
+                "flat.top": np.stack([top + 1, top], axis=1).astype(np.int32)}
+    return Interface("plane", np.concatenate(arcs + lines), quads, np.empty((0, 3), np.int32),
+                     np.repeat([0, 1], [n, 2 * n]).astype(np.int32), np.empty(0, np.int32), ("round", "flat"),
+                     ("m", "m"), surfaces, {}, (Pair(**{"name": "gap", "gap_max": 1.0, "eps_N": 0.0, **pair}),))
+
+
+@pytest.mark.parametrize(("slave", "master"), [("round.below", "flat.top"), ("flat.top", "round.below")])
+def test_rays_that_differ_from_side_to_side_are_told(slave: str, master: str) -> None:
+    """Both sides are measured; with both passes, and where nothing conducts, there is nothing to tell."""
+    model = {"pairs": {"gap": {"conduction": {"closed": None, "open": {"law": "gas", "k_g": 0.03, "g_m": 0.0}}}},
+             "bodies": {"round": {"T0": 300.0}, "flat": {"T0": 300.0}}}
+    (note,) = ray_notes(cylinder_above_a_plane(slave=slave, master=master), model)
+    # 28.05 k exactly, 1.006 of it along the cylinder's normals and 0.965 along the plane's (docs/thermal.md).
+    told = re.match(rf"pair gap: .* conducts (\S+) W/K along .* {slave} and (\S+) along .* {master}, 4.1 % apart", note)
+    assert told, note
+    by = {"round.below": 1.006, "flat.top": 0.965}
+    assert [float(v) / (0.03 * 28.05) for v in told.groups()] == pytest.approx([by[slave], by[master]], rel=1e-3)
+    assert not ray_notes(cylinder_above_a_plane(slave=slave, master=master, two_pass=True), model)
+    assert not ray_notes(cylinder_above_a_plane(slave=slave, master=master), {"bodies": model["bodies"]})
 
 
 def test_a_surface_that_folds_is_told_once() -> None:

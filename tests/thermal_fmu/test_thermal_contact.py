@@ -225,7 +225,7 @@ def test_a_corner_that_stands_below_closes_nothing_beside():
     surfaces = ContactSurfaces(interface)
     facing = surfaces.facing(DirectLink(ContactService().handle), interface.nodes)
     below = np.isin(interface.contact_nodes, interface.surfaces["a.bottom"])
-    points = contact_points(surfaces, facing, np.where(below, -1e6, 0.0))
+    points = contact_points(surfaces, facing, np.where(below, -1e6, 0.0), interface.nodes)
     wall = points.pair == 0
     assert points.p[~wall] == pytest.approx(1e6)
     assert (points.p[wall] == 0.0).all()
@@ -233,5 +233,5 @@ def test_a_corner_that_stands_below_closes_nothing_beside():
     # Where it touches both, both are pressed.
     moved = interface.nodes - np.where(interface.node_body == 1, 1e-3, 0.0)[:, None] * np.array([1.0, 0.0])
     facing = surfaces.facing(DirectLink(ContactService().handle), moved)
-    points = contact_points(surfaces, facing, np.where(below, -1e6, 0.0))
+    points = contact_points(surfaces, facing, np.where(below, -1e6, 0.0), moved)
     assert points.p[points.pair == 0].max() > 1e5
