@@ -78,8 +78,8 @@ def test_contact_feels_nothing_of_a_turn(kind: str, mu: float, degrees: float) -
     """Both sides turned since the place before: pressures and shear along the surface stay, and nothing rubs."""
     register, _, x, first = rubbed(kind, mu)
     R = rotation(np.radians(degrees))
-    here = push(register, x, x_before=x, shear=first.shear)
-    agrees(push(register, x @ R.T, x_before=x, shear=first.shear), here, R)
+    here = push(register, x, x_before=x, mobilised=first.mobilised)
+    agrees(push(register, x @ R.T, x_before=x, mobilised=first.mobilised), here, R)
 
 
 # Scenes
