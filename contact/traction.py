@@ -141,7 +141,8 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     force = added_up(r.n_nodes, nodes, forces)
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
     t_N, t_T, E_friction = nodal_means(r.n_nodes, r.edges, cut.met, cut.values, points.p_N, points.tau, points.heat)
-    mobilised = mobilised_friction(r.edges, cut.met, cut.values, points.c, points.p_N, points.tau, asked.mobilised)
+    mobilised = mobilised_friction(r.edges, cut.met, cut.values, points.c, points.doing, points.p_N, points.tau,
+                                   asked.mobilised)
     slipping = slipping_fractions(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
                      np.where(surfaces.on_slave, t_N, 0.0), mobilised, t_T, E_friction, slipping,
@@ -279,16 +280,16 @@ def nodal_means(n_nodes: int, edges: Ints, met: Ints, values: Floats, p_N: Float
 
 
 @kernel
-def mobilised_friction(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, tau: Floats,
+def mobilised_friction(edges: Ints, met: Ints, values: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats,
                        before: Floats) -> Floats:
     """Compute the mobilised friction tau/p_N (n_s,) [1] of slave nodes, 0 where nothing touches.
 
     edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
     values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
-    contact.piece.  p_N, tau : (n_p,) [Pa].  before : (n_s,) [1].
-    As before plus the mean of its change, by the pressing force: sum(A N (tau - r p_N))/sum(A N p_N), r as before.  Of
-    the change, not of tau itself: a mean of what was interpolated is smoother than what it came from, and a surface at
-    rest would lose its shear, and make heat, with every step.  No node has more than mu.
+    contact.piece.  doing : (n_p,) state [1].  p_N, tau : (n_p,) [Pa].  before : (n_s,) [1].
+    The mean over what the node touches, weighted by the pressing force: of -+mu where it slips, of what the node had
+    plus the change where it sticks.  Of the change, not of tau/p_N itself: a mean of what was interpolated is smoother
+    than what it came from, and a surface at rest would lose its shear with every step.  No node has more than mu.
     """
     n_nodes = before.size
     gained, pressed, most = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
@@ -298,7 +299,8 @@ def mobilised_friction(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: F
         for end in range(2):
             s = edges[met[i, 0], end]
             weight = values[i, 3] * (values[i, 0] if end == 1 else 1.0 - values[i, 0])
-            gained[s] += weight * (tau[i] - c[i, MOBILISED] * p_N[i])
+            had = before[s] if doing[i] >= SLIPS_FORWARD else c[i, MOBILISED]
+            gained[s] += weight * (tau[i] - had * p_N[i])
             pressed[s] += weight * p_N[i]
             most[s] = max(most[s], c[i, MU])
     for s in range(n_nodes):
