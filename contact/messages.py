@@ -98,9 +98,9 @@ class Facing:
 class Traction:
     """Ask for contact forces at x : (n_s, 2) [m], given the history.
 
-    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  The rest matters with friction only: x_before : (n_s, 2) [m],
-    where the surfaces were when mobilised : (n_s,) [1] was the shear of slave nodes (positive along the edges, the body
-    on the left) over p_N, and multipliers_before : (n_s,) [Pa], the multipliers then.
+    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  The rest matters with friction only.
+    x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_s,) [Pa], theirs then.
+    mobilised : (n_s,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
     """
 
     surfaces: str

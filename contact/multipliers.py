@@ -41,9 +41,9 @@ def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     cut = cut_surfaces(surfaces, asked.x)
     points, multipliers = points_at(surfaces, cut, asked), asked.multipliers
     residual, weight = balances(r.edges, cut.met, cut.values, points.p_N, multipliers)
-    nodes, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values, cut.normal,
-                                   surfaces.passes.by_node[cut.number], r.axisymmetric, points.c, points.doing,
-                                   points.p_N, multipliers)
+    nodes, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
+                                   cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
+                                   points.doing, points.p_N, multipliers)
     return Couplings(residual, weight, nodes, values)
 
 

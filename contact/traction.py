@@ -3,9 +3,9 @@
 p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the slave's nodes; a point touches where
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
 points, so forces and moments balance to round-off.  A touching point with friction drags along t (n turned to the
-left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.  The history is tau/p_N, the
-mobilised friction, of the slave's nodes: it is -+mu wherever all slips, so nothing is lost by taking it linear between
-nodes, and what is held right at the bound stays there.
+left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.  The history is
+tau/p_N, the mobilised friction, of the slave's nodes: it is +-mu wherever all slips, so nothing is lost by taking it
+linear between nodes, and what is held right at the bound stays there.
 The two drags stand the gap apart, so their moments balance only to tau A g_N.
 """
 
@@ -287,7 +287,7 @@ def mobilised_friction(edges: Ints, met: Ints, values: Floats, c: Floats, doing:
     edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
     values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
     contact.piece.  doing : (n_p,) state [1].  p_N, tau : (n_p,) [Pa].  before : (n_s,) [1].
-    The mean over what the node touches, weighted by the pressing force: of -+mu where it slips, of what the node had
+    The mean over what the node touches, weighted by the pressing force: of +-mu where it slips, of what the node had
     plus the change where it sticks.  Of the change, not of tau/p_N itself: a mean of what was interpolated is smoother
     than what it came from, and a surface at rest would lose its shear with every step.  No node has more than mu.
     """

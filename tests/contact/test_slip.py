@@ -106,7 +106,7 @@ def test_where_the_master_ended_before_the_rest_is_straight() -> None:
 
 def differences(register: Register, x: Floats, multipliers: Floats, before: Floats, mobilised: Floats) -> Floats:
     """-d(force)/dx by central differences of fourth order."""
-    K, h = np.zeros((x.size, x.size)), 2e-6
+    K, h = np.zeros((x.size, x.size)), 5e-7
     for j in range(x.size):
         d = np.eye(x.size)[j].reshape(x.shape) * h
         for steps, weight in ((1, 8.0), (2, -1.0)):
