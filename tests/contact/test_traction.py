@@ -204,8 +204,7 @@ def test_a_common_motion_is_no_slip() -> None:
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     reply = push(register, x @ np.array([[c, s], [-s, c]]) + [3.0, -1.0], x_before=x)
     still = push(register, x)
-    # The gap itself turns, so what is seen is of its size: 2 sin(15 degrees) of 0.02.
-    assert abs(reply.shear).max() <= 0.52 * abs(still.t_N).max()
+    assert abs(reply.shear).max() <= 1e-9 * abs(still.t_N).max()
     assert reply.E_friction.sum() == 0.0
 
 
