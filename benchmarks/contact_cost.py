@@ -113,7 +113,7 @@ def measured(n: int) -> Cost:
     assert isinstance(known, Registered), known
     x, zeros = interface.nodes, np.zeros(len(interface.nodes))
     return Cost(len(x), median_ms(lambda: link.ask(Project(known.surfaces, x)), time.process_time),
-                median_ms(lambda: link.ask(Traction(known.surfaces, x, zeros, x, zeros)), time.process_time),
+                median_ms(lambda: link.ask(Traction(known.surfaces, x, zeros, x, zeros, zeros)), time.process_time),
                 newton(int(1.15 * n)))
 
 
@@ -177,7 +177,7 @@ def in_turns(ways: list[Link], interface: Interface) -> Ways:
         known = link.ask(register_message(interface))
     assert isinstance(known, Registered), known
     x, zeros = interface.nodes, np.zeros(len(interface.nodes))
-    request = Traction(known.surfaces, x, zeros, x, zeros)
+    request = Traction(known.surfaces, x, zeros, x, zeros, zeros)
     rounds: list[list[float]] = []
     quiet, until = np.zeros((0, 3)), time.perf_counter() + PATIENCE
     while len(quiet) < QUIET and (not rounds or time.perf_counter() < until):

@@ -97,7 +97,7 @@ def ridden(slave: Floats, master: Floats, by_node: bool, at: Floats, moved: Call
     nothing = np.zeros(len(slave) + len(master))
     for i, place in enumerate(at):
         x = np.concatenate([moved(float(place)), master])
-        pushed = service.handle(Traction(known.surfaces, x, nothing, x, nothing))
+        pushed = service.handle(Traction(known.surfaces, x, nothing, x, nothing, nothing))
         facing = service.handle(Project(known.surfaces, x))
         assert isinstance(pushed, Tractions), pushed
         assert isinstance(facing, Facing), facing

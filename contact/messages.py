@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 3
+WIRE_VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -99,15 +99,17 @@ class Facing:
 class Traction:
     """Ask for contact forces at x : (n_s, 2) [m], given the history.
 
-    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  x_before : (n_s, 2) [m], where the surfaces were when their
-    shear tractions were shear : (n_s,) [Pa] along the slave, its body on the left; they matter with friction only.
+    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  The rest matters with friction only.
+    x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_s,) [Pa], theirs then.
+    mobilised : (n_s,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
     """
 
     surfaces: str
     x: Floats
     multipliers: Floats
     x_before: Floats
-    shear: Floats
+    multipliers_before: Floats
+    mobilised: Floats
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,8 @@ class Tractions:
     starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
     row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
     t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : (n_s,) as in Facing.
-    multipliers : (n_s,) [Pa], t_N on slave sides, and shear : (n_s,) [Pa]: the new history.
+    multipliers : (n_s,) [Pa], t_N on slave sides, and mobilised : (n_s,) [1]: the new history.
+    shear : (n_s,) [Pa] of slave nodes, the mean of tau over what each faces.
     E_friction : (n_s,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_s,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
     n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.
@@ -132,6 +135,7 @@ class Tractions:
     node_gap: Floats
     node_covered: Floats
     multipliers: Floats
+    mobilised: Floats
     shear: Floats
     E_friction: Floats
     slipping: Floats
@@ -147,7 +151,8 @@ class Coupling:
     x: Floats
     multipliers: Floats
     x_before: Floats
-    shear: Floats
+    multipliers_before: Floats
+    mobilised: Floats
 
 
 @dataclass(frozen=True)

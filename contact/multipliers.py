@@ -37,13 +37,13 @@ ENDS = (0, 1, 4, 5)
 def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     """Compute residual and derivatives at request.x.  Raises ValueError."""
     r = surfaces.register
-    x, multipliers, before, shear = checked_request(surfaces, request)
-    cut = cut_surfaces(surfaces, x)
-    points = points_at(surfaces, cut, x, before, multipliers, shear)
+    asked = checked_request(surfaces, request)
+    cut = cut_surfaces(surfaces, asked.x)
+    points, multipliers = points_at(surfaces, cut, asked), asked.multipliers
     residual, weight = balances(r.edges, cut.met, cut.values, points.p_N, multipliers)
-    nodes, values = coupled_pieces(x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values, cut.normal,
-                                   surfaces.passes.by_node[cut.number], r.axisymmetric, points.c, points.doing,
-                                   points.p_N, multipliers)
+    nodes, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
+                                   cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
+                                   points.doing, points.p_N, multipliers)
     return Couplings(residual, weight, nodes, values)
 
 

@@ -3,7 +3,9 @@
 p_N = max(-lambda - eps_N g_N, 0) at each point, lambda interpolated from the slave's nodes; a point touches where
 p_N > 0.  It pushes the slave with -N p_N n A and the master with +M p_N n A, along the ray n that joins the two
 points, so forces and moments balance to round-off.  A touching point with friction drags along t (n turned to the
-left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.
+left) with tau = tau_before - eps_T slip, bounded by mu p_N; what it moves at that bound makes heat.  The history is
+tau/p_N, the mobilised friction, of the slave's nodes: it is +-mu wherever all slips, so nothing is lost by taking it
+linear between nodes, and what is held right at the bound stays there.
 The two drags stand the gap apart, so their moments balance only to tau A g_N.
 """
 
@@ -22,19 +24,22 @@ from contact.piece import (
     FIXED,
     LAMBDA_1,
     LAMBDA_2,
+    MOBILISED,
     MU,
     N_CONSTANTS,
     NODES,
     OPEN,
-    SHEAR_1,
-    SHEAR_2,
     SLIPS_BACK,
     SLIPS_FORWARD,
     STICKS,
+    TRIAL,
+    TRIAL_ETA,
+    TRIAL_XI,
     piece_stiffness,
 )
 from contact.search import GAUSS, Cut, cut_surfaces, feet
-from contact.surfaces import Frame, RegisteredSurfaces, checked_reals, frame_of
+from contact.slip import slip_since
+from contact.surfaces import Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
 
 # Assembly of pieces
 
@@ -127,90 +132,112 @@ class PointStates:
 def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     """Compute contact forces at request.x.  Raises ValueError."""
     r = surfaces.register
-    x, multipliers, before, shear = checked_request(surfaces, request)
-    cut = cut_surfaces(surfaces, x)
-    points = points_at(surfaces, cut, x, before, multipliers, shear)
-    nodes, forces, blocks = pieces(x, before, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
+    asked = checked_request(surfaces, request)
+    cut = cut_surfaces(surfaces, asked.x)
+    points = points_at(surfaces, cut, asked)
+    nodes, forces, blocks = pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
                                    cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
                                    points.doing)
     force = added_up(r.n_nodes, nodes, forces)
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
-    t_N, t_T, E_friction = nodal_means(r.edges, cut.met, cut.values, points.c, points.p_N, points.tau, points.heat,
-                                       shear)
+    t_N, t_T, E_friction = nodal_means(r.n_nodes, r.edges, cut.met, cut.values, points.p_N, points.tau, points.heat)
+    mobilised = mobilised_friction(r.edges, cut.met, cut.values, points.c, points.doing, points.p_N, points.tau,
+                                   asked.mobilised)
     slipping = slipping_fractions(r.n_nodes, r.edges, cut.met, cut.values, points.doing)
     return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
-                     np.where(surfaces.on_slave, t_N, 0.0), t_T, E_friction, slipping,
+                     np.where(surfaces.on_slave, t_N, 0.0), mobilised, t_T, E_friction, slipping,
                      int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)))
 
 
-def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> tuple[Floats, Floats, Floats,
-                                                                                         Floats]:
-    """Check the arrays of a request; return x, multipliers, x_before and shear.
+@dataclass(frozen=True)
+class Asked:
+    """The arrays of a request, checked.
 
-    They are (n_s, 2) [m], (n_s,) [Pa], (n_s, 2) [m] and (n_s,) [Pa].  Raises ValueError.
+    x, before : (n_s, 2) [m] now and when the history was noted.  multipliers, multipliers_before : (n_s,) [Pa].
+    mobilised : (n_s,) [1], shear over p_N then.
     """
+
+    x: Floats
+    multipliers: Floats
+    before: Floats
+    multipliers_before: Floats
+    mobilised: Floats
+
+
+def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> Asked:
+    """Check the arrays of a request.  Raises ValueError."""
     n = surfaces.register.n_nodes
     multipliers = checked_reals("multipliers", request.multipliers, (n,))
     if multipliers.size and multipliers.max() > 0.0:
         raise ValueError(f"multipliers must be <= 0, got {multipliers.max()!r} at node {multipliers.argmax()}")
     before = checked_reals("x_before", request.x_before, (n, 2))
-    shear = checked_reals("shear", request.shear, (n,))
-    return checked_reals("x", request.x, (n, 2)), multipliers, before, shear
+    then = checked_reals("multipliers_before", request.multipliers_before, (n,))
+    mobilised = checked_reals("mobilised", request.mobilised, (n,))
+    return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, mobilised)
 
 
-def points_at(surfaces: RegisteredSurfaces, cut: Cut, x: Floats, before: Floats, multipliers: Floats,
-              shear: Floats) -> PointStates:
-    """Evaluate the points of a cut.
-
-    x, before : (n_s, 2) [m] now and when the shear was `shear`.  multipliers, shear : (n_s,) [Pa].
-    """
-    p, edges = surfaces.passes, surfaces.register.edges
+def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStates:
+    """Evaluate the points of a cut."""
+    p, edges, n = surfaces.passes, surfaces.register.edges, len(cut.met)
     ends = edges[cut.met[:, 0]]
-    c = np.zeros((len(cut.met), N_CONSTANTS))
-    c[:, LAMBDA_1:LAMBDA_2 + 1] = multipliers[ends]
-    c[:, SHEAR_1:SHEAR_2 + 1] = shear[ends]
+    c = np.zeros((n, N_CONSTANTS))
+    c[:, LAMBDA_1:LAMBDA_2 + 1] = asked.multipliers[ends]
     c[:, EPS_N], c[:, EPS_T], c[:, MU] = p.eps_N[cut.number], p.eps_T[cut.number], p.mu[cut.number]
-    n = len(cut.met)
     points = PointStates(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
-    evaluate_points(x, before, edges, cut.met, cut.values, cut.normal, c, points.doing, points.p_N, points.tau,
-                    points.heat)
+    press(cut.values, c, points.doing, points.p_N)
+    if p.mu.any():
+        length, normal = edge_frames(asked.before, edges, surfaces.previous, surfaces.following)
+        if not length.min() > 0.0:
+            raise ValueError(f"x_before: edge {int(np.argmin(length))} has no length")
+        rub(asked.before, asked.multipliers_before, asked.mobilised, edges, surfaces.previous, surfaces.following,
+            normal, cut.met, cut.values, c, points.doing, points.p_N, points.tau, points.heat)
     return points
 
 
 @kernel
-def evaluate_points(x: Floats, before: Floats, edges: Ints, met: Ints, values: Floats, normal: Floats, c: Floats,
-                    doing: Floats,
-                    p_N: Floats, tau: Floats, heat: Floats) -> None:
-    """Fill the state of every point: doing [1], p_N [Pa], tau [Pa], and the heat of its slip [J], each (n_p,).
+def press(values: Floats, c: Floats, doing: Floats, p_N: Floats) -> None:
+    """Fill the pressure p_N [Pa] of every point, and whether it is open or sticks until it is rubbed, (n_p,) each.
 
-    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].
-    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].  p_N, tau : (n_p,) [Pa].
-    heat : (n_p,) [J].
-    Slip is how far the slave's point has moved along t past the point it faces, since `before`: the two material points
-    are those that face each other now, so a motion of both together is none.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
+    contact.piece.
     """
-    for i in range(met.shape[0]):
-        xi, eta, area = values[i, 0], values[i, 1], values[i, 3]
+    for i in range(values.shape[0]):
+        xi, area = values[i, 0], values[i, 3]
         p = -(c[i, LAMBDA_1] + xi * (c[i, LAMBDA_2] - c[i, LAMBDA_1])) - c[i, EPS_N] * values[i, 2]
         doing[i] = OPEN
-        # fault: contact may pull -> if not area > 0.0: | contact/test_traction
-        if not (p > 0.0 and area > 0.0):
+        # fault: contact may pull -> if area > 0.0: | contact/test_traction
+        if p > 0.0 and area > 0.0:
+            p_N[i], doing[i] = p, STICKS
+
+
+@kernel
+def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: Ints, previous: Ints, following: Ints,
+        normal: Floats, met: Ints, values: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats,
+        heat: Floats) -> None:
+    """Fill shear tau [Pa], state [1] and the heat of slip [J] of touching points, (n_p,) each, and what c has of shear.
+
+    before : (n_s, 2) [m].  multipliers_before : (n_s,) [Pa].  mobilised : (n_s,) [1].  edges : (n_edges, 2).
+    previous, following : (n_edges,).  normal : (n_edges, 3, 2) [1], those of `before`.  met : (n_p, 2) slave and master
+    edge.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
+    contact.piece.  p_N : (n_p,) [Pa].
+    tau_before is the mobilised friction of the slave's material point times the pressure it had, by the gap it had.
+    """
+    for i in range(met.shape[0]):
+        if doing[i] == OPEN or not c[i, MU] > 0.0:
             continue
-        p_N[i], doing[i] = p, STICKS
-        if not c[i, MU] > 0.0:
-            continue
-        a, b, d, e = edges[met[i, 0], 0], edges[met[i, 0], 1], edges[met[i, 1], 0], edges[met[i, 1], 1]
-        slips = np.empty(2)
-        for k in range(2):
-            slips[k] = ((1.0 - xi) * (x[a, k] - before[a, k]) + xi * (x[b, k] - before[b, k])
-                        - (1.0 - eta) * (x[d, k] - before[d, k]) - eta * (x[e, k] - before[e, k]))
-        # Plus how the two present points, d and M, differ: nothing but the gap, which has no tangential part.
-        nx = (1.0 - xi) * normal[met[i, 0], 1, 0] + xi * normal[met[i, 0], 2, 0]
-        ny = (1.0 - xi) * normal[met[i, 0], 1, 1] + xi * normal[met[i, 0], 2, 1]
-        slip = (-ny * slips[0] + nx * slips[1]) / np.sqrt(nx * nx + ny * ny)
-        trial = c[i, SHEAR_1] + xi * (c[i, SHEAR_2] - c[i, SHEAR_1]) - c[i, EPS_T] * slip
-        bound = c[i, MU] * p
+        xi, area = values[i, 0], values[i, 3]
+        a, b = edges[met[i, 0], 0], edges[met[i, 0], 1]
+        slip, slip_xi, slip_eta, g, g_xi = slip_since(before, edges, previous, following, normal, met[i, 0], xi,
+                                                      met[i, 1], values[i, 1])
+        r_slope, slope = mobilised[b] - mobilised[a], multipliers_before[b] - multipliers_before[a]
+        r = mobilised[a] + xi * r_slope
+        p, p_xi = -(multipliers_before[a] + xi * slope) - c[i, EPS_N] * g, -slope - c[i, EPS_N] * g_xi
+        if not p > 0.0:
+            p, p_xi = 0.0, 0.0
+        trial = r * p - c[i, EPS_T] * slip
+        c[i, MOBILISED], c[i, TRIAL] = r, trial
+        c[i, TRIAL_XI], c[i, TRIAL_ETA] = r_slope * p + r * p_xi - c[i, EPS_T] * slip_xi, -c[i, EPS_T] * slip_eta
+        bound = c[i, MU] * p_N[i]
         tau[i] = trial
         # fault: friction without its bound -> if abs(trial) > 1e9 * bound: | mechanical_fmu/test_friction
         if abs(trial) > bound:
@@ -223,20 +250,17 @@ def evaluate_points(x: Floats, before: Floats, edges: Ints, met: Ints, values: F
 
 
 @kernel
-def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, tau: Floats, heat: Floats,
-                before: Floats) -> tuple[Floats, Floats, Floats]:
+def nodal_means(n_nodes: int, edges: Ints, met: Ints, values: Floats, p_N: Floats, tau: Floats,
+                heat: Floats) -> tuple[Floats, Floats, Floats]:
     """Average pressure and shear to the nodes: t_N (n_s,) [Pa], shear (n_s,) [Pa] and E_friction (n_s,) [J].
 
     edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
-    contact.piece.  p_N, tau : (n_p,) [Pa].  heat : (n_p,) [J].  before : (n_s,) [Pa].
-    t_N = -sum(A N p_N)/sum(A N) over what each node faces, both sides; the others are of slave nodes: shear as before
-    plus the mean of its change over what it touches.  Of the change, not of tau itself: a mean of what was interpolated
-    is smoother than what it came from, and a surface at rest would lose its shear, and make heat, with every step.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  p_N, tau : (n_p,) [Pa].  heat : (n_p,) [J].
+    t_N = -sum(A N p_N)/sum(A N) over what each node faces, both sides; the others are of slave nodes:
+    shear = sum(A N tau)/sum(A N) over what the node faces as a slave.
     """
-    n_nodes = before.size
     pushed, faced, dragged = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
-    touched, made = np.zeros(n_nodes), np.zeros(n_nodes)
+    searched, made = np.zeros(n_nodes), np.zeros(n_nodes)
     for i in range(met.shape[0]):
         for side in range(2):
             for end in range(2):
@@ -245,16 +269,46 @@ def nodal_means(edges: Ints, met: Ints, values: Floats, c: Floats, p_N: Floats, 
                 weight = N * values[i, 3]
                 pushed[s] += weight * p_N[i]
                 faced[s] += weight
-                if side == 0 and p_N[i] > 0.0:
-                    dragged[s] += weight * (tau[i] - (c[i, SHEAR_1] + values[i, 0] * (c[i, SHEAR_2] - c[i, SHEAR_1])))
-                    touched[s] += weight
+                if side == 0:
+                    dragged[s] += weight * tau[i]
+                    searched[s] += weight
                     made[s] += N * heat[i]
     for s in range(n_nodes):
         pushed[s] = -pushed[s] / faced[s] if pushed[s] > 0.0 else 0.0
-        # fault: shear that is held smears out -> dragged[s] = 0.9 * before[s] + dragged[s] / touched[s] if touched[s] >
-        #   0.0 else 0.0 | contact/test_shear_history
-        dragged[s] = before[s] + dragged[s] / touched[s] if touched[s] > 0.0 else 0.0
+        dragged[s] = dragged[s] / searched[s] if searched[s] > 0.0 else 0.0
     return pushed, dragged, made
+
+
+@kernel
+def mobilised_friction(edges: Ints, met: Ints, values: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats,
+                       before: Floats) -> Floats:
+    """Compute the mobilised friction tau/p_N (n_s,) [1] of slave nodes, 0 where nothing touches.
+
+    edges : (n_edges, 2).  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
+    contact.piece.  doing : (n_p,) state [1].  p_N, tau : (n_p,) [Pa].  before : (n_s,) [1].
+    The mean over what the node touches, weighted by the pressing force: of +-mu where it slips, of what the node had
+    plus the change where it sticks.  Of the change, not of tau/p_N itself: a mean of what was interpolated is smoother
+    than what it came from, and a surface at rest would lose its shear with every step.  No node has more than mu.
+    """
+    n_nodes = before.size
+    gained, pressed, most = np.zeros(n_nodes), np.zeros(n_nodes), np.zeros(n_nodes)
+    for i in range(met.shape[0]):
+        if not (p_N[i] > 0.0 and c[i, MU] > 0.0):
+            continue
+        for end in range(2):
+            s = edges[met[i, 0], end]
+            weight = values[i, 3] * (values[i, 0] if end == 1 else 1.0 - values[i, 0])
+            had = before[s] if doing[i] >= SLIPS_FORWARD else c[i, MOBILISED]
+            gained[s] += weight * (tau[i] - had * p_N[i])
+            pressed[s] += weight * p_N[i]
+            most[s] = max(most[s], c[i, MU])
+    for s in range(n_nodes):
+        # fault: shear that is held smears out -> r = 0.9 * before[s] + gained[s] / pressed[s] if pressed[s] > 0.0 else
+        #   0.0 | contact/test_shear_history
+        r = before[s] + gained[s] / pressed[s] if pressed[s] > 0.0 else 0.0
+        gained[s] = min(max(r, -most[s]), most[s])
+    return gained
 
 
 @kernel
@@ -281,13 +335,12 @@ def slipping_fractions(n_nodes: int, edges: Ints, met: Ints, values: Floats, doi
 
 
 @kernel
-def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats,
-           normal: Floats, by_node: Ints, axisymmetric: bool, c: Floats,
-           doing: Floats) -> tuple[Ints, Floats, Floats]:
+def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normal: Floats,
+           by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats) -> tuple[Ints, Floats, Floats]:
     """Compute nodes (n_b, 6), forces (n_b, 6, 2) [N] and blocks (n_b, 12, 12) [N/m] of the touching pieces.
 
-    x, before : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master
-    edge.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].
     by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
     """
     n_blocks = 0
@@ -295,7 +348,7 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
         n_blocks += doing[i] > OPEN or doing[i + 1] > OPEN
     nodes = np.empty((n_blocks, NODES), dtype=np.int32)
     forces, blocks = np.empty((n_blocks, NODES, 2)), np.empty((n_blocks, 2 * NODES, 2 * NODES))
-    here, there = np.empty((NODES, 2)), np.empty((NODES, 2))
+    here = np.empty((NODES, 2))
     smooth, ends, moves, scratch = np.empty(2, dtype=np.bool_), np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
     b = 0
     for i in range(0, met.shape[0], 2):
@@ -305,14 +358,14 @@ def pieces(x: Floats, before: Floats, edges: Ints, previous: Ints, following: In
         piece_nodes(edges, previous, following, e, m, nodes[b])
         for k in range(NODES):
             for d in range(2):
-                here[k, d], there[k, d] = x[nodes[b, k], d], before[nodes[b, k], d]
+                here[k, d] = x[nodes[b, k], d]
         for k in range(2):
             smooth[k] = normal[e, 1 + k, 0] != normal[e, 0, 0] or normal[e, 1 + k, 1] != normal[e, 0, 1]
             other = previous[e] if k == 0 else following[e]
             smooth[k] = other >= 0 and (smooth[k] or parallel(normal, e, other))
         uncut = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
-        piece_stiffness(here, normal[e, 1:], there, smooth, uncut, axisymmetric, moves, ends, values, c, doing, i,
+        piece_stiffness(here, normal[e, 1:], smooth, uncut, axisymmetric, moves, ends, values, c, doing, i,
                         scratch, forces[b], blocks[b])
         b += 1
     return nodes, forces, blocks

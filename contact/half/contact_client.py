@@ -35,13 +35,13 @@ class ContactRefusedError(ArithmeticError):
 class History:
     """The history of contact, which the mechanical state holds.
 
-    multipliers : (n_s,) [Pa].  shear : (n_s,) [Pa], the shear tractions so far.  x : (n_s, 2) [m], where the surfaces
-    were then.
+    multipliers : (n_s,) [Pa].  x : (n_s, 2) [m], where the surfaces were then.  mobilised : (n_s,) [1], shear over p_N
+    of slave nodes.
     """
 
     multipliers: Floats
     x: Floats
-    shear: Floats
+    mobilised: Floats
 
 
 class ContactSurfaces:
@@ -82,21 +82,26 @@ class ContactSurfaces:
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
 
-    def tractions(self, link: Link, x: Floats, history: History) -> Tractions:
-        """Ask for the contact forces at x : (n_nodes, 2) [m].  Raises ContactRefusedError, LinkError."""
-        at = self._at_surfaces(x)
-        reply = self._ask(link, lambda name: Traction(name, at, history.multipliers, history.x, history.shear))
+    def tractions(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Tractions:
+        """Ask for the contact forces at x : (n_nodes, 2) [m].
+
+        multipliers : (n_s,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        """
+        at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
+        reply = self._ask(link, lambda name: Traction(name, at, of_now, history.x, history.multipliers,
+                                                      history.mobilised))
         if not isinstance(reply, Tractions):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply
 
-    def couplings(self, link: Link, x: Floats, history: History) -> Couplings:
+    def couplings(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Couplings:
         """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].
 
-        Raises ContactRefusedError, LinkError.
+        multipliers : (n_s,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
         """
-        at = self._at_surfaces(x)
-        reply = self._ask(link, lambda name: Coupling(name, at, history.multipliers, history.x, history.shear))
+        at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
+        reply = self._ask(link, lambda name: Coupling(name, at, of_now, history.x, history.multipliers,
+                                                      history.mobilised))
         if not isinstance(reply, Couplings):
             raise ContactRefusedError(f"contact does not answer: {_reason(reply)}")
         return reply

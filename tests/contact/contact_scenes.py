@@ -71,14 +71,16 @@ def ask(register: Register, x: Floats) -> Facing:
 
 
 def push(register: Register, x: Floats, multipliers: Floats | None = None, x_before: Floats | None = None,
-         shear: Floats | None = None) -> Tractions:
+         mobilised: Floats | None = None, multipliers_before: Floats | None = None) -> Tractions:
     """Tractions of a scene through the service."""
     service = ContactService()
     registered = service.handle(register)
     assert isinstance(registered, Registered), registered
     zeros = np.zeros(len(x))
-    reply = service.handle(Traction(registered.surfaces, x, zeros if multipliers is None else multipliers,
-                                    x if x_before is None else x_before, zeros if shear is None else shear))
+    given = zeros if multipliers is None else multipliers
+    reply = service.handle(Traction(registered.surfaces, x, given, x if x_before is None else x_before,
+                                    given if multipliers_before is None else multipliers_before,
+                                    zeros if mobilised is None else mobilised))
     assert isinstance(reply, Tractions), reply
     return reply
 

@@ -64,8 +64,8 @@ def facing(request: Project) -> Facing:
 def tractions(request: Traction) -> Tractions:
     n = len(request.x)
     return Tractions(request.x * 3, np.zeros(n + 1, np.int32), np.zeros(0, np.int32), np.zeros((0, 2, 2)),
-                     -np.abs(request.multipliers), np.full(n, np.inf), np.zeros(n), request.multipliers, request.shear,
-                     np.zeros(n), np.zeros(n), 2, 1)
+                     -np.abs(request.multipliers), np.full(n, np.inf), np.zeros(n), request.multipliers,
+                     request.mobilised, request.mobilised, np.zeros(n), np.zeros(n), 2, 1)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ def answer(register: Register, x: Floats, multipliers: Floats, before: Floats) -
     service = ContactService()
     registered = service.handle(register)
     assert isinstance(registered, Registered), registered
-    reply = service.handle(Coupling(registered.surfaces, x, multipliers, before, np.zeros(len(x))))
+    reply = service.handle(Coupling(registered.surfaces, x, multipliers, before, multipliers, np.zeros(len(x))))
     assert isinstance(reply, Couplings), reply
     return reply
 
@@ -82,6 +82,6 @@ def test_a_wrong_request_is_refused():
     register, x = curved(7, 9, gap=-0.03)
     registered = service.handle(register)
     assert isinstance(registered, Registered)
-    reply = service.handle(Coupling(registered.surfaces, x, np.ones(len(x)), x, np.zeros(len(x))))
+    reply = service.handle(Coupling(registered.surfaces, x, np.ones(len(x)), x, np.zeros(len(x)), np.zeros(len(x))))
     assert isinstance(reply, Refused)
     assert "multipliers must be <= 0" in reply.message

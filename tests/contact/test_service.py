@@ -96,7 +96,8 @@ def changed(**fields: Any) -> Register:
 def traction(key: str, x: Any, **given: Any) -> Traction:
     """A Traction request without history but for what is given."""
     zeros = np.zeros(len(x))
-    return Traction(**{"surfaces": key, "x": x, "multipliers": zeros, "x_before": x, "shear": zeros, **given})
+    return Traction(**{"surfaces": key, "x": x, "multipliers": zeros, "x_before": x,
+                       "multipliers_before": zeros, "mobilised": zeros, **given})
 
 
 @pytest.mark.parametrize(("register", "word"), [

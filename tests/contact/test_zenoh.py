@@ -79,8 +79,8 @@ def test_zenoh_and_direct_agree_to_the_bit(link):
     for n in (4, 1000, 30000):  # the last one beyond zenoh's shared-memory and fragment sizes
         x = rng.standard_normal((n, 2))
         x[1] = np.nan, -0.0
-        for request in (register(n), Project(f"surfaces-{n}", x), Traction(f"surfaces-{n}", x, -x[:, 0], x, x[:, 1]),
-                        Project("unknown", x)):
+        for request in (register(n), Project(f"surfaces-{n}", x),
+                        Traction(f"surfaces-{n}", x, -x[:, 0], x, -x[:, 0], x[:, 1]), Project("unknown", x)):
             assert bits(link.ask(request)) == bits(direct.ask(request))
 
 

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mechanical_scenes import EXPECTED, blocks, done, elastic, hold, inputs_of
+from mechanical_scenes import EXPECTED, NO_CELLS, blocks, done, elastic, hold, inputs_of, rectangle
 
+from contact.half.interface import Interface, Pair
 from contact.rpc.link import open_link
 
 PRESS = 1e-6  # m, of two blocks of 1 m
 E = 2.0e11
+HELD = 1e-3  # of the drag may be lost at rest, of its work made into heat
 
 
 def dragged(mu, slides, lower=4, upper=3, angle=0.0, press=PRESS, **pair):
@@ -84,3 +86,35 @@ def test_sliding_along_facets_at_constant_pressure_is_smooth(two_pass):
     # What is left is the covered width, which falls with the slide: a straight line to a percent.
     line = np.polyval(np.polyfit(slides[1:], normal, 2), slides[1:])
     assert np.abs(normal / line - 1.0).max() <= 0.01
+
+
+@pytest.mark.parametrize("enforced", [{}, {"augmented": {"tolerance": 1e-6, "method": "uzawa"}},
+                                      {"augmented": {"tolerance": 1e-6, "method": "semi_smooth"}}],
+                         ids=["penalty", "uzawa", "semi_smooth"])
+@pytest.mark.parametrize("stop", [7e-6, 8e-6, 1.5e-5])
+def test_a_block_held_at_the_bound_keeps_its_drag(stop, enforced):
+    """A short block on a long floor, dragged until a part or all of it slips, and held for 100 steps."""
+    floor, body = rectangle(np.linspace(0.0, 1.0, 15), np.linspace(0.0, 0.5, 8)), np.linspace(0.0, 0.5, 11)
+    n = len(floor[0])
+    nodes, cells, sides = rectangle(0.25 + body, 0.5 + body, first=n)
+    surfaces = {f"{name}.{k}": v for name, s in (("lower", floor[2]), ("upper", sides)) for k, v in s.items()}
+    interface = Interface("plane", np.concatenate([floor[0], nodes]),
+                          np.concatenate([floor[1], cells]).astype(np.int32), NO_CELLS[3],
+                          np.repeat([0, 1], [len(floor[1]), len(cells)]).astype(np.int32), np.empty(0, np.int32),
+                          ("lower", "upper"), ("m", "m"), surfaces, {},
+                          (Pair("interface", "upper.bottom", "lower.top", 0.1, E / 0.05, mu=0.3),))
+    t = [0.0, 1.0, 11.0]
+    boundary = [hold("lower.bottom", 0), hold("lower.bottom", 1),
+                hold("upper.top", 0, {"t": t, "value": [0.0, 0.0, stop]}),
+                hold("upper.top", 1, {"t": t, "value": [0.0, -1e-5, -1e-5]})]
+    half = elastic(interface, boundary, material={"alpha": 0.0}, pairs={"interface": enforced} if enforced else {})
+    force, heat = [], []
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half), 0.0, link)
+        for i in range(111):
+            state, out = done(half.step(state, inputs_of(half), float(i), 1.0, link))
+            force.append(out["reaction.upper"][0])
+            heat.append(out["contact.E_friction"].sum())
+    assert sum(heat[:11]) > 0.0
+    assert force[-1] == pytest.approx(force[10], rel=HELD)
+    assert sum(heat[11:]) <= HELD * abs(force[10] * stop)
