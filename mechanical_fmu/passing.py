@@ -1,0 +1,44 @@
+"""No body goes through another within a step: neither in the first guess nor in what was found.
+
+Contact finds what lies within an edge's length behind a surface.  A step that carries a body farther leaves nothing to
+push it back, and equilibrium is found with nothing pressed: such a step is refused, so that it is cut.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.outlines import Passage, passage
+from mechanical_fmu.system import ForceBalance, System
+
+Floats = NDArray[np.float64]
+
+
+class PassingError(ArithmeticError):
+    """A node goes through another body, unseen by contact."""
+
+
+def refuse_passing(system: System, u: Floats, balance: ForceBalance) -> None:
+    """Raise PassingError where a step from u : (n, 2) [m] to a balance takes a surface node into another body unseen.
+
+    Only nodes that contact finds neither pressed nor near are looked at: in most steps none of them meets a body.
+    """
+    if balance.tractions is None:
+        return
+    before, after = system.interface.nodes + u, system.interface.nodes + balance.u
+    for side in system.contact.sides:
+        unseen = side.unseen(balance.tractions.node_gap)
+        # fault: a body goes through another and nobody sees it -> found = None | mechanical_fmu/test_passing
+        found = passage(side, unseen, before, after) if unseen.any() else None
+        if found is not None:
+            raise PassingError(_text(system, found))
+
+
+def _text(system: System, found: Passage) -> str:
+    x, y = system.interface.nodes[found.node]
+    side = found.side
+    return (f"pair {side.pair}: node {found.node + 1} of {side.surface} (at the start at {x:.6g}, {y:.6g} m) would "
+            f"{'go into' if found.stays else 'pass through'} {side.other} unseen by contact, {found.depth:.3g} m deep "
+            f"({found.depth / side.edge:.3g} edges): smaller windows, a larger elastic.cuts or a slower motion let "
+            "contact find the touch; what no step is small enough for, bodies cannot do")
