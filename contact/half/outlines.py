@@ -19,6 +19,7 @@ Flags = NDArray[np.bool_]
 # Inside by less than this share of an edge, or of a thin body, is no passage: facing curved meshes overlap by their
 # sagitta, and tips between quadrature points are not felt.
 ALLOWED = 0.1
+ASIDE = 1e-6  # of an edge
 # A node that contact finds this share of an edge before the other surface, or behind it, is seen.
 NEAR = 0.5
 
@@ -159,7 +160,9 @@ def passage(side: Side, candidates: Flags, before: Floats, after: Floats) -> Pas
     nodes = nodes[(np.maximum(p, q) >= low).all(axis=1) & (np.minimum(p, q) <= high).all(axis=1)]
     if not nodes.size:
         return None
-    way = before[nodes], after[nodes]
+    # A little aside: meshes that match have nodes above nodes, and a way through a node may cross neither of its edges.
+    aside = ASIDE * side.edge * np.array([0.618, 0.382])
+    way = before[nodes] + aside, after[nodes] + aside
     a, b = ((before[side.outline[:, k]], after[side.outline[:, k]]) for k in range(2))
     stays, within, found = depths(way[1], a[1], b[1]), inside(way[0], a[0], b[0]), None
     who, when = crossings(way, a, b)
