@@ -11,7 +11,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.model import Value, Variable
-from contact.half.outlines import Side, sides_of
+from contact.half.passing import Side, sides_of
 from contact.messages import Tractions
 
 Floats = NDArray[np.float64]

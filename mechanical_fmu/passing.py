@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.outlines import Passage, passage
+from contact.half.outlines import depths
+from contact.half.passing import Passage, passage
 from mechanical_fmu.system import ForceBalance, System
 
 Floats = NDArray[np.float64]
@@ -36,9 +37,15 @@ def refuse_passing(system: System, u: Floats, balance: ForceBalance) -> None:
 
 
 def _text(system: System, found: Passage) -> str:
-    x, y = system.interface.nodes[found.node]
-    side = found.side
-    return (f"pair {side.pair}: node {found.node + 1} of {side.surface} (at the start at {x:.6g}, {y:.6g} m) would "
-            f"{'go into' if found.stays else 'pass through'} {side.other} unseen by contact, {found.depth:.3g} m deep "
-            f"({found.depth / side.edge:.3g} edges): smaller windows, a larger elastic.cuts or a slower motion let "
-            "contact find the touch; what no step is small enough for, bodies cannot do")
+    x, side = system.interface.nodes, found.side
+    node = f"node {found.node + 1} of {side.surface}"
+    drawn = float(depths(x[found.node][None], *(x[side.outline[:, k]] for k in range(2)))[0])
+    if drawn > side.limit:
+        return (f"pair {side.pair}: {node} is drawn {drawn:.3g} m ({drawn / side.edge:.3g} edges) inside {side.other}, "
+                "where contact does not find it: it looks as deep as half the thinner body, or an edge's length; draw "
+                "the bodies in touch and bring the interference on by a motion or by expansion")
+    where = f"{node} (at the start at {x[found.node, 0]:.6g}, {x[found.node, 1]:.6g} m)"
+    return (f"pair {side.pair}: {where} would {'go into' if found.stays else 'pass through'} {side.other} unseen by "
+            f"contact, {found.depth:.3g} m deep ({found.depth / side.edge:.3g} edges): smaller windows, a larger "
+            "elastic.cuts or a slower motion let contact find the touch; where none is small enough, the motion leaves "
+            "the bodies no room, or they meet outside the surfaces of a pair")

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
-from contact.half.outlines import ALLOWED, Passage, Side, depths, passage, sides_of
+from contact.half.outlines import depths
+from contact.half.passing import ALLOWED, Passage, Side, passage, sides_of
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
