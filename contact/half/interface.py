@@ -190,19 +190,21 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
 
 def _search_depth(interface: Interface, pair: Pair) -> float:
     """Half of what the bodies of a pair are thick behind its surfaces, at least [m]: what overlaps deeper may as well
-    have gone through.  0 where both surfaces are of one body, and an edge's length has to do."""
-    bodies = [side.partition(".")[0] for side in (pair.slave, pair.master)]
-    if bodies[0] == bodies[1]:
+    have gone through.  0, so that an edge's length has to do, where both surfaces are of one body, or of none.
+    """
+    first, second = (int(interface.node_body[interface.surfaces[side].flat[0]]) for side in (pair.slave, pair.master))
+    if first == second or min(first, second) < 0:
         return 0.0
+    thick = [thickness(interface.nodes, interface.surfaces[side], outline_of(interface, body))
+             for side, body in ((pair.slave, first), (pair.master, second))]
     # fault: contact looks no deeper than an edge -> return 0.0 | mechanical_fmu/test_passing
-    return 0.5 * min(thickness(interface.nodes, interface.surfaces[side], outline_of(interface, interface.bodies.index(
-        body))) for side, body in zip((pair.slave, pair.master), bodies, strict=True))
+    return 0.5 * min(thick) if np.isfinite(thick).all() else 0.0
 
 
 def outline_of(interface: Interface, body: int) -> Indices:
     """Return the edges (m, 2) on the outside of a body, the body on the left hand."""
     kinds = ((interface.quads, interface.quad_body), (interface.triangles, interface.triangle_body))
-    return outline(*(cells[of == body] for cells, of in kinds if len(cells)))
+    return outline(*(cells[of == body] for cells, of in kinds))
 
 
 # Columns: the nodes of a rectangle that share one x, for halves that know one dimension only.

@@ -18,7 +18,8 @@ def outline(*cells: Ints) -> Indices:
 
     cells : (n, 3) or (n, 4) nodes of the cells of one body, each.
     """
-    edges = np.vstack([np.column_stack([c.ravel(), np.roll(c, -1, axis=1).ravel()]) for c in cells])
+    edges = np.vstack([np.empty((0, 2), np.int32), *(np.column_stack([c.ravel(), np.roll(c, -1, axis=1).ravel()])
+                                                     for c in cells)])
     keys = {(int(a), int(b)) for a, b in edges}
     return np.array([(a, b) for a, b in edges.tolist() if (b, a) not in keys], dtype=np.intp).reshape(-1, 2)
 
