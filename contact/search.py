@@ -35,6 +35,7 @@ NODE_TOLERANCE = 1e-3  # of an edge
 CUT_TOLERANCE = 1e-13  # of an edge: cuts closer than this are one cut
 MIN_MAPPED_LENGTH = 1e-6  # of an edge: shorter master pieces are weighted as if the map were linear
 SELF_CONTACT_DEPTH = 0.25  # of an edge: how deep into the body a surface that faces itself is searched
+# fault: a step beside a body is met through it -> NEAREST = 100.0 | mechanical_fmu/test_passing
 NEAREST = 1.5  # a ray that meets what is nearest is longer by 1/cos of the tilt, up to 48 degrees
 # fault: Gauss points of a piece nearer to its ends -> GAUSS = 0.35 | scenarios/test_contact_robust
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
@@ -321,10 +322,10 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int
         back = SELF_CONTACT_DEPTH * length[e] if itself else max(length[e], longest)
         frame = frame_of(x, edges, normal, e)
         count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
-        if depth > back and not meets_middle(x, edges, frame, hits, count, back, gap_max):
+        if (depth > back and not meets_middle(x, edges, frame, hits, count, back, gap_max)
+                and candidates(boxes, masters, normal, frame, depth, 0.0, hits) > 0):
             # What is met deep behind must be about the nearest there is: a step beside the body is not.
-            if candidates(boxes, masters, normal, frame, depth, 0.0, hits) > 0:
-                back = max(back, min(depth, NEAREST * distance_to(x, edges, frame, masters)))
+            back = max(back, min(depth, NEAREST * distance_to(x, edges, frame, masters)))
             count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
         if itself:
             count = drop_neighbours(edges, e, hits, count)

@@ -27,11 +27,14 @@ def refuse_passing(system: System, u: Floats, balance: ForceBalance) -> None:
     """
     if balance.tractions is None:
         return
-    before, after = system.interface.nodes + u, system.interface.nodes + balance.u
-    for side in system.contact.sides:
-        unseen = side.unseen(balance.tractions.node_gap)
+    gap, nodes = balance.tractions.node_gap, system.interface.nodes
+    unseen = [(side, flags) for side in system.contact.sides if (flags := side.unseen(gap)).any()]
+    if not unseen:
+        return
+    before, after = nodes + u, nodes + balance.u
+    for side, flags in unseen:
         # fault: a body goes through another and nobody sees it -> found = None | mechanical_fmu/test_passing
-        found = passage(side, unseen, before, after) if unseen.any() else None
+        found = passage(side, flags, before, after)
         if found is not None:
             raise PassingError(_text(system, found))
 

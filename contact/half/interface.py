@@ -179,7 +179,7 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
         # fault: two passes of full weight -> weight = 1.0 | mechanical_fmu/test_contact_patch
         weight = 0.5 if pair.two_pass or slave == master else 1.0
         rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu,
-                _search_depth(interface, pair))
+                search_depth(interface, pair))
         rows.append((i, slave, master, *rest))
         if pair.two_pass and slave != master:
             rows.append((i, master, slave, *rest))
@@ -188,9 +188,11 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 
-def _search_depth(interface: Interface, pair: Pair) -> float:
-    """Half of what the bodies of a pair are thick behind its surfaces, at least [m]: what overlaps deeper may as well
-    have gone through.  0, so that an edge's length has to do, where both surfaces are of one body, or of none.
+def search_depth(interface: Interface, pair: Pair) -> float:
+    """Return half of what the bodies of a pair are thick behind its surfaces, at least [m].
+
+    What overlaps deeper may as well have gone through.  0, so that an edge's length has to do, where both surfaces are
+    of one body, or of none.
     """
     first, second = (int(interface.node_body[interface.surfaces[side].flat[0]]) for side in (pair.slave, pair.master))
     if first == second or min(first, second) < 0:

@@ -87,14 +87,13 @@ def passage(side: Side, candidates: Flags, before: Floats, after: Floats) -> Pas
     candidates : (n,) which of side.nodes to look at.  before, after : (n_nodes, 2) [m].  Of a node that is inside from
     the start and comes out, as where pressed bodies slide off each other's ends, only what it sinks in further counts.
     """
-    nodes = side.nodes[candidates]
-    ends = side.outline[:, 0]
-    low = np.minimum(before[ends].min(axis=0), after[ends].min(axis=0)) + side.limit
-    high = np.maximum(before[ends].max(axis=0), after[ends].max(axis=0)) - side.limit
-    p, q = before[nodes], after[nodes]
-    nodes = nodes[(np.maximum(p, q) >= low).all(axis=1) & (np.minimum(p, q) <= high).all(axis=1)]
-    if not nodes.size:
+    nodes, ends = side.nodes[candidates], side.outline[:, 0]
+    ways, boxes = np.stack([before[nodes], after[nodes]]), np.stack([before[ends], after[ends]])
+    near = ((ways.max(axis=0) >= boxes.min(axis=(0, 1)) + side.limit)
+            & (ways.min(axis=0) <= boxes.max(axis=(0, 1)) - side.limit)).all(axis=1)
+    if not near.any():
         return None
+    nodes = nodes[near]
     # A little aside: meshes that match have nodes above nodes, and a way through a node may cross neither of its edges.
     aside = ASIDE * side.edge * np.array([0.618, 0.382])
     way = before[nodes] + aside, after[nodes] + aside

@@ -118,8 +118,8 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
         f"lies {log.depth:.3g} edges inside the other body, beyond what contact found")
     passes = measured(PASSES, log.depth, (0.0, 0.0), unit="edges", t=log.t,
                       what=f"pair {log.pair}: {where} {how}, at t = {log.t:.6g} s",
-                      remedy="Smaller windows, or a smaller step of the motion; contact finds what lies within an "
-                             "edge's length behind a surface")
+                      remedy="Smaller windows, or a smaller step of the motion; contact looks as deep as half the "
+                             "thinner body, or an edge's length")
     soft = measured(SOFT, log.soft, DEPTHS, t=log.soft_t,
                     what=f"pair {log.soft_pair}: pressed surfaces overlap by {100 * log.soft:.3g} % of an edge at "
                          f"t = {log.soft_t:.6g} s",

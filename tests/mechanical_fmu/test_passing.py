@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from random_scenes.story import told
 
 from contact.half.interface import Interface, Pair, register_message
 from contact.half.passing import passage, sides_of
+from contact.messages import Facing, Passes, Project, Register, Registered
+from contact.service import ContactService
 
 REMEDY = ("unseen by contact", "smaller windows", "elastic.cuts")
 
@@ -166,3 +169,32 @@ def test_bodies_that_move_and_turn_together_do_not_pass():
 def test_how_deep_contact_looks():
     """Half of what the thinner body is thick; a surface that faces itself stays at a share of its edges."""
     assert register_message(squares(SQUARE)).passes.depth == pytest.approx([0.25])
+
+
+def chain(points: np.ndarray, h: float) -> np.ndarray:
+    """Nodes (n, 2) along a polyline, h [m] apart."""
+    return np.vstack([np.linspace(a, b, round(float(np.linalg.norm(b - a)) / h) + 1)[:-1]
+                      for a, b in pairwise(points)] + [points[-1:]])
+
+
+@pytest.mark.parametrize(("left", "bottom", "faces"), [
+    (-0.02, 0.2, False),  # 20 mm into the riser of a step whose top is 100 mm higher: that top is not faced
+    (-0.5, 0.2, True)])  # over the step, 100 mm deep in it: ten edges
+def test_what_is_met_deep_is_the_nearest(left, bottom, faces):
+    master = chain(np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.3], [-1.0, 0.3]]), 0.01)
+    slave = chain(np.array([[left, bottom], [left + 0.2, bottom]]), 0.01)
+    x = np.vstack([slave, master])
+    edges = np.array([[i, i + 1] for i in range(len(x) - 1) if i != len(slave) - 1], np.int32)
+    n = len(slave) - 1
+    one, none = np.ones(1), np.zeros(1, np.int32)
+    service = ContactService()
+    passes = Passes(none, none, none + 1, one, none, 0.05 * one, one, one, 0.0 * one, 0.25 * one)
+    surface = np.repeat([0, 1], [n, len(edges) - n]).astype(np.int32)
+    known = service.handle(Register(len(x), edges, surface, False, passes))
+    assert isinstance(known, Registered)
+    found = service.handle(Project(known.surfaces, x))
+    assert isinstance(found, Facing)
+    assert (found.gap.size > 0) == faces
+    if faces:
+        assert found.gap == pytest.approx(-0.1)
+        assert found.area.sum() == pytest.approx(0.2)
