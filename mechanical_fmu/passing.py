@@ -1,7 +1,7 @@
-"""No body goes through another within a step: neither in the first guess nor in what was found.
+"""No body goes through another within a step.
 
-Contact finds what lies within an edge's length behind a surface.  A step that carries a body farther leaves nothing to
-push it back, and equilibrium is found with nothing pressed: such a step is refused, so that it is cut.
+Contact looks as deep as half the thinner body.  A first guess that lies farther leaves nothing to push it back, and
+equilibrium is found with nothing pressed: such a step is refused once it is solved, so that it is cut.
 """
 
 from __future__ import annotations
