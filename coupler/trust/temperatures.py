@@ -53,6 +53,8 @@ class TemperatureData:
 
     def __init__(self, model: Mapping[str, Any]) -> None:
         self._fields = tuple(_fields(model))
+        # An FMU that lies ready has data of its own, which nobody here knows.
+        self.known = not str(model.get("half", "")).endswith(".fmu")
 
     def between(self, t0: float, t1: float, x: Array) -> tuple[float, float]:
         """Return the lowest and highest [K] of the data from t0 to t1 [s], jumps at both ends included.
@@ -123,7 +125,9 @@ def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Leve
     log = replace(log, low=min(log.low, a), high=max(log.high, b))
     scale = sum(abs(v) for v in terms.values())
     heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]
-    both = adiabatic or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
+    # A half that keeps no ledger may make heat that is not told.
+    untold = not data.known or not terms
+    both = untold or adiabatic or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
     # A flux may enter here and leave there: its sum has one sign, its parts may not.
     mixed = any(n.removeprefix("heat.") == "flux" and v for n, v in terms.items())
     made = log.made or both or mixed or any(v > 0.0 for v in heats)
@@ -149,7 +153,8 @@ def check(log: TemperatureLog, where: str) -> Check:
     if not log.least > 0.0:
         return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K", log.t, f"the lowest is {log.least:.6g} K", remedy)
     if log.made and log.taken:
-        return Check(NAME, TrustVerdict.UNCHECKED, what="heat is made and taken away inside the bodies or by a flux")
+        return Check(NAME, TrustVerdict.UNCHECKED,
+                     what="heat is made and taken away inside, or by a flux, or it is not told")
     side = "below the lowest" if log.excess < 0.0 else "above the highest"
     what = (f"{where} is {abs(log.excess):.3g} K {side} of the data ({log.low:.6g} to {log.high:.6g} K) at "
             f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: undershoot or overshoot that no physics makes")

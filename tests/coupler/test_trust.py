@@ -39,12 +39,13 @@ def level(t: float, T: float | list[float] = 300.0, *, x: np.ndarray | None = No
 
 def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | None = None,
            fresh: tuple[int, ...] = (), half: str = "elastic") -> dict[str, Check]:
-    """The table of a run by its levels, check by name."""
+    """The table of a run by its levels, check by name.  terms : heat of each window [J]; None: some is stored."""
+    terms = {"heat.stored.low": 1.0, "heat.convection": 1.0} if terms is None else terms
     watch = TrustWatch(boxes(), {"thermal": {"boundary": boundary}, "mechanical": {"half": half}})
     log = watch.begun(levels[0])
     for k in range(1, len(levels)):
-        log = watch.after(log, (levels[k - 1], levels[k]), terms or {}, fresh=k in fresh, forced=False)
-    return {c.name: c for c in watch.judged(log, terms or {})}
+        log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh, forced=False)
+    return {c.name: c for c in watch.judged(log, terms)}
 
 
 WITHIN, RINGS, CYCLES = "temperatures within their data", "no ringing in time", "no cycle of the exchange"
@@ -77,6 +78,8 @@ def test_data_count_up_to_now_and_on_both_sides_of_a_jump():
 
 def test_heat_that_is_made_lifts_the_upper_bound_alone():
     made = {"heat.source": 10.0, "heat.stored.low": 10.0}
+    untold = judged([level(0.0), level(1.0, 500.0)], terms={})[WITHIN]
+    assert untold.verdict == "not checked", "a half without a ledger"
     assert judged([level(0.0), level(1.0, 500.0)], terms=made)[WITHIN].verdict == "holds"
     assert judged([level(0.0), level(1.0, [299.0, *[500.0] * 7])], terms=made)[WITHIN].verdict == "broken"
     both = {"heat.entropy": 1.0}
