@@ -35,6 +35,8 @@ NODE_TOLERANCE = 1e-3  # of an edge
 CUT_TOLERANCE = 1e-13  # of an edge: cuts closer than this are one cut
 MIN_MAPPED_LENGTH = 1e-6  # of an edge: shorter master pieces are weighted as if the map were linear
 SELF_CONTACT_DEPTH = 0.25  # of an edge: how deep into the body a surface that faces itself is searched
+# fault: a step beside a body is met through it -> NEAREST = 100.0 | mechanical_fmu/test_passing
+NEAREST = 1.5  # a ray that meets what is nearest is longer by 1/cos of the tilt, up to 48 degrees
 # fault: Gauss points of a piece nearer to its ends -> GAUSS = 0.35 | scenarios/test_contact_robust
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
@@ -268,13 +270,43 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints
 
 
 @kernel
+def meets_middle(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, back: float, ahead: float) -> bool:
+    """Say whether the middle ray of a slave edge meets a candidate; x : (n_s, 2) [m], back, ahead : its reach [m].
+
+    edges : (n_edges, 2).  hits : (>= count,).
+    """
+    for k in range(count):
+        xi_m, g, facing = ray(frame, 0.5, x, edges, hits[k])
+        if 0.0 <= xi_m <= 1.0 and facing < -FACING_COS and -back <= g < ahead:
+            return True
+    return False
+
+
+@kernel
+def distance_to(x: Floats, edges: Ints, frame: Frame, masters: Ints) -> float:
+    """Return the distance [m] of the middle of a slave edge from the nearest master edge.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  masters : (m,).
+    """
+    px, py, least = 0.5 * (frame[0] + frame[2]), 0.5 * (frame[1] + frame[3]), np.inf
+    for m in masters:
+        ax, ay = x[edges[m, 0], 0], x[edges[m, 0], 1]
+        ex, ey = x[edges[m, 1], 0] - ax, x[edges[m, 1], 1] - ay
+        s = min(max(((px - ax) * ex + (py - ay) * ey) / (ex * ex + ey * ey), 0.0), 1.0)
+        dx, dy = px - ax - s * ex, py - ay - s * ey
+        least = min(least, dx * dx + dy * dy)
+    return np.sqrt(least)
+
+
+@kernel
 def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int, last: int, masters: Ints,
-              gap_max: float, axisymmetric: bool, itself: bool, by_node: bool, met_edges: Ints, values: Floats,
-              near: Floats) -> int:
+              gap_max: float, depth: float, axisymmetric: bool, itself: bool, by_node: bool, met_edges: Ints,
+              values: Floats, near: Floats) -> int:
     """Search one pass; return how many points there are, which may be more than the capacity.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
-    first and last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  itself : slave is master.
+    first and last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  gap_max, depth : how far
+    and how deep is looked [m], no less deep than an edge's length.  itself : slave is master.
     by_node : one point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5),
     xi_s, xi_m [1], gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
     """
@@ -290,6 +322,11 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int
         back = SELF_CONTACT_DEPTH * length[e] if itself else max(length[e], longest)
         frame = frame_of(x, edges, normal, e)
         count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
+        if (depth > back and not meets_middle(x, edges, frame, hits, count, back, gap_max)
+                and candidates(boxes, masters, normal, frame, depth, 0.0, hits) > 0):
+            # What is met deep behind must be about the nearest there is: a step beside the body is not.
+            back = max(back, min(depth, NEAREST * distance_to(x, edges, frame, masters)))
+            count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
         if itself:
             count = drop_neighbours(edges, e, hits, count)
         n_cuts = cut_edge(x, edges, frame, hits, count, cuts, spans, near, back, gap_max)
@@ -385,13 +422,14 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
     slave, master = p.slave[i], p.master[i]
     first, last = int(start[slave]), int(start[slave + 1])
     masters = surfaces.chain[start[master] : start[master + 1]]
+    depth = np.zeros(p.slave.size) if p.depth is None else p.depth
     capacity = 4 * (last - first + masters.size)
     near = np.full(r.n_nodes, np.inf)
     itself, by_node = bool(slave == master), bool(p.by_node[i])
     while True:
         met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, 5))
-        n = face_pass(x, r.edges, length, normal, first, last, masters, float(p.gap_max[i]), r.axisymmetric, itself,
-                      by_node, met, values, near)
+        n = face_pass(x, r.edges, length, normal, first, last, masters, float(p.gap_max[i]), float(depth[i]),
+                      r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
             np.minimum(node_gap, near, out=node_gap)
             if p.weight[i] != 1.0:

@@ -71,6 +71,7 @@ def _canonical(m: Register) -> Register:
         eps_N=checked_reals("passes.eps_N", p.eps_N, shape),
         eps_T=checked_reals("passes.eps_T", p.eps_T, shape),
         mu=checked_reals("passes.mu", p.mu, shape),
+        depth=np.zeros(shape) if p.depth is None else checked_reals("passes.depth", p.depth, shape),
     )
     return Register(
         n_nodes=_count(m.n_nodes),
@@ -135,7 +136,7 @@ def _check_passes(p: Passes, n_surfaces: int) -> None:
             raise ValueError(f"weight of pass {i} must be in (0, 1], got {p.weight[i]}")
         if p.by_node[i] not in (0, 1):
             raise ValueError(f"by_node of pass {i} must be 0 or 1, got {p.by_node[i]}")
-        for name in ("eps_N", "eps_T", "mu"):
+        for name in ("eps_N", "eps_T", "mu", "depth"):
             if not getattr(p, name)[i] >= 0:
                 raise ValueError(f"{name} of pass {i} must be >= 0, got {getattr(p, name)[i]}")
 

@@ -15,8 +15,10 @@ from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
 from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
-from mechanical_fmu.newton import SolverSettings
+from mechanical_fmu.newton import Equilibrium, SolverSettings
+from mechanical_fmu.passing import refuse_passing
 from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import StiffnessAnchor
 from mechanical_fmu.volume import CellError, PointStep
 
 Floats = NDArray[np.float64]
@@ -188,6 +190,17 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> For
     return system.balance(moved, loading, tangent)
 
 
+def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anchor: StiffnessAnchor | None,
+           settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium nearest to `first`, the prediction of a step from u : (n_nodes, 2) [m].
+
+    Raises PassingError where a body would go through another, and what solve_step does.
+    """
+    found = solve_step(system, loading, first, anchor, settings)
+    refuse_passing(system, u, found.balance)
+    return found
+
+
 def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSettings, cuts: int,
               failed: ArithmeticError | None = None) -> StepResult:
     """Solve the step, halved where a piece cannot be solved, at most `cuts` times.
@@ -225,11 +238,13 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
             return loading_of(system, task, a + share * (b - a), h, at)
 
         flight = fly(system, motion, history, dt, loading_at)
+        refuse_passing(system, motion.u, flight.balance)
         return StepResult(flight.balance, flight.motion, flight.heat, flight.pieces, 0.0, 0, flight.dt_stable,
                           flight.last)
     loading = loading_of(system, task, b, dt, history)
     if dynamics is None:
-        equilibrium = solve_step(system, loading, predicted(system, motion.u, loading, True), None, settings)
+        first = predicted(system, motion.u, loading, True)
+        equilibrium = solved(system, motion.u, loading, first, None, settings)
         found = equilibrium.balance
         rest = np.zeros_like(motion.v)
         after = BodyMotion(found.u, rest, rest, found.r if len(rest) else rest)
@@ -237,7 +252,7 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         inertia = inertia_of(system.masses, dynamics, motion, dt)
         loading = replace(loading, inertia=inertia)
         start = _carried(system, free_flight(dynamics, motion, dt), system.constraints.moved(motion.u, loading.target))
-        equilibrium = solve_step(system, loading, system.balance(start, loading, True), None, settings)
+        equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)

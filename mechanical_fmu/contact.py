@@ -11,6 +11,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.model import Value, Variable
+from contact.half.passing import Side, sides_of
 from contact.messages import Tractions
 
 Floats = NDArray[np.float64]
@@ -30,6 +31,11 @@ class MeshContact(ContactSurfaces):
     def slips(self) -> bool:
         """Say whether a pair has friction."""
         return any(pair.mu > 0.0 for pair in self.interface.pairs)
+
+    @cached_property
+    def sides(self) -> tuple[Side, ...]:
+        """Return both sides of every pair of two bodies."""
+        return sides_of(self.interface)
 
     @cached_property
     def dofs(self) -> NDArray[np.intp]:

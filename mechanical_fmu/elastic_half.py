@@ -28,10 +28,11 @@ from mechanical_fmu.advance import (
     loading_of,
     may_skip,
     predicted,
+    solved,
 )
 from mechanical_fmu.contact import contact_outputs, contact_variables
 from mechanical_fmu.dynamics import BodyMotion, first_motion, stable_step
-from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query, solve_step
+from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
 from mechanical_fmu.material import MaterialRangeError
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
@@ -287,7 +288,7 @@ class ElasticHalf:
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
-            equilibrium = solve_step(system, loading, resting(system, u, loading), None, settings)
+            equilibrium = solved(system, u, loading, resting(system, u, loading), None, settings)
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
         state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
@@ -359,26 +360,28 @@ class ElasticHalf:
         try:
             first = predicted(self.system, _array(state.u), loading, tangent=not state.anchored)
             anchored = state.anchored or self._adopts(anchor, first)
-            solved = self._solved(loading, first, anchor if anchored else None)
+            now = self._solved(state, loading, first, anchor if anchored else None)
         except ArithmeticError as exc:
             if self.system.spec.stated.cuts == 0 or isinstance(exc, MaterialRangeError):
                 raise
             found = self._in_pieces(state, task, "newton", exc)
             return found, replace(state, anchor_u=found.balance.u, anchor_T=task.end.T, anchored=False)
-        fits = anchored and not solved.fresh and solved.iterations <= MAX_ANCHORED_ITERATIONS
+        fits = anchored and not now.fresh and now.iterations <= MAX_ANCHORED_ITERATIONS
         after = replace(state, anchored=fits)
         if not fits:
-            after = replace(after, anchor_u=solved.balance.u, anchor_T=task.end.T)
-        return _found(solved, BodyMotion(solved.balance.u, state.v, state.a, state.f)), after
+            after = replace(after, anchor_u=now.balance.u, anchor_T=task.end.T)
+        return _found(now, BodyMotion(now.balance.u, state.v, state.a, state.f)), after
 
-    def _solved(self, loading: Loading, first: ForceBalance, anchor: StiffnessAnchor | None) -> Equilibrium:
+    def _solved(self, state: ElasticState, loading: Loading, first: ForceBalance,
+                anchor: StiffnessAnchor | None) -> Equilibrium:
+        u = _array(state.u)
         if anchor is not None:
             try:
-                return solve_step(self.system, loading, first, anchor, self.settings)
+                return solved(self.system, u, loading, first, anchor, self.settings)
             except (CellInversionError, NoEquilibriumError):
                 # An old tangent may lead astray where today's would not.
                 pass
-        return solve_step(self.system, loading, first, None, self.settings)
+        return solved(self.system, u, loading, first, None, self.settings)
 
     def _adopts(self, anchor: StiffnessAnchor, first: ForceBalance) -> bool:
         """Whether the anchor's factor is worth keeping: the stiffness has hardly changed over a whole step."""

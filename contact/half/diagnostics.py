@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair, register_message, search_depth
 from contact.messages import Facing, Floats
 from contact.search import SELF_CONTACT_DEPTH, project
 from contact.surfaces import surfaces_of
@@ -213,6 +213,7 @@ class ContactMonitor:
         x = now.x[self.interface.contact_nodes[suspects]]
         depth, beside = behind(now.x[self.interface.surfaces[other]], x)
         reach = float(max(edge_lengths(self.interface, own).max(), edge_lengths(self.interface, other).max()))
+        pair = next(p for p in self.interface.pairs if p.name == name)
         # fault: nodes pushed through go by in silence -> through = beside & (depth > MAX_DEPTH * reach) |
         #   contact/test_notes
         through = ~beside & (depth > MAX_DEPTH * reach)
@@ -220,10 +221,10 @@ class ContactMonitor:
         if through.any() and name not in log.lost:
             log = replace(log, lost=log.lost | {name})
             notes.append(f"pair {name}: by t = {t:.6g} s {_nodes(int(through.sum()))} of {own} went through {other}, "
-                         f"up to {depth[through].max():.3g} m deep, where contact (it looks {reach:.3g} m deep) no "
-                         "longer pushes back: take smaller windows or a larger penalty")
-        slave = next(p.slave for p in self.interface.pairs if p.name == name)
-        if own == slave and beside.any():
+                         f"up to {depth[through].max():.3g} m deep, where contact (it looks "
+                         f"{max(reach, search_depth(self.interface, pair)):.3g} m deep) no longer "
+                         "pushes back: take smaller windows or a larger penalty")
+        if own == pair.slave and beside.any():
             earlier = log.slid.get(name, Slid(0, t))
             log = replace(log, slid={**log.slid, name: Slid(earlier.nodes + int(beside.sum()), earlier.first)})
         return log, notes

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.outlines import Indices, outline, thickness
 from contact.messages import Passes, Register
 
 FORMAT = "slideline.interface"
@@ -177,18 +178,38 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
         # A surface that meets itself finds every place from both sides in one search.
         # fault: two passes of full weight -> weight = 1.0 | mechanical_fmu/test_contact_patch
         weight = 0.5 if pair.two_pass or slave == master else 1.0
-        rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu)
+        rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu,
+                search_depth(interface, pair))
         rows.append((i, slave, master, *rest))
         if pair.two_pass and slave != master:
             rows.append((i, master, slave, *rest))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 9
-    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 4]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 10
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5]
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 
-# Columns: the nodes of a rectangle that share one x, for halves that know one dimension only.
+def search_depth(interface: Interface, pair: Pair) -> float:
+    """Return half of what the bodies of a pair are thick behind its surfaces, at least [m].
 
-Indices = NDArray[np.intp]
+    What overlaps deeper may as well have gone through.  0, so that an edge's length has to do, where both surfaces are
+    of one body, or of none.
+    """
+    first, second = (int(interface.node_body[interface.surfaces[side].flat[0]]) for side in (pair.slave, pair.master))
+    if first == second or min(first, second) < 0:
+        return 0.0
+    thick = [thickness(interface.nodes, interface.surfaces[side], outline_of(interface, body))
+             for side, body in ((pair.slave, first), (pair.master, second))]
+    # fault: contact looks no deeper than an edge -> return 0.0 | mechanical_fmu/test_passing
+    return 0.5 * min(thick) if np.isfinite(thick).all() else 0.0
+
+
+def outline_of(interface: Interface, body: int) -> Indices:
+    """Return the edges (m, 2) on the outside of a body, the body on the left hand."""
+    kinds = ((interface.quads, interface.quad_body), (interface.triangles, interface.triangle_body))
+    return outline(*(cells[of == body] for cells, of in kinds))
+
+
+# Columns: the nodes of a rectangle that share one x, for halves that know one dimension only.
 
 SAME = 1e-9  # of a body's length: nodes nearer to each other in x stand in one column
 

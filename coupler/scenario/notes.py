@@ -11,7 +11,7 @@ import numpy as np
 from contact.half.diagnostics import facing_at, start_notes
 from contact.half.functions import property_from
 from contact.half.gap_area import gap_areas
-from contact.half.interface import Interface, Pair, register_message
+from contact.half.interface import Interface, Pair, register_message, search_depth
 from contact.laws import branch_jump, closed_conductance, open_conductance, parse_law
 from coupler.scenario.probes import locate
 
@@ -140,10 +140,9 @@ SAMPLES = 40
 
 
 def overlap_notes(interface: Interface) -> list[str]:
-    """One sentence a pair of which a side lies inside the other's body, deeper than the longest edge of the two.
+    """One sentence a pair of which a side lies inside the other's body, deeper than contact looks.
 
-    Contact sees a penetration down to about an edge's length; what lies deeper faces nothing, and the run would go on
-    as if the bodies did not meet.
+    What lies deeper faces nothing: the half elastic refuses it, others go on as if the bodies did not meet.
     """
     notes = []
     for pair in interface.pairs:
@@ -151,7 +150,7 @@ def overlap_notes(interface: Interface) -> list[str]:
             body = other.split(".")[0]
             if n := _too_deep(interface, pair, own, other, body):
                 notes.append(f"pair {pair.name}: {n} of the nodes looked at on {own} start inside {body}, deeper than "
-                             "a cell, where contact sees nothing; is a body in the wrong place?")
+                             "contact looks; is a body in the wrong place?")
                 break
     return notes
 
@@ -161,10 +160,11 @@ def _too_deep(interface: Interface, pair: Pair, own: str, other: str, body: str)
     longest = max(float(np.linalg.norm(e[:, 1] - e[:, 0], axis=1).max()) for e in ends)
     nodes = np.unique(interface.surfaces[own])
     face = interface.nodes[np.unique(interface.surfaces[other])]
-    found = 0
+    found, depth = 0, search_depth(interface, pair)
     for x in interface.nodes[nodes[:: max(1, len(nodes) // SAMPLES)]]:
         # The nearest node of the other face is at most half an edge farther than the face itself.
-        if np.linalg.norm(face - x, axis=1).min() > 1.5 * longest and locate(interface, body, x) is not None:
+        far = np.linalg.norm(face - x, axis=1).min() > max(longest, depth) + 0.5 * longest
+        if far and locate(interface, body, x) is not None:
             found += 1
     return found
 

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from contact.half.outlines import depths
+from contact.half.passing import ALLOWED, Passage, Side, passage, sides_of
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.integer]
+Indices = NDArray[np.intp]
 
-# A node this share of an edge deeper than what is told is inside; facing curved meshes overlap by their sagitta.
-ALLOWED = 0.1
 DEPTHS = (0.01, 0.1)  # told penetration over the edge length: noted, broken
 PASSES, SOFT = "no body passes through another", "penetration of pressed surfaces"
 
@@ -46,32 +46,11 @@ class PassingLog:
     soft_t: float = 0.0
 
 
-@dataclass(frozen=True)
-class _Side:
-    """Nodes (n,) of a surface, their places (n,) among contact nodes, the outline (m, 2) of the body it may meet."""
-
-    pair: str
-    nodes: Ints
-    at: Ints
-    outline: Ints
-    edge: float
-
-
 class Sides:
     """Both sides of every pair of a scene whose bodies are two.  A surface that folds onto itself is left out."""
 
     def __init__(self, interface: Interface) -> None:
-        self._sides: list[_Side] = []
-        outlines = {body: outline(interface, k) for k, body in enumerate(interface.bodies)}
-        for pair in interface.pairs:
-            for own, other in ((pair.slave, pair.master), (pair.master, pair.slave)):
-                if own.partition(".")[0] == other.partition(".")[0]:
-                    continue
-                nodes = np.unique(interface.surfaces[own])
-                edges = interface.nodes[interface.surfaces[own]]
-                self._sides.append(_Side(pair.name, nodes, np.searchsorted(interface.contact_nodes, nodes),
-                                         outlines[other.partition(".")[0]],
-                                         float(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).mean())))
+        self._sides = sides_of(interface)
 
     def begun(self, now: Level) -> PassingLog:
         """Return the log at the start: how bodies overlap as drawn."""
@@ -95,13 +74,13 @@ class Sides:
                 if unseen[worst] > max(ALLOWED, log.depth):
                     log = replace(log, depth=float(unseen[worst]), node=int(nodes[worst]), pair=side.pair, t=now.t,
                                   crossed=False)
-            elif (node := _crossing(side, before, now)) >= 0 and not log.crossed:
-                way = float(np.linalg.norm(now.x[node] - before.x[node])) / side.edge
+            elif (found := _across(side, before, now)) is not None and not log.crossed:
+                way = found.depth / side.edge
                 if way > max(ALLOWED, log.depth):
-                    log = replace(log, depth=way, node=node, pair=side.pair, t=now.t, crossed=True)
+                    log = replace(log, depth=way, node=found.node, pair=side.pair, t=now.t, crossed=True)
         return log
 
-    def _told(self, side: _Side, now: Level, nodes: Ints) -> Array:
+    def _told(self, side: Side, now: Level, nodes: Indices) -> Array:
         """Return the penetration (n,) [m] that is told at nodes (n,), or by a node of the pair within two edges."""
         found = np.zeros(len(nodes))
         for other in self._sides:
@@ -112,74 +91,18 @@ class Sides:
         return found
 
 
-def outline(interface: Interface, body: int) -> Ints:
-    """Return the edges (m, 2) on the outside of a body, the body on the left hand."""
-    cells = [c[b == body] for c, b in ((interface.quads, interface.quad_body),
-                                       (interface.triangles, interface.triangle_body)) if len(c)]
-    edges = np.vstack([np.column_stack([c.ravel(), np.roll(c, -1, axis=1).ravel()]) for c in cells])
-    keys = {(int(a), int(b)) for a, b in edges}
-    return np.array([(a, b) for a, b in edges.tolist() if (b, a) not in keys], dtype=np.int64)
-
-
-def _near(side: _Side, x: Array, more: Array) -> Ints:
-    """Return the places in side.nodes that lie in the box around the other body, on their way (n, 2) [m] too."""
-    box = x[np.unique(side.outline)]
-    low, high = box.min(axis=0), box.max(axis=0)
-    a, b = x[side.nodes], more[side.nodes]
-    inside = (np.maximum(a, b) >= low).all(axis=1) & (np.minimum(a, b) <= high).all(axis=1)
-    return np.flatnonzero(inside)
-
-
-def _inside(side: _Side, now: Level) -> tuple[Ints, Array]:
+def _inside(side: Side, now: Level) -> tuple[Indices, Array]:
     """Return the nodes (n,) that lie inside the other body, and how deep (n,) [m]."""
-    near = _near(side, now.x, now.x)
-    p = now.x[side.nodes[near]]
-    a, b = now.x[side.outline[:, 0]], now.x[side.outline[:, 1]]
-    # Crossings of a ray along x: an odd number of them means inside.
-    up = (a[:, 1] > p[:, None, 1]) != (b[:, 1] > p[:, None, 1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = a[:, 0] + (p[:, None, 1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-    inside = (up & (p[:, None, 0] < at)).sum(axis=1) % 2 == 1
-    return side.nodes[near[inside]], _depths(p[inside], a, b)
+    deep = depths(now.x[side.nodes], *(now.x[side.outline[:, k]] for k in range(2)))
+    return side.nodes[deep > 0.0], deep[deep > 0.0]
 
 
-def _crossing(side: _Side, before: Level, now: Level) -> int:
-    """Return a node that went in at one side of the other body and out at another within the window, -1: none.
-
-    The way is taken as the other body sees it: that body's own mean motion is taken out.
-    """
-    moved = now.x[np.unique(side.outline)].mean(axis=0) - before.x[np.unique(side.outline)].mean(axis=0)
-    start = before.x + moved
-    nodes = side.nodes[_near(side, now.x, start)]
-    if not nodes.size:
-        return -1
-    # A little aside: meshes that match have nodes above nodes, and a way through a node crosses no edge clearly.
-    aside = 1e-6 * side.edge * np.array([0.618, 0.382])
-    p, q = start[nodes][:, None] + aside, now.x[nodes][:, None] + aside
-    a, b = now.x[side.outline[:, 0]], now.x[side.outline[:, 1]]
-    crosses = (_turn(p, q, a) * _turn(p, q, b) < 0.0) & (_turn(a, b, p) * _turn(a, b, q) < 0.0)
-    for k in np.flatnonzero(crosses.sum(axis=1) >= 2):
-        edges = np.flatnonzero(crosses[k])
-        first, last = _turn(a[edges], b[edges], p[k]), _turn(a[edges], b[edges], q[k])
-        s = np.sort(first / (first - last))
-        middle = p[k] + 0.5 * (s[0] + s[1]) * (q[k] - p[k])
-        # What slides along a surface crosses its ends and is never deep.
-        if _depths(middle, a, b)[0] > ALLOWED * side.edge:
-            return int(nodes[k])
-    return -1
-
-
-def _depths(p: Array, a: Array, b: Array) -> Array:
-    """Return the distances (n,) [m] of points (n, 2) to the nearest of the edges a b, (m, 2) each."""
-    d = b - a
-    s = np.clip(((p[:, None] - a) * d).sum(axis=2) / (d * d).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(p[:, None] - (a + s[..., None] * d), axis=2).min(axis=1, initial=np.inf))
-
-
-def _turn(a: Array, b: Array, c: Array) -> Array:
-    """Return twice the area [m2] of the triangles a b c, positive anticlockwise."""
-    u, v = b - a, c - a
-    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+def _across(side: Side, before: Level, now: Level) -> Passage | None:
+    """Find a node that went across the other body: unseen at the end, outside at the start."""
+    unseen = side.unseen(now.gap)
+    if unseen.any():
+        unseen &= depths(before.x[side.nodes], *(before.x[side.outline[:, k]] for k in range(2))) == 0.0
+    return passage(side, unseen, before.x, now.x) if unseen.any() else None
 
 
 def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[Check, Check]:
@@ -195,8 +118,8 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
         f"lies {log.depth:.3g} edges inside the other body, beyond what contact found")
     passes = measured(PASSES, log.depth, (0.0, 0.0), unit="edges", t=log.t,
                       what=f"pair {log.pair}: {where} {how}, at t = {log.t:.6g} s",
-                      remedy="Smaller windows, or a smaller step of the motion; contact finds what lies within an "
-                             "edge's length behind a surface")
+                      remedy="Smaller windows, or a smaller step of the motion; contact looks as deep as half the "
+                             "thinner body, or an edge's length")
     soft = measured(SOFT, log.soft, DEPTHS, t=log.soft_t,
                     what=f"pair {log.soft_pair}: pressed surfaces overlap by {100 * log.soft:.3g} % of an edge at "
                          f"t = {log.soft_t:.6g} s",
