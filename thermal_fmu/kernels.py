@@ -188,36 +188,3 @@ def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
             #   * (along - 2.0) | thermal_fmu/test_thermal_anisotropy::test_the_turn_is_that_of_the_polar_decomposition
             turn[e, q] = np.arctan2(across, along)
     return turn
-
-
-@njit(cache=True)
-def add_lumped(cells: Ints, dE: Floats, mc: Floats, S: Floats, slots: Slots, data: Floats) -> None:
-    """Add lumped storage: S += dE and data += mc on the diagonal.
-
-    cells : (ne, nn).  dE : (ne, nn) [J] and mc : (ne, nn) [J/K] of the cells' nodes.  S : (n,) [J].
-    slots : (ne, nn, nn).  data : (nnz,) [J/K] or empty.
-    """
-    ne, nn = cells.shape
-    for e in range(ne):
-        for i in range(nn):
-            S[cells[e, i]] += dE[e, i]
-            if data.size > 0:
-                data[slots[e, i, i]] += mc[e, i]
-
-
-@njit(cache=True)
-def add_storage(cells: Ints, N: Floats, dE_q: Floats, mc_q: Floats, S: Floats, slots: Slots,
-                data: Floats) -> None:
-    """Add consistent storage: S += sum_q N_i dE_q [J] and data += sum_q mc_q N_i N_j [J/K].
-
-    cells : (ne, nn).  N : (nq, nn).  dE_q : (ne, nq) [J].  mc_q : (ne, nq) [J/K].  S : (n,) [J].
-    slots : (ne, nn, nn).  data : (nnz,) [J/K] or empty.
-    """
-    ne, nn = cells.shape
-    for e in range(ne):
-        for q in range(N.shape[0]):
-            for i in range(nn):
-                S[cells[e, i]] += N[q, i] * dE_q[e, q]
-                if data.size > 0:
-                    for j in range(nn):
-                        data[slots[e, i, j]] += mc_q[e, q] * N[q, i] * N[q, j]
