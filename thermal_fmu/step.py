@@ -24,7 +24,8 @@ class ThermalStep:
     """A step that was solved.
 
     s : (n,) [K] at the end.  heat : of the step.  iterations : linear solves.  residual : worst relative residual [1].
-    overshoots : whether a node went beyond what pulls it (limiter.py).  anchor : of the next solve.  moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
+    overshoots : whether a node went beyond what pulls it (limiter.py).  anchor : of the next solve.
+    moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
     increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.
     """
 

@@ -74,8 +74,8 @@ def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGe
             # fault: kappa on the slave side only -> *(), | thermal_fmu/test_thermal_contact
             _pieces(points.master_edge - first, points.N_m, excess * points.area_m, len(where.edges)),
         ]
-    # At the nodes, as storage: shared between neighbours a film would couple them with the wrong sign, and beside a cell
-    # Biot number of 100 they would leave their data by 1.4 %.
+    # At the nodes, as storage: shared between neighbours a film would couple them with the wrong sign, and beside a
+    # cell Biot number of 100 they would leave their data by 1.4 %.
     n = len(where.edges)
     area = sum((at_nodes(part.edge[:, None] * 2 + _ENDS, part.area[:, None] * part.N, 2 * n) for part in parts),
                np.zeros(2 * n))
