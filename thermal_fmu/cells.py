@@ -303,9 +303,9 @@ def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequen
     """Add storage: S += the increase of enthalpy from s0 to s;  entries += its derivative by s [J/K].
 
     s0, s : (n,) [K].  S : (n,) [J].  Heat is stored at the nodes, sum_q N_i rho0 dV0 h(s_i): shared storage would
-    couple neighbours with the wrong sign in steps below h^2/6a, where a jump then undershoots, and a front inside a cell
-    would make heat run backwards (Thomee, Galerkin Finite Element Methods for Parabolic Problems, ch. 15).  Returns
-    (n_bodies,) increase of each body's enthalpy [J], summed over the nodes.  Raises BadPropertyError.
+    couple neighbours with the wrong sign in steps below h^2/6a, where a jump then undershoots, and a front inside a
+    cell would make heat run backwards (Thomee, Galerkin Finite Element Methods for Parabolic Problems, ch. 15).
+    Returns (n_bodies,) increase of each body's enthalpy [J], summed over the nodes.  Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
     for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
