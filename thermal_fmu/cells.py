@@ -136,12 +136,14 @@ class CellMesh:
 class CellGeometry:
     """A block on given coordinates.
 
-    G : (ne, nq, nn, 2) gradients of shape functions [1/m].  dV : (ne, nq) [m3], per metre of depth when plane.
+    dV : (ne, nq) [m3] of the quadrature points, per metre of depth when plane.  G : (ne, nq, nn, 2) gradients of shape
+    functions [1/m] at the points of conduction, dC : (ne, nq) their [m3] (kernels.spread_of).
     turn : (ne, nq) rotation of the material since the reference [rad], where its axes follow it.
     """
 
     G: Floats
     dV: Floats
+    dC: Floats
     turn: Floats | None = None
 
 
@@ -211,8 +213,9 @@ def shape_of(volume: CellMesh, block: CellBlock, x: Floats) -> CellGeometry:
     """Compute the geometry of one block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
     t = block.table
     nq, nn = t.N.shape
-    shape = CellGeometry(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
-    bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
+    ne = len(block.cells)
+    shape = CellGeometry(np.empty((ne, nq, nn, 2)), np.empty((ne, nq)), np.empty((ne, nq)))
+    bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV, shape.dC)
     if bad >= 0:
         where = " or reaches across the axis" if volume.axisymmetric else ""
         raise InvertedMeshError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
@@ -274,9 +277,9 @@ def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[T
         k_q = k(T_q)
         if not k.is_constant:
             _check_positive("conductivity", k_q, block, bodies[block.body].name)
-        # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV,
-        #   0.0 * shape.dV, f, | thermal_fmu/test_thermal_nonlinear
-        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
+        # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC,
+        #   0.0 * shape.dC, f, | thermal_fmu/test_thermal_nonlinear
+        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC, k.slope(T_q) * shape.dC, f,
                        block.slots, into.slope, data)
 
 
@@ -290,7 +293,7 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at
         _check_positive("conductivity", k_q, block, body.name)
     dT = np.ones(at.T.size) if at.dT is None else at.dT
     df = np.zeros(at.T.size) if at.df is None else at.df
-    dV = shape.dV[:, :, None]
+    dV = shape.dC[:, :, None]
     # fault: the derivative of a tensor left out -> add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, 0.0 *
     #   k.dK * dV, k.dK_f * dV, dT, df, f, block.slots, |
     #   thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems

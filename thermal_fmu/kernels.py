@@ -19,15 +19,20 @@ Slots = NDArray[np.int64]
 
 @njit(cache=True)
 def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, axisymmetric: bool,
-                    G: Floats, dV: Floats) -> int:
-    """Fill G [1/m] and dV (ne, nq) [m3] on coordinates x : (n, 2) [m]; return the first inverted cell or -1.
+                    G: Floats, dV: Floats, dC: Floats) -> int:
+    """Fill G [1/m], dV and dC (ne, nq) [m3] on coordinates x : (n, 2) [m]; return the first inverted cell or -1.
 
     cells : (ne, nn).  N : (nq, nn).  dN : (nq, nn, 2).  w : (nq,).  G : (ne, nq, nn, 2).
-    dV carries the weight 2 pi r when axisymmetric, else it is per metre of depth.
+    dV, of the quadrature points, carries the weight 2 pi r when axisymmetric, else it is per metre of depth.  G and dC
+    are those of conduction, whose points lie farther out in stretched quads (spread_of).
     """
     ne, nn = cells.shape
+    nq = w.size
+    at, mean = np.empty((nq, 6)), np.empty(6)
     for e in range(ne):
-        for q in range(w.size):
+        mean[:] = 0.0
+        least = np.inf
+        for q in range(nq):
             xr = 0.0
             xs = 0.0
             yr = 0.0
@@ -49,7 +54,52 @@ def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, ax
                 G[e, q, i, 0] = (ys * dN[q, i, 0] - yr * dN[q, i, 1]) / det
                 G[e, q, i, 1] = (xr * dN[q, i, 1] - xs * dN[q, i, 0]) / det
             dV[e, q] = w[q] * det * depth
+            dC[e, q] = dV[e, q]
+            at[q, 0], at[q, 1], at[q, 2], at[q, 3], at[q, 4], at[q, 5] = xr, xs, yr, ys, det, depth
+            for j in range(6):
+                mean[j] += at[q, j] / nq
+            least = min(least, det)
+        if nn != 4:
+            continue
+        f = spread_of(mean, least)
+        if f > 1.0:
+            for q in range(nq):
+                # Derivatives of the map and its determinant are linear; between them r at 1/f keeps int N_i r dr.
+                xr, xs, yr, ys = mean[:4] + f * (at[q, :4] - mean[:4])
+                det = xr * ys - xs * yr
+                dC[e, q] = w[q] * det * (mean[5] + (at[q, 5] - mean[5]) / f)
+                for i in range(nn):
+                    centre = dN[:, i].sum(axis=0) / nq
+                    dr, ds = centre + f * (dN[q, i] - centre)
+                    G[e, q, i, 0] = (ys * dr - yr * ds) / det
+                    G[e, q, i, 1] = (xr * ds - xs * dr) / det
     return -1
+
+
+LEAST_DET = 0.2  # of the cell's middle, at the points of conduction
+
+
+@njit(cache=True)
+def spread_of(mean: Floats, least: float) -> float:
+    """Return how far out the points of conduction of a quad lie, as a part of the way to its Gauss points, >= 1.
+
+    mean : (6,) dx/dr, dx/ds, dy/dr, dy/ds, determinant at the middle, ...  least : least determinant of Gauss points.
+    On a rectangle of sides a > b the coupling along a is -(b/a) (1 + z)/4 + (a/b) (1 - z)/4, z the square of the points'
+    place in [-1, 1].  With Gauss points, z = 1/3, it has the wrong sign beyond a/b = sqrt 2, and a jump under- and
+    overshoots along the surface (2 % at 2, 11 % at 10).  z = (a^2 - b^2)/(a^2 + b^2) makes it 0; at z = 1 heat flows
+    along edges alone.  Any z is exact for linear fields and of second order.  In a distorted cell determinants stay
+    positive there.
+    """
+    a = mean[0] * mean[0] + mean[2] * mean[2]
+    b = mean[1] * mean[1] + mean[3] * mean[3]
+    z = abs(a - b) / (a + b)
+    if z <= 1.0 / 3.0:
+        return 1.0
+    f = np.sqrt(3.0 * z)
+    drop = mean[4] - least
+    if drop * f > (1.0 - LEAST_DET) * mean[4]:
+        f = max(1.0, (1.0 - LEAST_DET) * mean[4] / drop)
+    return float(f)
 
 
 @njit(cache=True)
