@@ -28,7 +28,7 @@ def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, ax
     """
     ne, nn = cells.shape
     nq = w.size
-    at, mean = np.empty((nq, 6)), np.empty(6)
+    at, mean = np.empty((nq, 5)), np.empty(4)
     for e in range(ne):
         mean[:] = 0.0
         least = np.inf
@@ -55,22 +55,36 @@ def shape_gradients(x: Floats, cells: Ints, N: Floats, dN: Floats, w: Floats, ax
                 G[e, q, i, 1] = (xr * dN[q, i, 1] - xs * dN[q, i, 0]) / det
             dV[e, q] = w[q] * det * depth
             dC[e, q] = dV[e, q]
-            at[q, 0], at[q, 1], at[q, 2], at[q, 3], at[q, 4], at[q, 5] = xr, xs, yr, ys, det, depth
-            for j in range(6):
+            at[q, 0], at[q, 1], at[q, 2], at[q, 3], at[q, 4] = xr, xs, yr, ys, depth
+            for j in range(4):
                 mean[j] += at[q, j] / nq
             least = min(least, det)
         if nn != 4:
             continue
         f = spread_of(mean, least)
         if f > 1.0:
+            along_r = mean[0] * mean[0] + mean[2] * mean[2] > mean[1] * mean[1] + mean[3] * mean[3]
             for q in range(nq):
-                # Derivatives of the map and its determinant are linear; between them r at 1/f keeps int N_i r dr.
-                xr, xs, yr, ys = mean[:4] + f * (at[q, :4] - mean[:4])
+                # Derivatives across the long axis change along it, linearly; r at 1/f there keeps int N_i r.
+                xr, xs, yr, ys, depth = at[q]
+                if along_r:
+                    xs, ys = mean[1] + f * (xs - mean[1]), mean[3] + f * (ys - mean[3])
+                    way = (N[q, 1] + N[q, 2] - 0.5) * xr
+                else:
+                    xr, yr = mean[0] + f * (xr - mean[0]), mean[2] + f * (yr - mean[2])
+                    way = (N[q, 2] + N[q, 3] - 0.5) * xs
                 det = xr * ys - xs * yr
-                dC[e, q] = w[q] * det * (mean[5] + (at[q, 5] - mean[5]) / f)
+                if axisymmetric:
+                    depth -= 2.0 * np.pi * way * (1.0 - 1.0 / f)
+                dC[e, q] = w[q] * det * depth
                 for i in range(nn):
-                    centre = dN[:, i].sum(axis=0) / nq
-                    dr, ds = centre + f * (dN[q, i] - centre)
+                    dr, ds = dN[q, i, 0], dN[q, i, 1]
+                    if along_r:
+                        centre = dN[:, i, 1].sum() / nq
+                        ds = centre + f * (ds - centre)
+                    else:
+                        centre = dN[:, i, 0].sum() / nq
+                        dr = centre + f * (dr - centre)
                     G[e, q, i, 0] = (ys * dr - yr * ds) / det
                     G[e, q, i, 1] = (xr * ds - xs * dr) / det
     return -1
@@ -81,24 +95,24 @@ LEAST_DET = 0.2  # of the cell's middle, at the points of conduction
 
 @njit(cache=True)
 def spread_of(mean: Floats, least: float) -> float:
-    """Return how far out the points of conduction of a quad lie, as a part of the way to its Gauss points, >= 1.
+    """Return how far out along its long axis the points of conduction of a quad lie: 1 at its Gauss points, or more.
 
-    mean : (6,) dx/dr, dx/ds, dy/dr, dy/ds, determinant at the middle, ...  least : least determinant of Gauss points.
-    On a rectangle of sides a > b the coupling along a is -(b/a) (1 + z)/4 + (a/b) (1 - z)/4, z the square of the points'
-    place in [-1, 1].  With Gauss points, z = 1/3, it has the wrong sign beyond a/b = sqrt 2, and a jump under- and
-    overshoots along the surface (2 % at 2, 11 % at 10).  z = (a^2 - b^2)/(a^2 + b^2) makes it 0; at z = 1 heat flows
-    along edges alone.  Any z is exact for linear fields and of second order.  In a distorted cell determinants stay
-    positive there.
+    mean : dx/dr, dx/ds, dy/dr, dy/ds at the middle.  least : least determinant of Gauss points.
+    On a rectangle of sides a > b the coupling along a is -(b/a)/3 + (a/b) (1 - z)/4, z the square of the points' place
+    in [-1, 1] along a.  With Gauss points, z = 1/3, it has the wrong sign beyond a/b = sqrt 2, and a jump under- and
+    overshoots along the surface (2 % at 2, 11 % at 10).  z = 1 - 4/3 (b/a)^2 makes it 0.  Any z is exact for linear
+    fields and of second order.  In a distorted cell determinants stay positive there.
     """
     a = mean[0] * mean[0] + mean[2] * mean[2]
     b = mean[1] * mean[1] + mean[3] * mean[3]
-    z = abs(a - b) / (a + b)
+    z = 1.0 - 4.0 / 3.0 * min(a, b) / max(a, b)
     if z <= 1.0 / 3.0:
         return 1.0
     f = np.sqrt(3.0 * z)
-    drop = mean[4] - least
-    if drop * f > (1.0 - LEAST_DET) * mean[4]:
-        f = max(1.0, (1.0 - LEAST_DET) * mean[4] / drop)
+    middle = mean[0] * mean[3] - mean[1] * mean[2]
+    drop = middle - least
+    if drop * f > (1.0 - LEAST_DET) * middle:
+        f = max(1.0, (1.0 - LEAST_DET) * middle / drop)
     return float(f)
 
 

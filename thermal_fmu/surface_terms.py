@@ -89,44 +89,6 @@ def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) ->
     return EdgePoints(edge[own].astype(np.intp), N[own], area[own])
 
 
-# Exchange between two surfaces at their nodes
-
-def node_weights(N_s: Floats, N_m: Floats) -> Floats:
-    """Return (n, 2, 2) the parts w of each point's exchange between each slave and each master node, all >= 0.
-
-    N_s, N_m : (n, 2) [1], sums over a side's nodes: sum_j w_ij = N_s_i, sum_i w_ij = N_m_j.  Of all such w this one
-    moves heat least along the surface: matching nodes exchange with each other alone.  q (N_s.T_s - N_m.T_m) itself
-    would couple the two nodes of an edge with the wrong sign.  Edges run against each other: slave's first node faces
-    master's last.
-    """
-    straight = np.minimum(N_s[:, 0], N_m[:, 1])
-    w = np.empty((len(N_s), 2, 2))
-    w[:, 0, 1] = straight
-    w[:, 0, 0] = N_s[:, 0] - straight
-    w[:, 1, 1] = N_m[:, 1] - straight
-    w[:, 1, 0] = N_s[:, 1] - w[:, 1, 1]
-    return w
-
-
-def _exchanged(w: Floats, e_s: Floats, e_m: Floats) -> Floats:
-    """Return (n, 4) sum_j w_ij (e_s_i - e_m_j) out of each slave node, and what of it enters each master node, < 0.
-
-    w : (n, 2, 2).  e_s, e_m : (n, 2) potentials of the nodes.
-    """
-    flow = w * (e_s[:, :, None] - e_m[:, None, :])
-    return np.concatenate([flow.sum(axis=2), -flow.sum(axis=1)], axis=1)
-
-
-def _exchange_slopes(w: Floats, d_s: Floats, d_m: Floats) -> Floats:
-    """Return (n, 4, 4) the derivative of _exchanged; d_s, d_m : (n, 2) those of the potentials."""
-    out = np.zeros((len(w), 4, 4))
-    i = np.arange(2)
-    out[:, i, i], out[:, 2 + i, 2 + i] = w.sum(axis=2) * d_s, w.sum(axis=1) * d_m
-    out[:, :2, 2:] = -w * d_m[:, None, :]
-    out[:, 2:, :2] = -w.transpose(0, 2, 1) * d_s[:, None, :]
-    return out
-
-
 # Radiation, Eqs. (11) and (12)
 
 LEAST_EMISSIVITY = 1e-6  # met only between Newton's steps; it keeps 1/eps a number
@@ -206,8 +168,8 @@ def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: fl
 def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[Floats, Floats]:
     """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q = (1 - w) sigma (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) goes from
-    the slave's nodes to the master's by node_weights; emissivities are those at the temperatures of the point.
+    T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q = (1 - w) sigma (T_s^4 - T_m^4)/(1/eps_s + 1/eps_m - 1) leaves
+    the slave's nodes by its shape functions and enters the master's by theirs.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
@@ -219,20 +181,17 @@ def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[
     # fault: black bodies between plates -> strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m) |
     #   thermal_fmu/test_thermal_radiation
     strength = sigma * group.area / (1.0 / eps_s + 1.0 / eps_m - 1.0)
-    w, T_n = node_weights(group.N_s, group.N_m), T[group.nodes]
-    e_n, de_n = _fourth(T_n), 4.0 * np.abs(T_n) ** 3
-    # fault: near radiation one-sided -> out = _exchanged(w, e_n[:, :2], e_n[:, 2:]) * np.array([1.0, 1.0, 0.9, 0.9]) |
+    q = strength * (_fourth(T_s) - _fourth(T_m))
+    per_resistance = q / (1.0 / eps_s + 1.0 / eps_m - 1.0)  # a point may have no area
+    dq_s = 4.0 * strength * np.abs(T_s) ** 3 + per_resistance * deps_s / eps_s**2
+    # fault: derivative of the master's emissivity forgotten -> dq_m = -4.0 * strength * np.abs(T_m) ** 3 + 0.0 *
+    #   per_resistance | thermal_fmu/test_thermal_fields
+    dq_m = -4.0 * strength * np.abs(T_m) ** 3 + per_resistance * deps_m / eps_m**2
+    # fault: near radiation one-sided -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
     #   thermal_fmu/test_thermal_friction
-    out = _exchanged(w, e_n[:, :2], e_n[:, 2:])
-    # d(strength)/dT of either side's point, as a part of the strength.
-    per_resistance = 1.0 / (1.0 / eps_s + 1.0 / eps_m - 1.0)
-    of_s = per_resistance * deps_s / eps_s**2
-    # fault: derivative of the master's emissivity forgotten -> of_m = 0.0 * per_resistance |
-    #   thermal_fmu/test_thermal_fields
-    of_m = per_resistance * deps_m / eps_m**2
-    grows = np.concatenate([of_s[:, None] * group.N_s, of_m[:, None] * group.N_m], axis=1)
-    slope = _exchange_slopes(w, de_n[:, :2], de_n[:, 2:]) + out[:, :, None] * grows[:, None, :]
-    return strength[:, None] * out, strength[:, None, None] * slope
+    out = np.concatenate([group.N_s, -group.N_m], axis=1)
+    dq = np.concatenate([dq_s[:, None] * group.N_s, dq_m[:, None] * group.N_m], axis=1)
+    return q[:, None] * out, out[:, :, None] * dq[:, None, :]
 
 
 def _fourth(T: float | Floats) -> Floats:
@@ -409,21 +368,21 @@ def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]
 def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Floats, Floats]:
     """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
 
-    T : (n_nodes,) [K].  factor : of the conductance [1].  q = factor h(argument, T_mean) (T_s - T_m) A goes from the
-    slave's nodes to the master's by node_weights; h is that of the mean temperature of the point.
+    T : (n_nodes,) [K].  factor : of the conductance [1].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the
+    slave's
+    nodes by its shape functions and enters the master's by theirs.
     """
     T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
     T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
     conductance = closed_conductance if group.closed else open_conductance
     h, dh = conductance(group.law, group.argument, 0.5 * (T_s + T_m))
-    w, T_n = node_weights(group.N_s, group.N_m), T[group.nodes]
-    # fault: one-sided interface flux -> out = _exchanged(w, T_n[:, :2], T_n[:, 2:]) * np.array([1.0, 1.0, 0.9, 0.9]) |
+    # fault: one-sided interface flux -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
     #   thermal_fmu/test_thermal_contact
-    out = _exchanged(w, T_n[:, :2], T_n[:, 2:])
-    strength = factor * group.area
-    slope = (strength * h)[:, None, None] * _exchange_slopes(w, np.ones(w.shape[:2]), np.ones(w.shape[:2]))
+    out = np.concatenate([group.N_s, -group.N_m], axis=1)
+    jump = T_s - T_m
+    flow = (factor * group.area * h * jump)[:, None] * out
     mean = np.concatenate([group.N_s, group.N_m], axis=1)
-    # fault: derivative of h(T) forgotten -> slope += (0.0 * strength * dh)[:, None, None] * out[:, :, None] * mean[:,
-    #   None, :] | thermal_fmu/test_thermal_nonlinear
-    slope += (0.5 * strength * dh)[:, None, None] * out[:, :, None] * mean[:, None, :]
-    return (strength * h)[:, None] * out, slope
+    # fault: derivative of h(T) forgotten -> dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.0 * dh *
+    #   jump)[:, None] * mean) | thermal_fmu/test_thermal_nonlinear
+    dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.5 * dh * jump)[:, None] * mean)
+    return flow, out[:, :, None] * dq[:, None, :]
