@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from coupler.scenario.json_schema import json_schema
+from coupler.scenario.versions import json_schema
 
 CRASHED, HUNG = "crashed", "hung"
 OUTCOMES = ("completed", "failed", "refused", CRASHED, HUNG)

@@ -271,6 +271,12 @@ def _surfaces(lines: NDArray[np.int64], groups: dict[str, NDArray[np.int64]], qu
     edges = directed_edges(quads, triangles)
     n = int(max(edges.max(), lines.max(initial=0))) + 1
     forward, backward = edges @ (n, 1), edges @ (1, n)
+    found, times = np.unique(forward, return_counts=True)
+    # fault: cells that lie on each other are not seen -> if False: | coupler/test_scenario_mesh
+    if (times > 1).any():
+        a, b = divmod(int(found[np.argmax(times > 1)]), n)
+        raise MeshError(f"two cells lie on the same side of the edge between nodes {a + 1} and {b + 1}: the mesh is "
+                        "folded onto itself", "Mend the mesh: cells may touch, not overlap.", at=("file", "path"))
     outer = np.setdiff1d(forward, backward)
     for name, rows in groups.items():
         line = lines[rows]

@@ -140,31 +140,40 @@ def _inside(side: _Side, now: Level) -> tuple[Ints, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
         at = a[:, 0] + (p[:, None, 1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
     inside = (up & (p[:, None, 0] < at)).sum(axis=1) % 2 == 1
-    p, d = p[inside], b - a
-    s = np.clip(((p[:, None] - a) * d).sum(axis=2) / (d * d).sum(axis=1), 0.0, 1.0)
-    depths = np.linalg.norm(p[:, None] - (a + s[..., None] * d), axis=2).min(axis=1) if len(p) else np.empty(0)
-    return side.nodes[near[inside]], depths
+    return side.nodes[near[inside]], _depths(p[inside], a, b)
 
 
 def _crossing(side: _Side, before: Level, now: Level) -> int:
-    """Return a node that crossed the other body's outline on its straight way through the window, -1: none.
+    """Return a node that went in at one side of the other body and out at another within the window, -1: none.
 
     The way is taken as the other body sees it: that body's own mean motion is taken out.
     """
     moved = now.x[np.unique(side.outline)].mean(axis=0) - before.x[np.unique(side.outline)].mean(axis=0)
     start = before.x + moved
-    near = _near(side, now.x, start)
-    if not near.size:
+    nodes = side.nodes[_near(side, now.x, start)]
+    if not nodes.size:
         return -1
-    nodes = side.nodes[near]
-    p, q = start[nodes][:, None], now.x[nodes][:, None]
+    # A little aside: meshes that match have nodes above nodes, and a way through a node crosses no edge clearly.
+    aside = 1e-6 * side.edge * np.array([0.618, 0.382])
+    p, q = start[nodes][:, None] + aside, now.x[nodes][:, None] + aside
     a, b = now.x[side.outline[:, 0]], now.x[side.outline[:, 1]]
-    # Both ends of each lie on different sides of the other, an edge's length clear: what slides along is no crossing.
-    clear = 1e-9 * side.edge**2
-    apart = (_turn(p, q, a) * _turn(p, q, b) < -clear**2) & (_turn(a, b, p) * _turn(a, b, q) < -clear**2)
-    # In at one side and out at the other.
-    found = np.flatnonzero(apart.sum(axis=1) >= 2)
-    return int(nodes[found[0]]) if found.size else -1
+    crosses = (_turn(p, q, a) * _turn(p, q, b) < 0.0) & (_turn(a, b, p) * _turn(a, b, q) < 0.0)
+    for k in np.flatnonzero(crosses.sum(axis=1) >= 2):
+        edges = np.flatnonzero(crosses[k])
+        first, last = _turn(a[edges], b[edges], p[k]), _turn(a[edges], b[edges], q[k])
+        s = np.sort(first / (first - last))
+        middle = p[k] + 0.5 * (s[0] + s[1]) * (q[k] - p[k])
+        # What slides along a surface crosses its ends and is never deep.
+        if _depths(middle, a, b)[0] > ALLOWED * side.edge:
+            return int(nodes[k])
+    return -1
+
+
+def _depths(p: Array, a: Array, b: Array) -> Array:
+    """Return the distances (n,) [m] of points (n, 2) to the nearest of the edges a b, (m, 2) each."""
+    d = b - a
+    s = np.clip(((p[:, None] - a) * d).sum(axis=2) / (d * d).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(p[:, None] - (a + s[..., None] * d), axis=2).min(axis=1, initial=np.inf))
 
 
 def _turn(a: Array, b: Array, c: Array) -> Array:

@@ -136,6 +136,7 @@ def test_a_mesh_file_brings_cells_surfaces_and_points(tmp_path: Path) -> None:
     ({"extra": ("line", [[1, 4]])}, "not on the boundary"),
     ({"extra": ("triangle", [[0, 1, 2]])}, "flat"),
     ({"extra": ("triangle6", [[0, 1, 2, 3, 4, 5]])}, "triangle6"),
+    ({"extra": ("triangle", [[1, 2, 4]])}, "folded onto itself"),
 ])
 def test_a_mesh_that_cannot_be_used_is_named(change: dict[str, object], words: str, tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()

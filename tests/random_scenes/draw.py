@@ -69,7 +69,7 @@ def stacks(draw: DrawFn, size: float, gap: float, geometry: str, rectangles: boo
     n = draw(one_of(2, 2, 2, 1, 3))
     names = ["lower", "upper", "third"][:n]
     flat = rectangles or geometry == "axisymmetric"
-    slope = 0.0 if flat else draw(one_of(0, 0, 0.1, -0.3))
+    slope = 0.0 if flat else draw(one_of(0, 0, 0.1, -0.1))
     left = draw(one_of(0, 1)) * size if geometry == "axisymmetric" else 0.0
     recipes: dict[str, Doc] = {}
     pairs: dict[str, tuple[str, str]] = {}

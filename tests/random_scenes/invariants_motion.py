@@ -19,6 +19,7 @@ from random_scenes.story import COMPLETED, Story, told
 from random_scenes.turning import QUARTER, centre_of, check_directions, continued, rotation
 
 WINDOWS = (1, 3, 9)  # of the turn
+ROUND_OFF = 1e-12  # of the largest coordinate or temperature, after some turns and solves
 EXACT = 1e-6  # of the scale of each quantity: solvers' tolerances, 1e-8 of the forces, over some windows
 
 
@@ -29,25 +30,30 @@ def apart(scene: Scene, still: Story, turned: Story, windows: int) -> Iterator[t
     last = slice(-windows, None)
     c = centre_of(scene)
     there = np.array([(x - c) @ rotation(QUARTER * (k + 1) / windows).T + c for k, x in enumerate(still.x[last])])
-    yield from _row("temperature", "K", turned.T[last] - still.T[last], T)
-    yield from _row("place", "m", turned.x[last] - there, u)
-    yield from _row("pressure", "Pa", turned.t_N[last] - still.t_N[last], t_N)
+    far = ROUND_OFF * float(np.abs(still.x).max())
+    press = far * max((p.eps_N for p in still.interface.pairs), default=0.0)
+    yield from _row("temperature", "K", turned.T[last] - still.T[last], T, ROUND_OFF * float(still.T.max()))
+    yield from _row("place", "m", turned.x[last] - there, u, far)
+    yield from _row("pressure", "Pa", turned.t_N[last] - still.t_N[last], t_N, press)
     for name, unit in (("mechanical.contact.t_T", "Pa"), ("mechanical.contact.E_friction", "J")):
         if name in still.extra:
             a, b = (np.array(story.extra[name]) for story in (still, turned))
             scale = t_N if unit == "Pa" else np.abs(a).max()
             words = "shear" if unit == "Pa" else "friction heat"
-            yield from _row(words, unit, b[last] - a[last], scale if scale > 0.0 else float(np.abs(b).max()))
+            yield from _row(words, unit, b[last] - a[last], scale if scale > 0.0 else float(np.abs(b).max()),
+                            press if unit == "Pa" else 0.0)
     ledger = [name for name in still.ledger if name in turned.ledger]
     if ledger:
         a, b = (np.array([story.ledger[name] for name in ledger]) for story in (still, turned))
         yield from _row("heat of the ledger", "J", (b - a)[:, last], float(np.abs(a).max()))
 
 
-def _row(name: str, unit: str, off: Floats, scale: float) -> Iterator[tuple[str, float]]:
+def _row(name: str, unit: str, off: Floats, scale: float, floor: float = 0.0) -> Iterator[tuple[str, float]]:
+    """floor : what round-off of coordinates makes of a quantity, in its unit."""
     worst = float(np.abs(off).max(initial=0.0))
     if worst > 0.0:
-        size = worst / (EXACT * scale) if scale > 0.0 else np.inf
+        allowed = EXACT * scale + floor
+        size = worst / allowed if allowed > 0.0 else np.inf
         yield f"{name} by {worst:.3g} {unit} (of {scale:.3g} {unit})", size
 
 

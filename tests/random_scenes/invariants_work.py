@@ -12,10 +12,10 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
-from coupler.running.resume import resumed
 from numpy.typing import NDArray
 
 from coupler import CouplingError, HalfError, Results, Run
+from coupler.running.run import resumed
 from coupler.schemes.levels import Level
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.scene import Scene

@@ -24,23 +24,26 @@ class Kept:
     """A scene that broke a law in silence.
 
     seed : that drew it, and the random numbers of the check; None: made by hand.  cause : one line.
+    now : "silent" as it was, "told" where the run says so now, "mended" where the law holds.
     """
 
     scene: Scene
     invariant: str
     cause: str
     seed: int | None = None
+    now: str = SILENT
 
     def write(self, path: Path) -> None:
         yaml = _yaml()
         with path.open("w", encoding="utf-8") as f:
-            yaml.dump({"invariant": self.invariant, "cause": self.cause, "seed": self.seed,
+            yaml.dump({"invariant": self.invariant, "cause": self.cause, "now": self.now, "seed": self.seed,
                        "recipes": dict(self.scene.recipes), "scenario": dict(self.scene.doc)}, f)
 
     @staticmethod
     def read(path: Path) -> Kept:
         found = _yaml().load(path.read_text(encoding="utf-8"))
-        return Kept(Scene(found["scenario"], found["recipes"]), found["invariant"], found["cause"], found["seed"])
+        return Kept(Scene(found["scenario"], found["recipes"]), found["invariant"], found["cause"], found["seed"],
+                    found.get("now", SILENT))
 
     def judged(self, invariant: Invariant) -> Row:
         """What the law says of it today; "holds" too where the scene is refused or its run fails with a message."""

@@ -17,7 +17,6 @@ from contact.half.model import Discard
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
 from thermal_fmu.half import load
-from thermal_fmu.problem import NearRadiationLaw
 from thermal_fmu.surface_terms import RadiationGroup, gap_radiation_flow
 
 SIGMA = 5.670374419e-8
@@ -153,9 +152,9 @@ def discarded(model, mesh=None):
 
 def test_a_point_without_area_radiates_nothing():
     """As under `form: nodes` a node has that faces nothing with its edges."""
-    spec = NearRadiationLaw(property_from(0.3), property_from(0.8), None, None)
+    emissivities = property_from(0.3), property_from(0.8)
     half = np.full((2, 2), 0.5)
-    group = RadiationGroup(spec, np.array([[0, 1, 2, 3]] * 2), half, half, np.array([0.0, 1e-3]))
+    group = RadiationGroup(emissivities, np.array([[0, 1, 2, 3]] * 2), half, half, np.array([0.0, 1e-3]))
     flow, slope = gap_radiation_flow(group, 5.67e-8, np.array([300.0, 300.0, 800.0, 800.0]))
     assert (flow[0] == 0.0).all()
     assert (slope[0] == 0.0).all()

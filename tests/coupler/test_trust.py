@@ -1,0 +1,223 @@
+"""The trust table: what each check measures, on levels made by hand, and what a user sees of it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact.half.interface import Interface, Pair
+from coupler import Results
+from coupler.schemes.levels import Level
+from coupler.trust.checks import Check, TrustVerdict, broken, measured, told
+from coupler.trust.passing import Sides
+from coupler.trust.watch import TrustLog, TrustWatch
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def boxes(gap: float = 0.1) -> Interface:
+    """A square of 1 m, and above its middle one of 0.5 m."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    nodes = np.vstack([square, 0.5 * square + [0.25, 1.0 + gap]])
+    return Interface(geometry="plane", nodes=nodes, quads=np.array([[0, 1, 2, 3], [4, 5, 6, 7]]),
+                     triangles=np.empty((0, 3), dtype=int), quad_body=np.array([0, 1]),
+                     triangle_body=np.empty(0, dtype=int), bodies=("low", "high"), materials=("m", "m"),
+                     surfaces={"low.top": np.array([[2, 3]]), "high.bottom": np.array([[4, 5]])},
+                     pairs=(Pair("face", "high.bottom", "low.top", 0.5, 1e9),))
+
+
+def level(t: float, T: float | list[float] = 300.0, *, x: np.ndarray | None = None, gap: float = 0.1) -> Level:
+    nodes = boxes().nodes
+    return Level(t, np.broadcast_to(np.asarray(T, dtype=float), (8,)).copy(), nodes if x is None else x, np.zeros(4),
+                 np.full(4, gap), np.zeros(4))
+
+
+def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | None = None,
+           fresh: tuple[int, ...] = (), half: str = "elastic") -> dict[str, Check]:
+    """The table of a run by its levels, check by name.  terms : heat of each window [J]; None: some is stored."""
+    terms = {"heat.stored.low": 1.0, "heat.convection": 1.0} if terms is None else terms
+    watch = TrustWatch(boxes(), {"thermal": {"boundary": boundary}, "mechanical": {"half": half}})
+    log = watch.begun(levels[0])
+    for k in range(1, len(levels)):
+        log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh, forced=False)
+    return {c.name: c for c in watch.judged(log, terms)}
+
+
+WITHIN, RINGS, CYCLES = "temperatures within their data", "no ringing in time", "no cycle of the exchange"
+PASSES, SOFT = "no body passes through another", "penetration of pressed surfaces"
+
+
+# Temperatures
+
+@pytest.mark.parametrize(("lowest", "verdict"), [(300.0, "holds"), (299.99, "noted"), (290.0, "broken")])
+def test_undershoot_is_measured_in_the_span_of_the_data(lowest, verdict):
+    wall = ({"on": "low.bottom", "temperature": 800.0},)
+    check = judged([level(0.0), level(1.0, [lowest, *[400.0] * 7])], wall)[WITHIN]
+    assert check.verdict == verdict
+    if verdict != "holds":
+        assert check.number == pytest.approx((300.0 - lowest) / 500.0)
+        assert "low at (0, 0) m" in check.sentence
+        assert "below" in check.sentence
+
+
+def test_data_count_up_to_now_and_on_both_sides_of_a_jump():
+    jump = ({"on": "low.bottom", "temperature": {"t": [5.0, 5.0], "value": [300.0, 800.0]}},)
+    early = judged([level(0.0), level(1.0, 310.0)], jump)[WITHIN]
+    assert early.verdict == "broken"
+    assert judged([level(0.0), level(5.0, 310.0)], jump)[WITHIN].verdict == "holds"
+    film = ({"on": "low.bottom", "convection": {"h": 1.0, "T": {"terms": [{"t": 300.0}, {"x": {
+        "at": [0.0, 1.0], "value": [0.0, 50.0]}}]}}},)
+    assert judged([level(0.0), level(1.0, 349.0)], film)[WITHIN].verdict == "holds"
+    assert judged([level(0.0), level(1.0, 351.0)], film)[WITHIN].verdict == "broken"
+
+
+def test_heat_that_is_made_lifts_the_upper_bound_alone():
+    made = {"heat.source": 10.0, "heat.stored.low": 10.0}
+    untold = judged([level(0.0), level(1.0, 500.0)], terms={})[WITHIN]
+    assert untold.verdict == "not checked", "a half without a ledger"
+    assert judged([level(0.0), level(1.0, 500.0)], terms=made)[WITHIN].verdict == "holds"
+    assert judged([level(0.0), level(1.0, [299.0, *[500.0] * 7])], terms=made)[WITHIN].verdict == "broken"
+    both = {"heat.entropy": 1.0}
+    assert judged([level(0.0), level(1.0, 500.0)], terms=both)[WITHIN].verdict == "not checked"
+
+
+def test_nothing_is_colder_than_0_kelvin():
+    check = judged([level(0.0), level(1.0, -5.0)], terms={"heat.entropy": 1.0})[WITHIN]
+    assert check.verdict == "broken"
+
+
+# Rhythm
+
+def test_a_node_that_rings_is_told_and_one_that_settles_is_not():
+    ringing = [level(float(k), [300.0 + 20.0 * (-1) ** k, 400.0, *[350.0] * 6]) for k in range(8)]
+    check = judged(ringing)[RINGS]
+    assert check.verdict == "broken"
+    assert check.number == pytest.approx(40.0 / 120.0)
+    dying = [level(float(k), [300.0 + 50.0 * (-0.2) ** k, 400.0, *[350.0] * 6]) for k in range(8)]
+    assert judged(dying)[RINGS].verdict == "holds"
+    # A kink of the data begins anew: what the data drive is no ringing.
+    assert judged(ringing, fresh=(3, 6))[RINGS].verdict == "holds"
+
+
+@pytest.mark.parametrize("period", [3, 4, 7])
+def test_a_cycle_of_a_few_windows_is_told(period):
+    courses = [level(float(k), 350.0 + 30.0 * np.sin(2 * np.pi * k / period)) for k in range(3 * period + 4)]
+    check = judged(courses)[CYCLES]
+    assert check.verdict == "broken"
+    assert f"every {period} windows" in check.sentence
+
+
+def test_an_oscillation_that_windows_resolve_is_physics():
+    slow = [level(float(k), 350.0 + 30.0 * np.sin(2 * np.pi * k / 16)) for k in range(60)]
+    found = judged(slow)
+    assert found[CYCLES].verdict == "holds"
+    assert found[RINGS].verdict == "holds"
+
+
+# Passing
+
+def lowered(by: float) -> np.ndarray:
+    x = boxes().nodes.copy()
+    x[4:, 1] -= by
+    return x
+
+
+def test_a_body_inside_another_or_across_it_is_told():
+    inside = judged([level(0.0), level(1.0, x=lowered(0.5), gap=0.5)])[PASSES]
+    assert inside.verdict == "broken"
+    assert inside.number == pytest.approx(0.5)  # 0.25 m from its side, edges of 0.5 m
+    assert judged([level(0.0), level(1.0, x=lowered(0.5), gap=-0.4)])[PASSES].verdict == "holds"  # told as penetration
+    across = judged([level(0.0), level(1.0, x=lowered(2.5), gap=0.5)])[PASSES]
+    assert across.verdict == "broken"
+    assert "across" in across.sentence
+
+
+def test_bodies_that_move_together_or_pass_by_do_not_pass_through():
+    together = boxes().nodes + [3.0, 3.0]
+    assert judged([level(0.0), level(1.0, x=together)])[PASSES].verdict == "holds"
+    beside = boxes().nodes.copy()
+    beside[4:] += [1.5, 0.0]
+    aside = beside.copy()
+    aside[4:, 1] -= 2.5
+    assert judged([level(0.0), level(1.0, x=beside), level(2.0, x=aside)])[PASSES].verdict == "holds"
+
+
+def test_what_overlaps_as_drawn_is_no_news():
+    drawn = level(0.0, x=lowered(0.3), gap=0.5)
+    log = Sides(boxes()).begun(drawn)
+    assert log.drawn["face"] == pytest.approx(0.4)
+    assert judged([drawn, replace(drawn, t=1.0)])[PASSES].verdict == "holds"
+
+
+def test_a_soft_penalty_is_told():
+    found = judged([level(0.0), level(1.0, x=lowered(0.12), gap=-0.02)])[SOFT]
+    assert found.verdict == "noted"
+    assert found.number == pytest.approx(0.04)
+    assert judged([level(0.0), level(1.0, x=lowered(0.3), gap=-0.2)])[SOFT].verdict == "broken"
+
+
+# The table
+
+def test_broken_checks_are_told_first_and_survive_a_file():
+    rows = [measured("a", 0.5, (0.1, 1.0), what="half", remedy="less"),
+            measured("b", 0.0, (0.1, 1.0), what="", remedy=""),
+            measured("c", 2.0, (0.1, 1.0), what="too much", remedy="less", t=3.0)]
+    assert [c.verdict for c in rows] == ["noted", "holds", "broken"]
+    assert [c.name for c in told(rows)] == ["c", "a"]
+    assert [c.name for c in broken(rows)] == ["c"]
+    assert [Check.of(c.as_dict()) for c in rows] == rows
+    assert Check.of({**rows[0].as_dict(), "new": 1}).verdict is TrustVerdict.NOTED
+
+
+def test_the_log_goes_into_a_checkpoint():
+    from contact.codec import decode, encode, kinds_of
+
+    watch = TrustWatch(boxes(), {"thermal": {}, "mechanical": {"half": "elastic"}})
+    log = watch.begun(level(0.0))
+    for k in range(1, 6):
+        log = watch.after(log, (level(k - 1.0, 300.0 + k), level(float(k), 301.0 + k)), {}, fresh=False, forced=True)
+    again = decode(encode(log), kinds_of((TrustLog,)))
+    assert encode(again) == encode(log)
+    assert again.forced == 5
+
+
+# What a user sees
+
+LEAP = """\
+slideline: 2
+title: A leap
+units: {temperature: K}
+geometry: plane
+materials: {m: {rho: 1000, c: 1000, k: 10}}
+bodies:
+  low: {mesh: {rectangle: {origin: [0, 0], size: [1, 1], cells: [2, 2]}}, material: m, T0: 300}
+  high: {mesh: {rectangle: {origin: [0, 1.1], size: [1, 1], cells: [2, 2]}}, material: m, T0: 300}
+contact:
+  face: {slave: high.bottom, master: low.top, gap_max: 0.5}
+thermal: {half: thermal}
+mechanical:
+  half: rigid
+  rigid: {motion: {high: {u_y: {t: [0, 10], value: [0, -3]}}}}
+coupling: {scheme: staggered, end: 10, windows: [{until: 10, size: 10}]}
+probes: {T: {T: {mean: low}}}
+"""
+
+
+def test_a_run_that_is_not_to_be_trusted_ends_with_4(tmp_path):
+    (tmp_path / "leap.yaml").write_text(LEAP, encoding="utf-8")
+    done = subprocess.run([sys.executable, "-m", "coupler.cli", "run", "leap.yaml", "--report"], cwd=tmp_path,
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 4, done.stderr
+    assert "do not trust this run: 1 of 7 checks failed" in done.stdout
+    assert "no body passes through another: pair face" in done.stdout
+    results = Results(tmp_path / "run.h5")
+    assert results.outcome == "completed"
+    assert [c.name for c in results.broken] == [PASSES]
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert "Do not trust this run." in page
+    assert "Can this run be trusted?" in page
