@@ -1,4 +1,4 @@
-"""Compiled loops over cells: shape gradients, conduction, storage, cell means and rotations.
+"""Compiled loops over cells: shape gradients, conduction, cell means and rotations.
 
 They work for any table of nn nodes and nq quadrature points; sums run in the order of the cells.
 Arrays of all of them: cells (ne, nn) node numbers; N (nq, nn) and dN (nq, nn, 2) shape functions and their derivatives
@@ -108,6 +108,7 @@ def spread_of(mean: Floats, least: float) -> float:
     z = 1.0 - 4.0 / 3.0 * min(a, b) / max(a, b)
     if z <= 1.0 / 3.0:
         return 1.0
+    # fault: conduction at Gauss points whatever the shape -> f = 1.0 | thermal_fmu/test_thermal_limits
     f = np.sqrt(3.0 * z)
     middle = mean[0] * mean[3] - mean[1] * mean[2]
     drop = middle - least

@@ -57,6 +57,7 @@ def went_beyond(end: NodesAtEnd, theta: float) -> bool:
     low, high = float(end.s_n.min()), float(end.s_n.max())
     span = max(high, float(end.s.max())) - min(low, float(end.s.min()))
     outside = (s > high + MOST_OUTSIDE * span) | (s < low - MOST_OUTSIDE * span)
+    # fault: steps that overshoot pass -> return False | thermal_fmu/test_thermal_limits
     return bool((by > np.where(outside, MOST_OUTSIDE, MOST) * span).any())
 
 
