@@ -210,7 +210,7 @@ def _demand_emissivity(emissivity: Property, T: Floats, where: str) -> None:
 class Heat:
     """Energies INTO the bodies [J], weighted with the stages the method used.
 
-    stored : (n_bodies,) increase of enthalpy, from where it is stored: quadrature points, nodes of what melts.
+    stored : (n_bodies,) increase of enthalpy, summed over the nodes.
     temperature : (2,) through prescribed temperatures, in at some nodes and out (< 0) at others, from the residual
     there: a net sum would be round-off where as much comes in as goes out.  terms : (n_terms,) as boundary.TERMS.
     """

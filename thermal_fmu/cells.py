@@ -15,8 +15,6 @@ from contact.half.linalg import Pattern, pattern_of
 from thermal_fmu.kernels import (
     add_conduction,
     add_conduction_tensor,
-    add_lumped,
-    add_storage,
     at_points,
     shape_gradients,
     turn_of,
@@ -109,6 +107,18 @@ class CellBlock:
         """(m,) its nodes, ascending, each once."""
         return np.unique(self.cells)
 
+    @cached_property
+    def own_nodes(self) -> NDArray[np.intp]:
+        """(ne, nn) cells, as positions in nodes."""
+        return np.searchsorted(self.nodes, self.cells)
+
+    @cached_property
+    def diagonal(self) -> Slots:
+        """(m,) places in the matrix data of the diagonal of its nodes."""
+        out = np.empty(self.nodes.size, dtype=np.int64)
+        out[self.own_nodes] = np.einsum("eii->ei", self.slots)
+        return out
+
 
 @dataclass(frozen=True)
 class CellMesh:
@@ -126,12 +136,14 @@ class CellMesh:
 class CellGeometry:
     """A block on given coordinates.
 
-    G : (ne, nq, nn, 2) gradients of shape functions [1/m].  dV : (ne, nq) [m3], per metre of depth when plane.
+    dV : (ne, nq) [m3] of the quadrature points, per metre of depth when plane.  G : (ne, nq, nn, 2) gradients of shape
+    functions [1/m] at the points of conduction, dC : (ne, nq) their [m3] (kernels.spread_of).
     turn : (ne, nq) rotation of the material since the reference [rad], where its axes follow it.
     """
 
     G: Floats
     dV: Floats
+    dC: Floats
     turn: Floats | None = None
 
 
@@ -139,10 +151,11 @@ class CellGeometry:
 class ReferenceCells:
     """A block in the reference configuration.
 
-    mass : (ne, nq) rho0 dV0 [kg].  G : (ne, nq, nn, 2) [1/m], where axes turn with the material.
+    nodal_mass : (m,) sum_q N_i rho0 dV0 [kg] of the block's nodes.  G : (ne, nq, nn, 2) [1/m], where axes turn with the
+    material.
     """
 
-    mass: Floats
+    nodal_mass: Floats
     G: Floats | None = None
 
 
@@ -200,8 +213,9 @@ def shape_of(volume: CellMesh, block: CellBlock, x: Floats) -> CellGeometry:
     """Compute the geometry of one block on coordinates x : (n, 2) [m].  Raises as shapes_of."""
     t = block.table
     nq, nn = t.N.shape
-    shape = CellGeometry(np.empty((len(block.cells), nq, nn, 2)), np.empty((len(block.cells), nq)))
-    bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV)
+    ne = len(block.cells)
+    shape = CellGeometry(np.empty((ne, nq, nn, 2)), np.empty((ne, nq)), np.empty((ne, nq)))
+    bad = shape_gradients(x, block.cells, t.N, t.dN, t.w, volume.axisymmetric, shape.G, shape.dV, shape.dC)
     if bad >= 0:
         where = " or reaches across the axis" if volume.axisymmetric else ""
         raise InvertedMeshError(f"cell {block.numbers[bad] + 1} of body {volume.bodies[block.body]} is "
@@ -234,7 +248,8 @@ def reference_cells(volume: CellMesh, bodies: Sequence[ThermalBody], X: Floats) 
     out = []
     for block, shape in zip(volume.blocks, shapes_of(volume, X), strict=True):
         material = bodies[block.body].material
-        out.append(ReferenceCells(material.rho * shape.dV, shape.G if material.k.turns else None))
+        mass = at_nodes(block.own_nodes, (material.rho * shape.dV) @ block.table.N, block.nodes.size)
+        out.append(ReferenceCells(mass, shape.G if material.k.turns else None))
     return tuple(out)
 
 
@@ -262,9 +277,9 @@ def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[T
         k_q = k(T_q)
         if not k.is_constant:
             _check_positive("conductivity", k_q, block, bodies[block.body].name)
-        # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV,
-        #   0.0 * shape.dV, f, | thermal_fmu/test_thermal_nonlinear
-        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dV, k.slope(T_q) * shape.dV, f,
+        # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC,
+        #   0.0 * shape.dC, f, | thermal_fmu/test_thermal_nonlinear
+        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC, k.slope(T_q) * shape.dC, f,
                        block.slots, into.slope, data)
 
 
@@ -278,7 +293,7 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at
         _check_positive("conductivity", k_q, block, body.name)
     dT = np.ones(at.T.size) if at.dT is None else at.dT
     df = np.zeros(at.T.size) if at.df is None else at.df
-    dV = shape.dV[:, :, None]
+    dV = shape.dC[:, :, None]
     # fault: the derivative of a tensor left out -> add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, 0.0 *
     #   k.dK * dV, k.dK_f * dV, dT, df, f, block.slots, |
     #   thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
@@ -290,44 +305,42 @@ def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequen
           S: Floats, into: MatrixEntries) -> Floats:
     """Add storage: S += the increase of enthalpy from s0 to s;  entries += its derivative by s [J/K].
 
-    s0, s : (n,) [K].  S : (n,) [J].  Bodies that melt store at their nodes, sum_q N_i rho0 dV0 h(s_i): a front inside a
-    cell would else make heat run backwards.  Returns (n_bodies,) increase of each body's enthalpy [J], summed over the
-    points where it is stored.  Raises BadPropertyError.
+    s0, s : (n,) [K].  S : (n,) [J].  Heat is stored at the nodes, sum_q N_i rho0 dV0 h(s_i): shared storage would
+    couple neighbours with the wrong sign in steps below h^2/6a, where a jump then undershoots, and a front inside a
+    cell would make heat run backwards (Thomee, Galerkin Finite Element Methods for Parabolic Problems, ch. 15).
+    Returns (n_bodies,) increase of each body's enthalpy [J], summed over the nodes.  Raises BadPropertyError.
     """
     total = np.zeros(len(bodies))
     for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
-        body = bodies[block.body]
+        body, s_0, s_1 = bodies[block.body], s0[block.nodes], s[block.nodes]
+        change, c = body.material.phase, body.material.c.solid
+        # fault: storage C(T) dT instead of enthalpy -> dh, c_1 = c(s_1) * (s_1 - s_0), c(s_1) |
+        #   thermal_fmu/test_thermal_nonlinear
+        dh, c_1 = c.increase(s_0, s_1), c(s_1)
+        if change is not None:
+            # fault: latent heat by the slope of h at the end: a large step loses it -> dh, c_1 = change.capacity(s_1) *
+            #   (s_1 - s_0), change.capacity(s_1) | thermal_fmu/test_thermal_phase::test_a9_no_step_loses_latent_heat
+            dh, c_1 = change.increase(s_0, s_1), change.capacity(s_1)
+        if change is not None or not c.is_constant:
+            _check_positive("heat capacity", c_1[block.own_nodes], block, body.name)
+        dE = first.nodal_mass * dh
+        S[block.nodes] += dE
         data = into.of(b)
-        if body.material.phase is not None:
-            total[block.body] += _store_melting(block, first.mass, body, s0[block.nodes], s[block.nodes], S, data)
-            continue
-        c = body.material.c.solid
-        T_q = at_points(s, block.cells, block.table.N)
-        # fault: storage C(T) dT instead of enthalpy -> dE_q = first.mass * c(T_q) * (T_q - at_points(s0, block.cells,
-        #   block.table.N)) | thermal_fmu/test_thermal_nonlinear
-        dE_q = first.mass * c.increase(at_points(s0, block.cells, block.table.N), T_q)
-        c_q = c(T_q)
-        if not c.is_constant:
-            _check_positive("heat capacity", c_q, block, body.name)
-        add_storage(block.cells, block.table.N, dE_q, first.mass * c_q, S, block.slots, data)
-        total[block.body] += dE_q.sum()
+        if data.size:
+            data[block.diagonal] += first.nodal_mass * c_1
+        total[block.body] += float(dE.sum())
     return total
 
 
-def _store_melting(block: CellBlock, mass: Floats, body: ThermalBody, s0: Floats, s: Floats, S: Floats,
-                   data: Floats) -> float:
-    """Store the enthalpy of a block that melts; s0, s : (m,) [K] at its nodes.  Returns the increase [J]."""
-    change = body.material.phase
-    assert change is not None
-    # fault: latent heat by the slope of h at the end: a large step loses it -> dh, c = change.capacity(s) * (s - s0),
-    #   change.capacity(s) | thermal_fmu/test_thermal_phase::test_a9_no_step_loses_latent_heat
-    dh, c = change.increase(s0, s), change.capacity(s)
-    own = np.searchsorted(block.nodes, block.cells)
-    _check_positive("heat capacity", c[own], block, body.name)
-    m = mass @ block.table.N
-    dE = m * dh[own]
-    add_lumped(block.cells, dE, m * c[own], S, block.slots, data)
-    return float(dE.sum())
+def capacities(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[ThermalBody],
+               s: Floats) -> Floats:
+    """Return (n,) the heat capacities of the nodes [J/K], the derivative of what they store by s : (n,) [K]."""
+    out = np.zeros(volume.n)
+    for block, first in zip(volume.blocks, references, strict=True):
+        material, own = bodies[block.body].material, s[block.nodes]
+        c = material.c.solid(own) if material.phase is None else material.phase.capacity(own)
+        out[block.nodes] += first.nodal_mass * c
+    return out
 
 
 def _check_positive(what: str, values: Floats, block: CellBlock, body: str) -> None:

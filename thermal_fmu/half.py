@@ -122,7 +122,7 @@ def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFiel
     q = np.empty((scene.volume.n_cells, 2))
     for block, shape in zip(scene.volume.blocks, shapes, strict=True):
         K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
-        q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dV)
+        q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dC)
     return q
 
 

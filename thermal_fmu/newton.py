@@ -56,7 +56,8 @@ class StageBalance:
     it that does not come through the surface: flow - inside does, by consistent recovery.
     terms : (n_terms,) boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum
     of
-    the sizes of all heats at all nodes [J].
+    the sizes of all heats at all nodes [J].  pull : (n,) [J] what the change of prescribed values since s_n does to the
+    residual of their neighbours: their columns are not in the jacobian; None where nothing changed, or without one.
     """
 
     R: Floats
@@ -67,6 +68,7 @@ class StageBalance:
     norm: float
     scale: float
     jacobian: csr_matrix | None
+    pull: Floats | None = None
 
     @property
     def relative_residual(self) -> float:
@@ -112,23 +114,31 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     reaction = np.where(scene.fixed, R, 0.0)
     norm = float(np.abs(R - reaction).sum())
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
-    matrix = _matrix(scene, boundary, slope, at.dT, data) if jacobian else None
-    return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix)
+    matrix, pull = None, None
+    if jacobian:
+        lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
+        matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
+    return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix,
+                        pull)
 
 
-def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats) -> csr_matrix:
-    pattern = scene.volume.pattern
+def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,
+            lifted: Floats) -> tuple[csr_matrix, Floats | None]:
+    """Return the matrix, rows and columns of fixed nodes those of the identity, and those columns times lifted : (n,).
+    """
+    pattern, shape = scene.volume.pattern, (scene.volume.n, scene.volume.n)
     for slots, values in boundary.places:
         change = slope * values.ravel()
         # fault: boundary terms of a melting node unscaled -> np.add.at(data, slots.ravel(), change) |
         #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
         np.add.at(data, slots.ravel(), change if dT is None else change * dT[pattern.indices[slots.ravel()]])
+    pull = csr_matrix((data, pattern.indices, pattern.indptr), shape=shape) @ lifted if lifted.any() else None
     touched, diagonal = scene.fixed_entries
     data[touched] = 0.0
     data[diagonal] = 1.0
-    A = csr_matrix((data, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+    A = csr_matrix((data, pattern.indices, pattern.indptr), shape=shape)
     if not boundary.across:
-        return A
+        return A, pull
     nodes = np.concatenate([nodes for nodes, _ in boundary.across])
     rows, cols = np.repeat(nodes, 4, axis=1).ravel(), np.tile(nodes, (1, 4)).ravel()
     values = slope * np.concatenate([values.ravel() for _, values in boundary.across])
@@ -136,8 +146,10 @@ def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Float
         # fault: contact of a melting node unscaled -> values *= 1.0 |
         #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
         values *= dT[cols]
+    if pull is not None:
+        pull += np.bincount(rows, weights=values * lifted[cols], minlength=lifted.size)
     free = ~(scene.fixed[rows] | scene.fixed[cols])
-    return A + csr_matrix((values[free], (rows[free], cols[free])), shape=A.shape)
+    return A + csr_matrix((values[free], (rows[free], cols[free])), shape=A.shape), pull
 
 
 # Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.
@@ -283,10 +295,23 @@ class NotConvergedError(ArithmeticError):
 
 
 @dataclass(frozen=True)
+class Linearisation:
+    """The last matrix of a stage.
+
+    s : (n,) [K] where it is the derivative.  jacobian, pull : as in StageBalance.
+    """
+
+    s: Floats
+    jacobian: csr_matrix
+    pull: Floats | None
+
+
+@dataclass(frozen=True)
 class SolvedStage:
     """A stage that was solved.
 
     s : (n,) [K].  iterations : linear solves.  residual : norm over scale [1].  anchor : of the next solve.
+    linear : its last matrix.
     """
 
     s: Floats
@@ -294,6 +319,7 @@ class SolvedStage:
     iterations: int
     residual: float
     anchor: AnchorMatrix | None
+    linear: Linearisation
 
 
 def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
@@ -362,6 +388,7 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
            anchor: AnchorMatrix | None) -> SolvedStage:
     """Solve as solve_stage does from s : (n,) [K], without phase continuation."""
     now = balance(problem, s, jacobian=True)
+    linear = _linearised(s, now)
     floor = ROUND_OFF * _size(now.jacobian, s)
     climbs = MAX_CLIMBS if problem.scene.melting else 0
     # fault: infinite heat taken for convergence -> pass |
@@ -369,9 +396,10 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     _demand_finite(problem, now.R, "the heat")
     for iteration in range(MAX_ITERATIONS):
         if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor):
-            return SolvedStage(s, now, iteration, now.relative_residual, anchor)
+            return SolvedStage(s, now, iteration, now.relative_residual, anchor, linear)
         if now.jacobian is None:
             now = balance(problem, s, jacobian=True)
+            linear = _linearised(s, now)
         assert now.jacobian is not None
         target = LINEAR_TOLERANCE * max(STAGE_TOLERANCE * tolerance * now.scale, floor)
         solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors)
@@ -382,6 +410,11 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
         climbs -= int(now.norm >= before and now.norm > floor)
     raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.relative_residual:.2e} of the heat "
                             f"that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
+
+
+def _linearised(s: Floats, now: StageBalance) -> Linearisation:
+    assert now.jacobian is not None
+    return Linearisation(s, now.jacobian, now.pull)
 
 
 class LineSearchBalance(Protocol):

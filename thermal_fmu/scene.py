@@ -111,7 +111,7 @@ class ThermalScene:
         return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
 
     def masses(self, X: Floats) -> tuple[ReferenceCells, ...]:
-        """Compute the mass of every block at quadrature points on reference coordinates X : (n, 2) [m]."""
+        """Compute the mass of every block at its nodes on reference coordinates X : (n, 2) [m]."""
         return reference_cells(self.volume, self.model.bodies, X)
 
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, Heat, inflow_outflow
-from thermal_fmu.cells import spread_energies
+from thermal_fmu.cells import BadPropertyError, spread_energies
+from thermal_fmu.limiter import overshoots
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
@@ -23,7 +24,8 @@ class ThermalStep:
     """A step that was solved.
 
     s : (n,) [K] at the end.  heat : of the step.  iterations : linear solves.  residual : worst relative residual [1].
-    anchor : of the next solve.  moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
+    overshoots : whether a node went beyond what pulls it (limiter.py).  anchor : of the next solve.
+    moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
     increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.
     """
 
@@ -34,6 +36,7 @@ class ThermalStep:
     anchor: AnchorMatrix | None
     moved: Floats
     inside: Floats
+    overshoots: bool = False
 
     def then(self, more: ThermalStep) -> ThermalStep:
         """Join this step and the one after it."""
@@ -85,8 +88,28 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
     for weight, done in zip(method.weights, solved, strict=True):
         moved += weight * dt * done.balance.flow
         inside += weight * dt * done.balance.inside
+    over = method.damped is not None and overshoots(context.scene, context.substep, method.stages[-1], s_n, solved[-1],
+                                                    dt)
     return ThermalStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                       max(s.residual for s in solved), anchor, moved, inside)
+                       max(s.residual for s in solved), anchor, moved, inside, over)
+
+
+def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,
+                 h: float) -> ThermalStep:
+    """Take a step from s : (n,) [K], and take it again, damped, where a node went beyond what pulls it.
+
+    A step that meets a bad property, as kelvin below 0, may have overshot too.  Raises as take_step.
+    """
+    if method.damped is None:
+        return take_step(context, method, s, anchor, t, h)
+    try:
+        done = take_step(context, method, s, anchor, t, h)
+    except BadPropertyError:
+        return damped_step(context, method, s, anchor, t, h)
+    if not done.overshoots:
+        return done
+    again = damped_step(context, method, s, done.anchor, t, h)
+    return replace(again, iterations=done.iterations + again.iterations)
 
 
 def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,

@@ -20,6 +20,7 @@ from thermal_fmu.step import (
     ThermalStep,
     damped_step,
     flow_at,
+    limited_step,
     local_error,
     take_step,
     with_prescribed,
@@ -212,7 +213,7 @@ def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix 
     """Solve the step from `point` to stop [s] and measure it; return why it failed where it did."""
     method, context, h = plan.method, plan.context, stop - point.t
     # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
-    take = damped_step if progress.damped > 0 else take_step
+    take = damped_step if progress.damped > 0 else limited_step
     try:
         done = take(context, method, progress.s, anchor, point.t, h)
         error, there = _error(plan, point, done, stop, h)
@@ -369,5 +370,5 @@ def advance(context: StepContext, stated: ThermalProblem, method: TimeMethod, be
         return SubstepResult(end.done, end.damped, end.controller, end.substeps, end.rejected)
     # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time
     damped = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else begin.damped
-    done = (damped_step if damped > 0 else take_step)(context, method, begin.s, begin.anchor, t, h)
+    done = (damped_step if damped > 0 else limited_step)(context, method, begin.s, begin.anchor, t, h)
     return SubstepResult(done, max(damped - 1, 0), begin.controller)

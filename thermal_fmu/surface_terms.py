@@ -27,19 +27,22 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class ExposedPoints:
-    """Quadrature points of a surface open to its surroundings.
+    """Quadrature points of a surface open to its surroundings, each twice: its heat is that of the edge's two nodes.
 
-    nodes : (n, 2).  N : (n, 2) [1].  area : (n,) weighted with kappa [m2].  slots : (n, 2, 2) in the matrix data.
+    nodes : (n, 2) of the edge.  N : (n, 2) 1 at the node whose temperature counts, else 0.  at : (n, 2) shape functions
+    where the point lies [1].  area : (n,) weighted with kappa and the node's shape function [m2].
+    slots : (n, 2, 2) in the matrix data.
     """
 
     nodes: Ints
     N: Floats
+    at: Floats
     area: Floats
     slots: NDArray[np.int64]
 
     def places(self, x: Floats) -> Floats:
         """Return (n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2) [m]."""
-        return np.einsum("pi,pij->pj", self.N, x[self.nodes])
+        return np.einsum("pi,pij->pj", self.at, x[self.nodes])
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,15 @@ def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGe
             # fault: kappa on the slave side only -> *(), | thermal_fmu/test_thermal_contact
             _pieces(points.master_edge - first, points.N_m, excess * points.area_m, len(where.edges)),
         ]
-    edge = np.concatenate([part.edge for part in parts])
-    return ExposedPoints(where.edges[edge], np.concatenate([part.N for part in parts]),
-                         np.concatenate([part.area for part in parts]), slots[edge])
+    # At the nodes, as storage: shared between neighbours a film would couple them with the wrong sign, and beside a
+    # cell Biot number of 100 they would leave their data by 1.4 %.  What the film depends on is taken in place.
+    edge, N, area = (np.concatenate([getattr(part, name) for part in parts]) for name in ("edge", "N", "area"))
+    both = np.repeat(edge, 2)
+    # fault: each node of an edge takes half of it -> weight = np.full(2 * area.size, 0.5) |
+    #   thermal_fmu/test_thermal_space
+    weight = N.ravel()
+    return ExposedPoints(where.edges[both], np.tile(np.eye(2), (edge.size, 1)), np.repeat(N, 2, axis=0),
+                         np.repeat(area, 2) * weight, slots[both])
 
 
 def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) -> EdgePoints:

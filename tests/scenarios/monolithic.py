@@ -67,7 +67,7 @@ def linear_parts(interface: Interface, m: Matter) -> tuple[Floats, Floats, Float
         strain = np.zeros((3, 6))
         strain[0, 0::2], strain[1, 1::2], strain[2, 0::2], strain[2, 1::2] = G[0], G[1], G[1], G[0]
         dofs = (2 * cell[:, None] + [0, 1]).ravel()
-        C[np.ix_(cell, cell)] += m.rho_c * area / 12.0 * (np.ones((3, 3)) + np.eye(3))
+        C[np.ix_(cell, cell)] += m.rho_c * area / 3.0 * np.eye(3)
         K[np.ix_(cell, cell)] += m.k * area * G.T @ G
         S[np.ix_(dofs, dofs)] += area * strain.T @ D @ strain
         B[np.ix_(dofs, cell)] += area / 3.0 * np.outer(strain.T @ heat, np.ones(3))

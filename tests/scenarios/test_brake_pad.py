@@ -56,7 +56,7 @@ def test_mu_n_s_becomes_heat_and_all_is_delivered(brake: Results) -> None:
 def test_the_middle_warms_as_half_spaces_do(brake: Results, name: str) -> None:
     """D10's first second under the local mu p v, a window late.
 
-    1 %: 10 cells over the depth, and a pressure that varies along the disc (measured: .7 % after .2 s, .25 % at last).
+    1 %: 20 cells over the depth, and a pressure that varies along the disc (measured: .7 % after .2 s, .25 % at last).
     """
     for since in (0.2, 0.4, 1.0):
         t = BEGINS + since

@@ -201,7 +201,10 @@ def test_factors_switch_branches(link):
 
 
 def test_balance_over_a_long_slide(link):
-    """200 substeps with pieces changing at every one: the ledger of the run closes, one solve each."""
+    """200 substeps with pieces changing at every one: the ledger of the run closes, one solve each.
+
+    Where a column of nodes comes into contact the step overshoots: it is taken again in four.
+    """
     mesh, model = blocks(8, 0.0)
     half = load(mesh, model)
     given = inputs_of(mesh, half, t_N=pressed(mesh, 1e7))
@@ -214,7 +217,9 @@ def test_balance_over_a_long_slide(link):
         state = done.state
         outputs.append(dict(done.outputs))
     assert imbalance(outputs) < EXPECTED["A16"]["tolerance"]
-    assert max(o["iterations"] for o in outputs[1:]) == 1
+    iterations = np.array([o["iterations"] for o in outputs[1:]])
+    assert set(iterations) <= {1.0, 5.0}
+    assert (iterations == 5.0).sum() <= 2
 
 
 def test_a_corner_that_stands_below_closes_nothing_beside():

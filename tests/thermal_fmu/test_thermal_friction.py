@@ -45,12 +45,12 @@ def on_slave(mesh, Q):
 
 
 def test_d10_two_half_spaces_that_slide():
-    """Bars of .4 and .2 m, graded to .05 mm at the interface, dt grown by 6 %: surface temperatures within 5e-4."""
+    """Bars of .4 and .2 m, graded to .014 mm at the interface, dt grown by 6 %: surface temperatures within 5e-4."""
     case = EXPECTED["D10"]
     def graded(X):
         s = (X[:, 1] - 0.4) / np.where(X[:, 1] > 0.4, 0.2, 0.4)
         return np.stack([X[:, 0], 0.4 + np.where(X[:, 1] > 0.4, 0.2, 0.4) * s * abs(s)], axis=1)
-    mesh = scene(Box(0, 0.01, 0, 0.4, 1, 90), Box(0, 0.01, 0.4, 0.6, 1, 90), pairs=PAIRS, move=graded)
+    mesh = scene(Box(0, 0.01, 0, 0.4, 1, 170), Box(0, 0.01, 0.4, 0.6, 1, 170), pairs=PAIRS, move=graded)
     half, link = load(mesh, two_metals()), service()
     for t_end, dT in zip(case["t"], case["dT"], strict=True):
         given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))

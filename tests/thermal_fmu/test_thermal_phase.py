@@ -170,9 +170,10 @@ def test_a_casting_in_steps_of_5_s():
     assert f_s[0].min() < 0.01
     assert f_s[-1].min() == 1.0
     assert (np.diff(f_s, axis=0) > -1e-12).all()
-    # 13 solves a step at the most, 7 in the mean; each of the two stages takes three or four.
+    # 9 solves a step in the mean; each of the two stages takes three or four.  Seven steps of 59 overshoot and are
+    # taken again in four of backward Euler.
     iterations = [o["iterations"] for o in ran.outputs[1:]]
-    assert max(iterations) <= 25
+    assert max(iterations) <= 50
     assert np.mean(iterations) < 10
     assert ran.imbalance() < EXPECTED["A16"]["tolerance"]
 

@@ -80,7 +80,7 @@ def on_the_mesh(name, n, times):
     K, M = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     for e in range(n):
         K[e:e + 2, e:e + 2] += np.array([[1, -1], [-1, 1]]) / h
-        M[e:e + 2, e:e + 2] += np.array([[2, 1], [1, 2]]) * h / 6.0
+        M[e:e + 2, e:e + 2] += np.eye(2) * h / 2.0
     wall = np.zeros(n + 1)
     wall[n] = 1.0
     if name in ("3.3", "3.7"):
@@ -91,17 +91,15 @@ def on_the_mesh(name, n, times):
     A = np.zeros((free + 2, free + 2))
     A[:free, :free] = -inverse @ K[:free, :free]
     if free == n:
-        A[:free, free], A[:free, free + 1] = -inverse @ K[:n, n], -inverse @ M[:n, n]
+        A[:free, free] = -inverse @ K[:n, n]
         A[free, free + 1] = 1.0
         A[free + 1, free + 1] = 0.1 if name == "3.5" else 0.0
         start = [1.0, 0.1 if name == "3.5" else 0.0]
-        first = -inverse @ M[:n, n]  # the wall's jump from 0 to 1 reaches its neighbours through the mass matrix
     else:
         A[:free, free] = inverse @ wall
         A[free, free + 1] = 1.0
         start = [1.0, 0.0] if name == "3.3" else [0.0, 1.0]
-        first = np.zeros(free)
-    z = np.concatenate([first, start])
+    z = np.concatenate([np.zeros(free), start])
     found = np.array([expm(A * t) @ z for t in times])
     return found[:, : n + 1]
 
@@ -152,10 +150,9 @@ def root_flux_errors(n, dt, method, events):
 
 
 def test_3_6_flux_that_falls_with_the_root_of_time():
-    """10 elements, dt .02.  The flux falls in jumps, the first are large: told as events, the midpoint rule is calm."""
-    calm, rings = (root_flux_errors(10, 0.02, "midpoint", events)[9:].max() for events in (4, 0))
-    assert calm < 5e-3
-    assert rings > 3.0 * calm
+    """10 elements, dt .02.  The flux falls in jumps, the first are large: told as events or not, the half is calm."""
+    for events in (4, 0):
+        assert root_flux_errors(10, 0.02, "midpoint", events)[9:].max() < 5e-3
 
 
 def test_3_6_converges():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, BoundaryHeat, Heat, boundary_flow, demand_limits, inflow_outflow
 from thermal_fmu.cells import BadPropertyError
+from thermal_fmu.limiter import NodesAtEnd, went_beyond
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Stage, TimeMethod
 from thermal_fmu.newton import (
     MAX_CLIMBS,
@@ -32,7 +33,6 @@ from thermal_fmu.stations.stations import (
     add_melting_fields,
     add_rod_conduction,
     add_rod_slopes,
-    add_rod_storage,
     melting_heat,
     rod_points,
 )
@@ -82,6 +82,7 @@ class StationBalance:
     included.  terms : (n_terms,) [W], as boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
     stations,
     scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds [J/K].
+    pull : (n,) what the change of prescribed values since s_n does to the residual of their neighbours [J].
     """
 
     R: Floats
@@ -91,6 +92,7 @@ class StationBalance:
     norm: float
     scale: float
     band: Floats
+    pull: Floats
 
     @property
     def relative_residual(self) -> float:
@@ -118,11 +120,14 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     boundary = boundary_flow(problem.substep.data, problem.loads, problem.power_M, at.T)
     f += boundary.f
     _gather(scene, boundary, stage.theta * weight, at.dT, band)
+    pull = scene.stations.times(band, np.where(scene.fixed, s - problem.s_n, 0.0))
+    touched, diagonal = scene.fixed_places
+    band.reshape(-1)[touched], band.reshape(-1)[diagonal] = 0.0, 1.0
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, stored,
-                          float(np.abs(R - reaction).sum()), scale, band)
+                          float(np.abs(R - reaction).sum()), scale, band, pull)
 
 
 def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
@@ -137,7 +142,7 @@ def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
 
 
 def _gather(scene: StationScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, band: Floats) -> None:
-    """Add the derivatives of the boundary terms to the band, and the identity at fixed stations."""
+    """Add the derivatives of the boundary terms to the band."""
     stations, flat = scene.stations, band.reshape(-1)
     places = [(slots.ravel(), values.ravel()) for slots, values in boundary.places]
     for nodes, values in boundary.across:
@@ -146,9 +151,6 @@ def _gather(scene: StationScene, boundary: BoundaryHeat, slope: float, dT: Float
     for slots, values in places:
         change = slope * values
         np.add.at(flat, slots, change if dT is None else change * dT[slots % stations.n])
-    touched, diagonal = scene.fixed_places
-    flat[touched] = 0.0
-    flat[diagonal] = 1.0
 
 
 def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Floats]:
@@ -157,21 +159,15 @@ def _store(problem: StationProblem, s: Floats, band: Floats) -> tuple[Floats, Fl
     S, stored = np.zeros(s.size), np.zeros(len(scene.stations.own))
     middle = 2 * scene.stations.width
     for b, (body, own) in enumerate(zip(scene.model.bodies, scene.stations.own, strict=True)):
-        if not first.pieces or body.material.phase is not None:
-            dE, C = _at_stations(body, body.material.rho * first.volume[own], problem.s_n[own], s[own])
-            S[own] += dE
-            band[middle, own] += C
-        else:
-            mass, c = body.material.rho * first.pieces[b].dV, body.material.c.solid
-            T = rod_points(s, own, N)
-            dE = mass * c.increase(rod_points(problem.s_n, own, N), T)
-            add_rod_storage(own, N, dE, mass * _positive("heat capacity", c(T), body), S, band)
+        dE, C = _at_stations(body, body.material.rho * first.volume[own], problem.s_n[own], s[own])
+        S[own] += dE
+        band[middle, own] += C
         stored[b] = dE.sum()
     return S, stored
 
 
 def _at_stations(body: ThermalBody, mass: Floats, s0: Floats, s1: Floats) -> tuple[Floats, Floats]:
-    """Store at the stations (lumped), as a front inside a piece would else make heat run backwards."""
+    """Store at the stations, as thermal_fmu/cells.py does at nodes and for its reasons; also their capacity [J/K]."""
     change = body.material.phase
     if change is None:
         c = body.material.c.solid
@@ -311,13 +307,15 @@ class StationContext:
 class StationStep:
     """A step that was solved.
 
-    s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual [1].
+    s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual [1]; whether a station went beyond
+    what pulls it.
     """
 
     s: Floats
     heat: Heat
     iterations: int
     residual: float
+    overshoots: bool = False
 
     def then(self, more: StationStep) -> StationStep:
         """Join this step and the one after it."""
@@ -332,14 +330,25 @@ def advance_stations(context: StationContext, method: TimeMethod, s: Floats, dam
     Raises as solve_stations.
     """
     damped_left = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else damped
-    if damped_left == 0 or method.damped is None:
+    if method.damped is None:
         return _take(context, method, s, t, h), max(damped_left - 1, 0)
+    tried = 0
+    if damped_left == 0:
+        try:
+            done = _take(context, method, s, t, h)
+        except BadPropertyError:
+            pass
+        else:
+            if not done.overshoots:
+                return done, 0
+            tried = done.iterations
     damping, parts = METHODS[method.damped.method], method.damped.parts
     done = _take(context, damping, s, t, h / parts)
+    done = replace(done, iterations=done.iterations + tried)
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
         done = done.then(_take(context, damping, done.s, end - h / parts, h / parts))
-    return done, damped_left - 1
+    return done, max(damped_left - 1, 0)
 
 
 def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) -> StationStep:
@@ -373,8 +382,21 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
         problem = StationProblem(context.substep, loads, stage, dt, s_n, context.power_M, earlier)
         guess = _with_prescribed(context, held_T, solved[-1].s if solved else s_n)
         solved.append(solve_stations(problem, guess, model.stated.tolerance))
+    over = method.damped is not None and _overshoots(context.substep, method.stages[-1], s_n, solved[-1], dt)
     return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                       max(s.balance.relative_residual for s in solved))
+                       max(s.balance.relative_residual for s in solved), over)
+
+
+def _overshoots(substep: StationSubstep, stage: Stage, s_n: Floats, last: SolvedStations, dt: float) -> bool:
+    """Return whether a station went beyond what pulls it (thermal_fmu/limiter.py)."""
+    scene, weight = substep.scene, stage.a * dt
+    M = np.zeros(s_n.size)
+    for body, own in zip(scene.model.bodies, scene.stations.own, strict=True):
+        M[own] = _at_stations(body, body.material.rho * substep.first.volume[own], s_n[own], last.s[own])[1]
+    band, ds = last.balance.band, last.s - s_n
+    conducted = scene.stations.times(band, np.where(scene.fixed, 0.0, ds)) + last.balance.pull - M * ds
+    into = weight * last.balance.flow - (1.0 - stage.theta) / stage.theta * conducted
+    return went_beyond(NodesAtEnd(s_n, last.s, ~scene.fixed, into, M, band[2 * scene.stations.width]), stage.theta)
 
 
 def _with_prescribed(context: StationContext, loads: ThermalLoads, s: Floats) -> Floats:

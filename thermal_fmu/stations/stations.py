@@ -61,6 +61,14 @@ class Stations:
             raise SingularMatrixError(f"the matrix of {self.n} temperatures is singular (row {info})")
         return np.asarray(x)
 
+    def times(self, band: Floats, x: Floats) -> Floats:
+        """Return A x : (n,) of x : (n,), A by its band : (3 width + 1, n)."""
+        out = np.zeros(self.n)
+        for below in range(-self.width, self.width + 1):
+            first, end = max(0, -below), min(self.n, self.n - below)
+            out[first + below:end + below] += band[2 * self.width + below, first:end] * x[first:end]
+        return out
+
     def gather(self, values: Floats) -> Floats:
         """Sum values : (n_nodes,) over the nodes of each station; return (n,)."""
         return at_nodes(self.of_node, values, self.n)
@@ -262,23 +270,6 @@ def add_rod_slopes(own: Ints, slope: Floats, by_s: Floats, scale: float, band: F
         band[2 * w + i - j, j] += b
         band[2 * w + j - i, i] -= a
         band[2 * w, j] -= b
-
-
-@njit(cache=True)
-def add_rod_storage(own: Ints, N: Floats, dE_q: Floats, C_q: Floats, S: Floats, band: Floats) -> None:
-    """Add storage: S += N'dE_q [J] and band += N'C_q N [J/K], both by stations.
-
-    own : (m + 1,).  N : (2, 2).  dE_q : (m, 2) [J].  C_q : (m, 2) [J/K].  S : (n,) [J].  band : (3 w + 1, n) [J/K].
-    """
-    w = (band.shape[0] - 1) // 3
-    for e in range(own.size - 1):
-        for q in range(2):
-            for a in range(2):
-                i = own[e + a]
-                S[i] += N[q, a] * dE_q[e, q]
-                for b in range(2):
-                    j = own[e + b]
-                    band[2 * w + i - j, j] += C_q[e, q] * N[q, a] * N[q, b]
 
 
 @njit(cache=True)
