@@ -89,6 +89,9 @@ def _half_the_pressure_on_the_second_body(patch: pytest.MonkeyPatch) -> None:
 def test_a_fault_breaks_its_law(law: Invariant, name: str, plant: Callable[[pytest.MonkeyPatch], None],
                                 monkeypatch: pytest.MonkeyPatch) -> None:
     scene = SCENES[name]()
+    if name == "disc":  # in 4 s heat goes less far than a cell, and the mesh hides it
+        scene = scene.edited(coupling__end=20.0, coupling__windows=[{"until": 20.0, "size": 4.0}])
+        assert not violations(law, scene, told(scene))
     plant(monkeypatch)
     assert violations(law, scene, told(scene))
 
