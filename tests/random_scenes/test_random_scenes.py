@@ -15,8 +15,8 @@ from random_scenes.invariants import INVARIANTS
 from random_scenes.judge import SILENT, judged
 from random_scenes.kept import FAULTS, Kept
 
-HOLD = (2, 6, 8, 13, 14, 20, 23, 24, 27, 30, 31, 34, 35, 36, 40, 41, 42, 44, 45, 49)
-"""The first seeds that hold; those between are refused, fail with a message, or are told of or silent."""
+HOLD = (0, 1, 2, 5, 6, 8, 10, 12, 13, 14, 15, 17, 19, 21, 22, 23, 24, 25, 27, 29)
+"""The first seeds that hold; those between fail with a message, are told of, or (20) are silent."""
 NEW = 5
 BY_NAME = {i.name: i for i in INVARIANTS}
 
