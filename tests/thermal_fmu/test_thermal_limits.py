@@ -23,7 +23,7 @@ from thermal_fmu.cells import cell_mesh, shapes_of
 from thermal_fmu.half import load
 from thermal_fmu.limiter import NodesAtEnd, went_beyond
 
-MENDED = Path(__file__).resolve().parents[1] / "random_scenes/mended"
+MENDED = Path(__file__).resolve().parents[1] / "random_scenes/faults"
 LAWS = (WITHIN, CYCLES)
 STEEL = {"rho": 7800, "c": 480, "k": 45}
 
