@@ -29,6 +29,7 @@ Ints = NDArray[np.int32]
 
 TERMS = ("flux", "convection", "source", "mechanical", "contact.slave", "contact.master", "gap.slave", "gap.master",
          "radiation", "near_radiation.slave", "near_radiation.master", "friction.slave", "friction.master", "entropy")
+SIDES = ("slave", "master")
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class BoundaryHeat:
     """Heat into the nodes except by conduction inside.
 
     f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies [W].
-    terms : (n_terms,) by mechanism [W], as TERMS.  magnitude : sum of the sizes of all nodal contributions [W].
+    terms : (n_terms,) by mechanism [W], as TERMS.  each : (n,) by flux, film, radiating surface, source of a body, and
+    of each pair the slave's and the master's side [W].  magnitude : sum of the sizes of all nodal contributions [W].
     The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
     across, as (nodes (n, 4), values (n, 4, 4)).
     """
@@ -44,6 +46,7 @@ class BoundaryHeat:
     f: Floats
     inside: Floats
     terms: Floats
+    each: Floats
     magnitude: float
     places: tuple[tuple[NDArray[np.int64], Floats], ...]
     across: tuple[tuple[Ints, Floats], ...]
@@ -56,6 +59,10 @@ class _HeatSum:
     f: Floats
     magnitude: float
     terms: dict[str, float]
+    pairs: Floats
+    fluxes: list[float] = field(default_factory=list)
+    surroundings: list[float] = field(default_factory=list)
+    sources: Floats | None = None
     places: list[tuple[NDArray[np.int64], Floats]] = field(default_factory=list)
     across: list[tuple[Ints, Floats]] = field(default_factory=list)
 
@@ -68,17 +75,21 @@ class _HeatSum:
     def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
         """Add flow : (n, 2) [W] that leaves nodes : (n, 2)."""
         self.f -= at_nodes(nodes, flow, self.f.size)
-        self.terms[term] -= flow.sum()
+        out = float(flow.sum())
+        self.terms[term] -= out
+        self.surroundings.append(-out)
         self.magnitude += float(np.abs(flow).sum())
 
-    def cross(self, term: str, nodes: Ints, flow: Floats, slope: Floats) -> None:
-        """Add flow : (n, 4) [W] that leaves nodes : (n, 4), with slope : (n, 4, 4) [W/K].
+    def cross(self, term: str, pair: int, nodes: Ints, flow: Floats, slope: Floats) -> None:
+        """Add flow : (n, 4) [W] that leaves nodes : (n, 4) at a pair, with slope : (n, 4, 4) [W/K].
 
         Either side from its own shape functions: that they agree is what the heat balance shows.
         """
         self.f -= at_nodes(nodes, flow, self.f.size)
-        self.terms[f"{term}.slave"] -= flow[:, :2].sum()
-        self.terms[f"{term}.master"] -= flow[:, 2:].sum()
+        for side, columns in enumerate((flow[:, :2], flow[:, 2:])):
+            out = float(columns.sum())
+            self.terms[f"{term}.{SIDES[side]}"] -= out
+            self.pairs[pair, side] -= out
         self.magnitude += float(np.abs(flow).sum())
         self.across.append((nodes, slope))
 
@@ -88,9 +99,9 @@ def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T:
 
     power_M : (n,) mechanical heat [W], E_M spread evenly over the substep.
     """
-    total = _HeatSum(np.zeros(T.size), 0.0, dict.fromkeys(TERMS, 0.0))
+    total = _HeatSum(np.zeros(T.size), 0.0, dict.fromkeys(TERMS, 0.0), np.zeros((len(loads.pairs), 2)))
     if substep.flux_areas:
-        total.gain("flux", _flux(substep, loads, T.size))
+        total.gain("flux", _flux(total, substep, loads, T.size))
     inside = np.zeros(T.size)
     if substep.uniform_volumes is not None or substep.field_sources or substep.temperature_sources:
         inside += _source(total, substep, loads, T)
@@ -104,28 +115,39 @@ def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T:
         # fault: friction of the master only -> pass | thermal_fmu/test_thermal_friction
         total.gain("friction.slave", substep.friction.slave)
         total.gain("friction.master", substep.friction.master)
-    return BoundaryHeat(total.f, inside, np.array([total.terms[name] for name in TERMS]), total.magnitude,
+        total.pairs += substep.friction.pairs
+    sources = np.zeros(len(loads.Q_T)) if total.sources is None else total.sources
+    each = np.concatenate([total.fluxes, total.surroundings, sources, total.pairs.ravel()])
+    return BoundaryHeat(total.f, inside, np.array([total.terms[name] for name in TERMS]), each, total.magnitude,
                         tuple(total.places), tuple(total.across))
 
 
-def _flux(substep: SubstepData, loads: ThermalLoads, n: int) -> Floats:
+def _flux(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, n: int) -> Floats:
     flux = np.zeros(n)
     for q, area in zip(loads.fluxes, substep.flux_areas, strict=True):
-        flux += q @ area if isinstance(q, np.ndarray) else q * area
+        one = q @ area if isinstance(q, np.ndarray) else q * area
+        flux += one
+        total.fluxes.append(float(one.sum()))
     return flux
 
 
 def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> Floats:
     """Return (n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
-    source = np.zeros(T.size)
+    source, bodies = np.zeros(T.size), np.zeros(len(loads.Q_T))
     if substep.uniform_volumes is not None:
-        source += np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T]) @ substep.uniform_volumes
+        Q = np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T])
+        source += Q @ substep.uniform_volumes
+        bodies += Q * substep.uniform_volumes.sum(axis=1)
     for of_field in substep.field_sources:
-        source += loads.Q_T[of_field.body] @ of_field.shapes
+        made = loads.Q_T[of_field.body] @ of_field.shapes
+        source += made
+        bodies[of_field.body] += made.sum()
     for source_of_T in substep.temperature_sources:
         made, slope = temperature_source_flow(source_of_T, loads.Q_T[source_of_T.body], T)
         source += made
+        bodies[source_of_T.body] += made.sum()
         total.places.append((source_of_T.block.slots, slope))
+    total.sources = bodies
     return source
 
 
@@ -146,10 +168,10 @@ def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Fl
         factor = factors.closed if group.closed else factors.open
         if factor != 0.0:
             flow, slope = exchange_flow(group, factor, T)
-            total.cross(group.mechanism, group.nodes, flow, slope)
+            total.cross(group.mechanism, group.pair, group.nodes, flow, slope)
     for near in substep.radiation_groups:
         flow, slope = gap_radiation_flow(near, substep.sigma_SB, T)
-        total.cross("near_radiation", near.nodes, flow, slope)
+        total.cross("near_radiation", near.pair, near.nodes, flow, slope)
 
 
 # Limits of boundary data.  They hold at the temperatures a stage ends with; iterates may exceed them.
@@ -213,15 +235,17 @@ class Heat:
     stored : (n_bodies,) increase of enthalpy, summed over the nodes.
     temperature : (2,) through prescribed temperatures, in at some nodes and out (< 0) at others, from the residual
     there: a net sum would be round-off where as much comes in as goes out.  terms : (n_terms,) as boundary.TERMS.
+    each : (n,) by condition, source and side of a pair (conditions.py).
     """
 
     stored: Floats
     temperature: Floats
     terms: Floats
+    each: Floats
 
     def __add__(self, other: Heat) -> Heat:
         return Heat(self.stored + other.stored, self.temperature + other.temperature,
-                    self.terms + other.terms)
+                    self.terms + other.terms, self.each + other.each)
 
     def outputs(self, model: Model) -> dict[str, float]:
         """Return the outputs heat.* by name: the terms that the scene can have."""
@@ -237,9 +261,17 @@ def inflow_outflow(through: Floats) -> Floats:
     return np.array([through[through > 0.0].sum(), through[through < 0.0].sum()])
 
 
+def through_prescribed(through: Floats, owners: Ints, n: int) -> Floats:
+    """Return (n,) the heat through each prescribed temperature [J], of through : (n_fixed,) [J] at fixed nodes.
+
+    owners : (n_fixed,) which of them each node belongs to, n where to none.
+    """
+    return np.asarray(np.bincount(owners, through, n + 1)[:n], dtype=np.float64)
+
+
 def no_heat(n_bodies: int) -> Heat:
     """Return the heat before the first step: zeros."""
-    return Heat(np.zeros(n_bodies), np.zeros(2), np.zeros(len(TERMS)))
+    return Heat(np.zeros(n_bodies), np.zeros(2), np.zeros(len(TERMS)), np.zeros(0))
 
 
 def terms_of(model: Model) -> frozenset[str]:

@@ -24,6 +24,7 @@ from thermal_fmu.cells import (
     shapes_of,
     tensors,
 )
+from thermal_fmu.conditions import HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
@@ -56,6 +57,7 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
         *(Variable(f"load.{name}", (), "input", "1", 1.0) for name in model.load_names),
         Variable("T", (n,), unit="K", description="nodal temperature at the end of the substep", on="nodes"),
         *(Variable(name, unit="J", description="energy of the substep into the bodies") for name in names_of(model)),
+        *(one.variable for one in named_heats(interface, model)),
         Variable("iterations", description="linear solves of the substep"),
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
@@ -149,6 +151,7 @@ class ThermalState:
     x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
     from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
+    given : heat since the start, by condition.
     """
 
     s: Floats
@@ -156,6 +159,7 @@ class ThermalState:
     event: int
     damped: int
     stored: float
+    given: HeatSoFar
     anchor: AnchorMatrix | None = None
     anchor_S: AnchorMatrix | None = None
     controller: StepController = NO_STEPS_YET
@@ -174,6 +178,7 @@ class ThermalHalf:
         self._factors, self._factors_S = Factors(), Factors()
         self._masses: tuple[Floats, tuple[ReferenceCells, ...]] | None = None
         self.variables = _variables(self._scene)
+        self._named = named_heats(interface, self._scene.model)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ThermalState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -187,7 +192,7 @@ class ThermalHalf:
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
-                             0.0)
+                             0.0, no_heat_yet(n_heats(scene.interface, scene.model)))
         points = contact_at(scene.surfaces, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
@@ -240,9 +245,12 @@ class ThermalHalf:
         result = advance(context, scene.model.stated, method, start, t, h)
         done = result.done if jump is None else jump.then(result.done)
         stored = state.stored + float(done.heat.stored.sum())
-        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
-        #   | thermal_fmu/test_thermal_solver
-        new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor,
+        # fault: heat of a condition of the last substep alone -> given = no_heat_yet(done.heat.each.size).plus(
+        #   done.heat.each) | thermal_fmu/test_named_heat
+        given = state.given.plus(done.heat.each)
+        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored,
+        #   given, None, | thermal_fmu/test_thermal_solver
+        new = ThermalState(done.s, state.X, event, result.damped, stored, given, done.anchor,
                            # fault: controller not part of the state -> state.anchor_S if jump is None else jump.anchor,
                            #   state.controller) | thermal_fmu/test_thermal_adaptive
                            state.anchor_S if jump is None else jump.anchor, result.controller)
@@ -267,7 +275,7 @@ class ThermalHalf:
                  T_n: Floats) -> dict[str, Value]:
         T = phase_change.temperature(self._scene.melting, state.s)
         return {
-            "T": T, **heat.outputs(self._scene.model),
+            "T": T, **heat.outputs(self._scene.model), **state.given.outputs(self._named),
             "iterations": float(done.iterations) if done else 0.0,
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),

@@ -54,16 +54,17 @@ class StageBalance:
     R : (n,) residual at each node [J]; at fixed nodes it is the heat that came through them.
     flow : (n,) [W] into the nodes, all but storage, fixed nodes' reactions included.  inside : (n,) [W] the part of
     it that does not come through the surface: flow - inside does, by consistent recovery.
-    terms : (n_terms,) boundary terms [W].  stored : (n_bodies,) [J].  norm : sum of |R| at free nodes [J].  scale : sum
-    of
-    the sizes of all heats at all nodes [J].  pull : (n,) [J] what the change of prescribed values since s_n does to the
-    residual of their neighbours: their columns are not in the jacobian; None where nothing changed, or without one.
+    terms : (n_terms,) boundary terms [W], each : as BoundaryHeat has it.  stored : (n_bodies,) [J].
+    norm : sum of |R| at free nodes [J].  scale : sum of the sizes of all heats at all nodes [J].
+    pull : (n,) [J] what the change of prescribed values since s_n does to the residual of their neighbours: their
+    columns are not in the jacobian; None where nothing changed, or without one.
     """
 
     R: Floats
     flow: Floats
     inside: Floats
     terms: Floats
+    each: Floats
     stored: Floats
     norm: float
     scale: float
@@ -118,8 +119,8 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     if jacobian:
         lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
         matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
-    return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix,
-                        pull)
+    return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, boundary.each, stored, norm,
+                        scale, matrix, pull)
 
 
 def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,

@@ -22,6 +22,7 @@ from thermal_fmu.cells import (
     reference_cells,
     spread_energies,
 )
+from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
 from thermal_fmu.phase_change import Melting, NodalFields, melting_of
 from thermal_fmu.problem import Flux, Model
@@ -29,6 +30,7 @@ from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, 
 from thermal_fmu.surface_terms import (
     ConductionGroup,
     FrictionHeat,
+    FrictionNodes,
     FrozenFilm,
     FrozenRadiator,
     RadiationGroup,
@@ -37,6 +39,7 @@ from thermal_fmu.surface_terms import (
     conduction_groups,
     freeze_film,
     freeze_radiator,
+    friction_nodes,
     friction_power,
     radiation_groups,
     slave_fraction,
@@ -79,12 +82,14 @@ class ThermalScene:
         return fixed
 
     @cached_property
-    def slave_nodes(self) -> NDArray[np.bool_]:
-        """(n,) True on slave surfaces."""
-        slave = np.zeros(self.volume.n, dtype=np.bool_)
-        for pair in self.interface.pairs:
-            slave[self.interface.surfaces[pair.slave]] = True
-        return slave
+    def owners(self) -> NDArray[np.int32]:
+        """(n_fixed,) which prescribed temperature each fixed node belongs to."""
+        return owners(self.fixed, [b.nodes for b in self.model.prescribed])
+
+    @cached_property
+    def friction_nodes(self) -> FrictionNodes:
+        """Where friction heat comes from."""
+        return friction_nodes(self.interface)
 
     @cached_property
     def fixed_entries(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
@@ -201,7 +206,7 @@ def with_friction(substep: SubstepData, scene: ThermalScene, points: ContactPoin
     whole = np.zeros(scene.volume.n)
     whole[interface.contact_nodes] = E
     fraction = slave_fraction(points, model.pairs, model.bodies, interface.node_body, at)
-    return replace(substep, friction=friction_power(points, fraction, whole, scene.slave_nodes, h))
+    return replace(substep, friction=friction_power(points, fraction, whole, scene.friction_nodes, h))
 
 
 def _mechanical(volume: CellMesh, shapes: Sequence[CellGeometry], E_M: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import TERMS, Heat, inflow_outflow
+from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
 from thermal_fmu.cells import BadPropertyError, spread_energies
 from thermal_fmu.limiter import overshoots
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
@@ -167,7 +167,9 @@ def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt
         # fault: reaction of the last stage only -> through += (stage.c == 1.0) * s.balance.R[scene.fixed] |
         #   thermal_fmu/test_thermal_nonlinear
         through += w / stage.a * s.balance.R[scene.fixed]
-    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))
+    each = sum((w * dt * s.balance.each for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
+    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms),
+                np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]))
 
 
 # Local error
@@ -225,7 +227,9 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E_S.sum()
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)
+    of_prescribed = through_prescribed(held_back[scene.fixed], scene.owners, len(scene.model.prescribed))
+    each = np.concatenate([of_prescribed, 0.0 * solved.balance.each])
     # fault: entropy part at fixed nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
-    #   terms) | thermal_fmu/test_thermal_entropy
-    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms)
+    #   terms, each) | thermal_fmu/test_thermal_entropy
+    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each)
     return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

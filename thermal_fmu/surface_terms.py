@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, Property, resolve
+from contact.half.interface import Interface
 from contact.laws import Law, closed_conductance, gap_factor, open_conductance
 from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
 from thermal_fmu.phase_change import NodalFields
@@ -107,11 +108,12 @@ class FrozenRadiator:
 class RadiationGroup:
     """Contact quadrature points of a pair that radiate to each other.
 
-    nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) of the smaller side, weighted with
-    1 - w [m2].  part_s, part_m : (n,) that area as a part of either side's own [1], one of them 1.
+    pair : its number.  nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) of the smaller
+    side, weighted with 1 - w [m2].  part_s, part_m : (n,) that area as a part of either side's own [1], one of them 1.
     emissivities : of slave and master.
     """
 
+    pair: int
     emissivities: tuple[Property, Property]
     nodes: Ints
     N_s: Floats
@@ -147,7 +149,7 @@ def radiation_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None])
             #   thermal_fmu/test_thermal_gap_area
             small = np.minimum(end_s, end_m)
             part_s, part_m = (np.divide(small, end, out=np.ones(at.size), where=end > 0.0) for end in (end_s, end_m))
-            groups.append(RadiationGroup(laws.emissivities, points.nodes[at], points.N_s[at], points.N_m[at],
+            groups.append(RadiationGroup(pair, laws.emissivities, points.nodes[at], points.N_s[at], points.N_m[at],
                                          weight[at] * small, part_s, part_m))
     return tuple(groups)
 
@@ -276,17 +278,46 @@ def at_nodes(nodes: NDArray[np.integer], values: Floats, n: int) -> Floats:
 
 @dataclass(frozen=True)
 class FrictionHeat:
-    """Friction heat into the nodes of either side, spread evenly over the substep.  slave, master : (n,) [W]."""
+    """Friction heat into the nodes of either side, spread evenly over the substep.  slave, master : (n,) [W].
+
+    pairs : (n_pairs, 2) [W] of each pair into its slave and its master.
+    """
 
     slave: Floats
     master: Floats
+    pairs: Floats
 
 
-def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_slave: NDArray[np.bool_],
+@dataclass(frozen=True)
+class FrictionNodes:
+    """Where friction heat comes from.
+
+    is_slave : (n,) nodes of slave surfaces.  pair : (n,) the first pair with the node on its slave, else on its master.
+    n_pairs : of the scene.
+    """
+
+    is_slave: NDArray[np.bool_]
+    pair: NDArray[np.int32]
+    n_pairs: int
+
+
+def friction_nodes(interface: Interface) -> FrictionNodes:
+    """Find what pair each node of a contact surface belongs to."""
+    is_slave = np.zeros(len(interface.nodes), dtype=np.bool_)
+    pair = np.zeros(len(interface.nodes), dtype=np.int32)
+    for side in ("master", "slave"):
+        for number in reversed(range(len(interface.pairs))):
+            at = interface.surfaces[getattr(interface.pairs[number], side)]
+            pair[at] = number
+            is_slave[at] |= side == "slave"
+    return FrictionNodes(is_slave, pair, len(interface.pairs))
+
+
+def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, at: FrictionNodes,
                    h: float) -> FrictionHeat:
     """Turn friction energies E : (n,) [J] of nodes into power over a substep h [s].
 
-    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
+    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.  at : whose nodes are slaves, of what pair.
     A node's energy goes to the contact quadrature points searched from it by N A, from there by N_s to the slave's
     nodes
     and by N_m to the master's.  A node that faces nothing keeps its energy.
@@ -303,9 +334,12 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_
     unshared = np.where(faces, 0.0, E)
     to_slave = at_nodes(points.nodes[:, :2], (slave_fraction * Q)[:, None] * points.N_s, E.size)
     to_master = at_nodes(points.nodes[:, 2:], ((1.0 - slave_fraction) * Q)[:, None] * points.N_m, E.size)
-    slave, master = to_slave + np.where(is_slave, unshared, 0.0), to_master + np.where(is_slave, 0.0, unshared)
-    # fault: friction energy as power -> return FrictionHeat(slave, master) | thermal_fmu/test_thermal_friction
-    return FrictionHeat(slave / h, master / h)
+    slave, master = to_slave + np.where(at.is_slave, unshared, 0.0), to_master + np.where(at.is_slave, 0.0, unshared)
+    pairs = np.stack([np.bincount(points.pair, part * Q, at.n_pairs)
+                      for part in (slave_fraction, 1.0 - slave_fraction)], axis=1)
+    np.add.at(pairs, (at.pair, np.where(at.is_slave, 0, 1)), unshared)
+    # fault: friction energy as power -> return FrictionHeat(slave, master, pairs) | thermal_fmu/test_thermal_friction
+    return FrictionHeat(slave / h, master / h, pairs / h)
 
 
 def slave_fraction(points: ContactPoints, pairs: Sequence[ThermalPair | None], bodies: Sequence[ThermalBody],

@@ -154,7 +154,8 @@ def test_a_point_without_area_radiates_nothing():
     """As under `form: nodes` a node has that faces nothing with its edges."""
     emissivities = property_from(0.3), property_from(0.8)
     half, one = np.full((2, 2), 0.5), np.ones(2)
-    group = RadiationGroup(emissivities, np.array([[0, 1, 2, 3]] * 2), half, half, np.array([0.0, 1e-3]), one, one)
+    group = RadiationGroup(0, emissivities, np.array([[0, 1, 2, 3]] * 2), half, half, np.array([0.0, 1e-3]), one,
+                               one)
     flow, slope = gap_radiation_flow(group, 5.67e-8, np.array([300.0, 300.0, 800.0, 800.0]))
     assert (flow[0] == 0.0).all()
     assert (slope[0] == 0.0).all()

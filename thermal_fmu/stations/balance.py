@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import TERMS, BoundaryHeat, Heat, boundary_flow, demand_limits, inflow_outflow
+from thermal_fmu.boundary import (
+    TERMS,
+    BoundaryHeat,
+    Heat,
+    boundary_flow,
+    demand_limits,
+    inflow_outflow,
+    through_prescribed,
+)
 from thermal_fmu.cells import BadPropertyError
 from thermal_fmu.limiter import NodesAtEnd, went_beyond
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Stage, TimeMethod
@@ -78,16 +86,16 @@ class StationBalance:
     """The heat balance of a stage at the stations.
 
     R : (n,) residual [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the stations,
-    reactions
-    included.  terms : (n_terms,) [W], as boundary.TERMS.  stored : (n_bodies,) [J].  norm : sum of |R| at free
-    stations,
-    scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds [J/K].
+    reactions included.  terms : (n_terms,) [W], as boundary.TERMS, each : as BoundaryHeat has it.
+    stored : (n_bodies,) [J].  norm : sum of |R| at free stations, scale : of the sizes of all heats [J].
+    band : (3 width + 1, n) dR/ds [J/K].
     pull : (n,) what the change of prescribed values since s_n does to the residual of their neighbours [J].
     """
 
     R: Floats
     flow: Floats
     terms: Floats
+    each: Floats
     stored: Floats
     norm: float
     scale: float
@@ -126,7 +134,7 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
     scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
-    return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, stored,
+    return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, boundary.each, stored,
                           float(np.abs(R - reaction).sum()), scale, band, pull)
 
 
@@ -362,8 +370,10 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     solved = solve_stations(problem, s, model.stated.tolerance)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E.sum()
-    held_back = inflow_outflow(solved.balance.R[context.scene.fixed])
-    return StationStep(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
+    held_back = solved.balance.R[context.scene.fixed]
+    of_prescribed = through_prescribed(held_back, context.scene.owners, len(model.prescribed))
+    each = np.concatenate([of_prescribed, 0.0 * solved.balance.each])
+    return StationStep(solved.s, Heat(solved.balance.stored, inflow_outflow(held_back), terms, each), solved.iterations,
                        solved.balance.relative_residual)
 
 
@@ -410,4 +420,6 @@ def _heat(scene: StationScene, method: TimeMethod, solved: list[SolvedStations],
     through = np.zeros(np.count_nonzero(scene.fixed))
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
         through += w / stage.a * s.balance.R[scene.fixed]
-    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))
+    each = sum((w * dt * s.balance.each for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
+    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms),
+                np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]))

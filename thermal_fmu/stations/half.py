@@ -16,6 +16,7 @@ from contact.half.model import Discard, Done, Link, Value, Values, Variable
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, no_heat
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError
+from thermal_fmu.conditions import HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.half import contact_at, face_variables, whole
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
@@ -42,7 +43,7 @@ class StationState:
 
     s : (n,) [K] of the stations, T itself in bodies that do not melt.  X : (n_nodes, 2) reference coordinates [m], the
     first x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
-    damped.  stored : enthalpy gained since the start [J].
+    damped.  stored : enthalpy gained since the start [J].  given : heat since the start by condition.
     """
 
     s: Floats
@@ -50,6 +51,7 @@ class StationState:
     event: int
     damped: int
     stored: float
+    given: HeatSoFar
 
 
 class StationHalf:
@@ -65,6 +67,7 @@ class StationHalf:
         self._calendar = calendar_of(self._scene.model)
         self._first: tuple[Floats, StationGeometry] | None = None
         self.variables = _variables(self._scene)
+        self._named = named_heats(interface, self._scene.model)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -76,7 +79,7 @@ class StationHalf:
         self._shape_of(X)
         T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
         state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
-                             0.0)
+                             0.0, no_heat_yet(n_heats(scene.interface, scene.model)))
         points = contact_at(scene.surfaces, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
@@ -116,7 +119,8 @@ class StationHalf:
         jump = entropy_stations(context, scene.mesh.spread(E_S, shape), s, t) if E_S.any() else None
         done, damped = advance_stations(context, method, s if jump is None else jump.s, damped, t, h)
         done = done if jump is None else jump.then(done)
-        new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()))
+        new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()),
+                           state.given.plus(done.heat.each))
         return Done(new, self._outputs(new, done.heat, data.touching, done, phase_change.temperature(scene.melting, s)))
 
     def _shape_of(self, X: Floats) -> StationGeometry:
@@ -132,7 +136,7 @@ class StationHalf:
         if scene.melting:
             melts["f_s"] = phase_change.solid_fraction(scene.melting, state.s)[of_node]
         return {
-            "T": T[of_node], **melts, **heat.outputs(scene.model),
+            "T": T[of_node], **melts, **heat.outputs(scene.model), **state.given.outputs(self._named),
             "iterations": float(done.iterations) if done else 0.0,
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),

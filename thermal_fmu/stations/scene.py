@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface
+from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, gauss_points
 from thermal_fmu.phase_change import Melting, NodalFields
 from thermal_fmu.problem import Exposed, Model
@@ -19,11 +20,13 @@ from thermal_fmu.stations.stations import StationGeometry, StationMesh, Stations
 from thermal_fmu.surface_terms import (
     ExposedPoints,
     FrictionHeat,
+    FrictionNodes,
     SurfaceGeometry,
     at_nodes,
     conduction_groups,
     freeze_film,
     freeze_radiator,
+    friction_nodes,
     friction_power,
     radiation_groups,
     slave_fraction,
@@ -65,12 +68,14 @@ class StationScene:
                      if change is not None)
 
     @cached_property
-    def slave_nodes(self) -> NDArray[np.bool_]:
-        """(n_nodes,) True on slave surfaces."""
-        slave = np.zeros(len(self.interface.nodes), dtype=np.bool_)
-        for pair in self.interface.pairs:
-            slave[self.interface.surfaces[pair.slave]] = True
-        return slave
+    def owners(self) -> NDArray[np.int32]:
+        """(n_fixed,) which prescribed temperature each fixed station belongs to."""
+        return owners(self.fixed, [self.mapped(b.nodes) for b in self.model.prescribed])
+
+    @cached_property
+    def friction_nodes(self) -> FrictionNodes:
+        """Where friction heat comes from, by nodes of the mesh."""
+        return friction_nodes(self.interface)
 
     @cached_property
     def fixed_places(self) -> tuple[Ints, Ints]:
@@ -123,11 +128,11 @@ def stations_with_friction(substep: SubstepData, scene: StationScene, points: Co
     whole[interface.contact_nodes] = E
     nodal = NodalFields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
     fraction = slave_fraction(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
-    power = friction_power(points, fraction, whole, scene.slave_nodes, h)
+    power = friction_power(points, fraction, whole, scene.friction_nodes, h)
     gather = scene.stations.gather
     # fault: friction heat of rods lost -> return replace(substep, friction=FrictionHeat(gather(power.slave), 0.0 *
-    #   gather(power.master))) | thermal_fmu/test_thermal_rod
-    return replace(substep, friction=FrictionHeat(gather(power.slave), gather(power.master)))
+    #   gather(power.master), power.pairs)) | thermal_fmu/test_thermal_rod
+    return replace(substep, friction=FrictionHeat(gather(power.slave), gather(power.master), power.pairs))
 
 
 def _no_slots(where: Exposed) -> NDArray[np.int64]:
