@@ -31,10 +31,11 @@ from mechanical_fmu.advance import (
     solved,
 )
 from mechanical_fmu.contact import contact_outputs, contact_variables
-from mechanical_fmu.dynamics import BodyMotion, first_motion, stable_step
+from mechanical_fmu.dynamics import BodyMotion, end_residual, first_motion, stable_step
 from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
 from mechanical_fmu.material import MaterialRangeError
+from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
@@ -118,6 +119,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements",
                          on="none")
                 for name in interface.bodies]
+    outputs += system.named.variables
     outputs += flow_variables(system)
     if makes_heat(system):
         outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
@@ -149,7 +151,9 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         "x": system.interface.nodes[:n] + balance.u[:n], "sigma": sigma, "sigma_v": sigma_v,
         "iterations": float(found.iterations), "residual": found.residual,
         "max_strain_increment": increment, "cuts": float(found.cuts)}
-    held = balance.r * (1.0 - system.constraints.free.reshape(-1, 2))
+    # An explicit step has no acceleration of what is held: their own masses, lumped at the nodes, are left out.
+    residual = balance.r if found.dt_stable else end_residual(system, balance, found.motion)
+    held = residual * (1.0 - system.constraints.free.reshape(-1, 2))
     for i, name in enumerate(system.interface.bodies):
         outputs[f"reaction.{name}"] = held[system.interface.node_body == i].sum(axis=0)
     if system.rigid is not None:
@@ -158,6 +162,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
             name = system.interface.bodies[body]
             outputs[f"motion.{name}"] = np.array([*balance.u[point], balance.u[turn, 0] / system.rigid.size[k]])
             outputs[f"reaction.{name}"] = held[point]
+    at = ForcesAt(residual, system.interface.nodes + balance.u, state.drive.pressure, state.drive.dead)
+    outputs |= system.named.outputs(at)
     if system.spec.stated.skip is not None:
         outputs["skipped"] = float(state.all_skipped)
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)

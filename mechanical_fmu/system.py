@@ -21,6 +21,7 @@ from mechanical_fmu.laws.law import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.material import Moduli, moduli
+from mechanical_fmu.named_forces import NamedForces, named_forces
 from mechanical_fmu.problem import ElasticSpec, Pressure
 from mechanical_fmu.volume import DeformableMesh, PointStep
 
@@ -115,6 +116,11 @@ class System:
     def loads(self) -> tuple[Pressure, ...]:
         """Return the follower pressures."""
         return self.spec.pressures
+
+    @cached_property
+    def named(self) -> NamedForces:
+        """Find the named conditions."""
+        return named_forces(self.interface, self.spec, self.constraints, self.masses.dead if self.spec.dead else None)
 
     @cached_property
     def size(self) -> Floats:
