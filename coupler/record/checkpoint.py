@@ -35,6 +35,7 @@ from coupler.record.paths import checkpoint_of, part_of
 from coupler.record.recorder import Recorder
 from coupler.record.tables import EXCHANGED
 from coupler.scenario import Scenario
+from coupler.scenario.conditions import ConditionOutput
 from coupler.scenario.document import plain_value
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.state import Ledger
@@ -271,10 +272,12 @@ def put_back(halves: Mapping[str, Half], checkpoint: Checkpoint, name: str) -> N
 # What a results file says of its run before the first window: the scenario, the halves, the plan, the machine.
 
 def header_of(scenario: Scenario, plan: Plan, outputs: Sequence[OutputField],
-              probes: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+              probes: Mapping[str, Mapping[str, str]],
+              conditions: Sequence[ConditionOutput] = ()) -> dict[str, Any]:
     """Plain values that travel as JSON.
 
     outputs : arrays of the halves that every frame holds beside the exchange.  probes : name -> "quantity", "unit".
+    conditions : those whose heat or force a half gives out.
     """
     s, schedule = scenario, plan.schedule
     return {
@@ -288,6 +291,7 @@ def header_of(scenario: Scenario, plan: Plan, outputs: Sequence[OutputField],
                      "substeps": dict(plan.substeps)},
         "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
         "probes": {n: dict(about) for n, about in probes.items()},
+        "conditions": [c.to_json() for c in conditions],
         "fields": {role: {"point": [*(f.name for f in exchanged), *_labels(outputs, role, On.NODES, On.CONTACT_NODES)],
                           "cell": _labels(outputs, role, On.CELLS)} for role, exchanged in EXCHANGED.items()},
         "outputs": [field.to_json() for field in outputs],

@@ -32,6 +32,7 @@ from coupler.record.tables import (
     WINDOW_FIELDS,
 )
 from coupler.record.vtkhdf import FieldFile, FileField, MeshCells
+from coupler.scenario.conditions import condition_output
 from coupler.schemes.state import PREFIX
 
 # What the records of a journal come to: rows of windows that stand, without those that were rewound.
@@ -46,8 +47,8 @@ SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "me
 class Gathered:
     """rows : of WINDOW_FIELDS.  words : of each row what there is of message, reason, event and fired.
 
-    t [s], probes, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start and the ends
-    of the windows taken.
+    t [s], probes, conditions, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start
+    and the ends of the windows taken.
     frames : numbers of the frames to be kept, from 0.  rewound : windows and what was spent on them.
     max_T : [K] at the start.
     """
@@ -60,6 +61,7 @@ class Gathered:
     max_T: float | None = None
     t: list[float] = field(default_factory=list)
     probes: list[NDArray[Any]] = field(default_factory=list)
+    conditions: list[NDArray[Any]] = field(default_factory=list)
     terms: list[Mapping[str, float]] = field(default_factory=list)
     monitors: list[Mapping[str, float]] = field(default_factory=list)
     contact: list[Mapping[str, NDArray[Any]]] = field(default_factory=list)
@@ -87,6 +89,7 @@ def gathered(records: Iterable[JournalRecord]) -> Gathered:
         if kind in ("start", "window") and "probes" in a:
             told.t.append(float(m["t_now"]))
             told.probes.append(a["probes"])
+            told.conditions.append(a.get("conditions", np.empty(0)))
             told.terms.append(dict(m["terms"]))
             told.monitors.append(dict(m.get("monitors", {})))
             told.contact.append({n.removeprefix("contact."): v for n, v in a.items() if n.startswith("contact.")})
@@ -117,7 +120,7 @@ def _rewind(told: Gathered, t: float, rows: int) -> None:
     told.estimates = [row for row in told.estimates if row[0] < rows]
     told.errors = [row for row in told.errors if row[0] < rows]
     kept = int(np.searchsorted(told.t, t, side="right"))
-    for history in (told.t, told.probes, told.terms, told.monitors, told.contact):
+    for history in (told.t, told.probes, told.conditions, told.terms, told.monitors, told.contact):
         del history[kept:]
     told.frames = {k: at for k, at in told.frames.items() if at <= t}
 
@@ -292,10 +295,23 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
     for i, (name, about) in enumerate(meta["probes"].items()):
         group[name] = table[:, i]
         group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
+    _write_conditions(f, meta, told)
     _write_rows(f.create_group("ledger", track_order=True), told.terms, PREFIX, 0.0)
     for data in f["ledger"].values():
         data.attrs["unit"] = "J"
     _write_rows(f.create_group("monitors", track_order=True), told.monitors, "", np.nan)
+
+
+def _write_conditions(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
+    """A dataset a condition, (n_t,) or (n_t, 2), with what the header says of it."""
+    known = [condition_output(about) for about in meta.get("conditions", ())]
+    group, first = f.create_group("conditions", track_order=True), 0
+    for of in known:
+        last = first + len(of.parts)
+        values = np.array([row[first:last] for row in told.conditions], dtype=float).reshape(-1, last - first)
+        group[of.name] = values[:, 0] if len(of.parts) == 1 else values
+        group[of.name].attrs.update(unit=of.unit, kind=of.kind, place=of.place)
+        first = last
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:

@@ -17,6 +17,7 @@ from coupler.fmu.half import Block, Half
 from coupler.fmu.outputs import On, OutputField, at_nodes, component_of, names_of, output_fields, place_of, unclear
 from coupler.record.tables import FRICTION
 from coupler.scenario import Probe
+from coupler.scenario.conditions import OUTPUT, ConditionOutput
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Halves
 
@@ -79,7 +80,8 @@ class ExtraOutputs:
         self.notes: list[str] = []
         for role, half in own.items():
             taken = {n for n, b in other[role].blocks.items() if b.causality == "input"}
-            fields = output_fields(role, half.blocks, interface, OF_THE_EXCHANGE[role], taken)
+            known = (*OF_THE_EXCHANGE[role], *(n for n in half.blocks if n.startswith(OUTPUT)))
+            fields = output_fields(role, half.blocks, interface, known, taken)
             self.fields += fields
             self.notes += unclear(role, fields, interface)
 
@@ -102,6 +104,29 @@ def friction(halves: Halves) -> dict[str, Array]:
     half = halves.mechanical
     told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
     return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
+
+
+class ConditionReader:
+    """Reads the heat and force of conditions from the halves, those that they give out.
+
+    outputs : what they are.  The halves of other packages may lack them.
+    """
+
+    def __init__(self, conditions: Mapping[str, ConditionOutput], halves: Mapping[str, Half]) -> None:
+        self._halves = halves
+        self.outputs = tuple(c for c in conditions.values() if _gives_out(halves[c.half], c))
+
+    def read(self) -> Array:
+        """Return (k,) all numbers of all of them, one after the other, in SI, as they are now."""
+        found = {(role, n): v for role, half in self._halves.items()
+                 if (names := [c.output for c in self.outputs if c.half == role])
+                 for n, v in half.read(names, finite=False).items()}
+        return np.concatenate([np.empty(0), *(np.ravel(found[c.half, c.output]) for c in self.outputs)])
+
+
+def _gives_out(half: Half, condition: ConditionOutput) -> bool:
+    block, n = half.blocks.get(condition.output), len(condition.parts)
+    return block is not None and block.causality == "output" and block.shape == (() if n == 1 else (n,))
 
 
 # Probes: of the exchange read from its level, of any other output of a half read from that half.

@@ -31,6 +31,7 @@ from coupler.schemes.levels import Level
 from coupler.schemes.state import IterationHistory, Ledger, Solved
 
 Array = NDArray[np.float64]
+NONE: Array = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class WindowRecord:
 
     reason : why it had its size and scheme.  event, fired, error : as in Tried.
     monitors : those that rules look at, of a window that was taken.  friction : at its end, as in `contact_row`.
+    conditions : (k,) heats and forces of conditions at its end, as ConditionReader has them.
     """
 
     reason: str = ""
@@ -47,6 +49,7 @@ class WindowRecord:
     error: Estimate | None = None
     monitors: Mapping[str, float] = field(default_factory=dict)
     friction: Mapping[str, Array] = field(default_factory=dict)
+    conditions: Array = field(default_factory=lambda: NONE)
 
 
 class Recorder:
@@ -85,13 +88,15 @@ class Recorder:
         """Wait until all records are on the disk.  Raises OSError."""
         self._journal.sync()
 
-    def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({})) -> None:
+    def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({}),
+              conditions: Array = NONE) -> None:
         """Write the values before the first window.
 
         probes : (n_probes,) in SI.  friction : (n_s,) each of t_T [Pa] and slip_share [1], those that are told.
+        conditions : (k,) as ConditionReader has them.
         """
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
-                            {"probes": probes, **contact_row(self._lines, now, friction)})
+                            {"probes": probes, "conditions": conditions, **contact_row(self._lines, now, friction)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
                record: WindowRecord = WindowRecord()) -> None:
@@ -116,7 +121,8 @@ class Recorder:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         arrays: dict[str, NDArray[Any]] = {}
         if accepted:
-            arrays = {"probes": probes, **contact_row(self._lines, solved.state.now, record.friction)}
+            arrays = {"probes": probes, "conditions": record.conditions,
+                      **contact_row(self._lines, solved.state.now, record.friction)}
         self._journal.write("window", meta, arrays)
         self._seconds = time.perf_counter() - started
 

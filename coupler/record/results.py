@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.problem.values import did_you_mean
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, output_field
 from coupler.record.finish import finish, reason_of
@@ -28,6 +29,7 @@ from coupler.record.tables import (
     WINDOW_FIELDS,
 )
 from coupler.record.vtkhdf import FieldReader, FileField, in_plane
+from coupler.scenario.conditions import ConditionOutput, condition_output
 from coupler.schemes.state import PREFIX, imbalance
 from coupler.trust.checks import Check, broken
 
@@ -77,6 +79,14 @@ class _ProbeSeries:
     values: Array
     unit: str
     quantity: str
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionSeries:
+    """of : what it is.  values : (n_t,) in SI, or (n_t, 2) of a force along x and y, a pair into slave and master."""
+
+    of: ConditionOutput
+    values: Array
 
 
 class Results:
@@ -142,6 +152,8 @@ class Results:
         self._probes = {n: _ProbeSeries(d[()], str(d.attrs["unit"]), str(d.attrs["quantity"]))
                         for n, d in f["probes"].items()}
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
+        self._conditions = {of.name: ConditionSeries(of, f["conditions"][of.name][()])
+                            for of in map(condition_output, self.header.get("conditions", ()))}
         self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
 
     @property
@@ -191,6 +203,24 @@ class Results:
             has = ", ".join(self._probes) or "none"
             raise ResultsError(f"{self.path} has no probe {name!r}; it has {has}")
         return self._probes[name]
+
+    @property
+    def conditions(self) -> dict[str, ConditionSeries]:
+        """Heat and force of the named conditions, of sources and of pairs: `heat.NAME`, `reaction.NAME` -> over time.
+
+        Empty for a file of an earlier version.
+        """
+        return dict(self._conditions)
+
+    def condition(self, name: str) -> tuple[Array, Array]:
+        """Return (t, values) of one of `conditions`, [s] and SI: (n,) and (n,), or (n, 2) of a force and of a pair.
+
+        `heat.NAME` [J] into the body since the start; `heat.pair.NAME` into slave and master; `reaction.NAME` [N] along
+        x and y on the body, `reaction_moment.NAME` [N m].  Raises ResultsError for an unknown name.
+        """
+        if name not in self._conditions:
+            raise ResultsError(f"{self.path} has no {name!r}. {did_you_mean(name, self._conditions)}")
+        return self.t, self._conditions[name].values
 
     @property
     def ledger(self) -> dict[str, float]:

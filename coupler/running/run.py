@@ -34,7 +34,7 @@ from coupler.record.checkpoint import (
     versions,
 )
 from coupler.record.journal import being_written, check_mark, read_journal
-from coupler.record.observe import ContactWarnings, ExtraOutputs, ProbeReader, friction
+from coupler.record.observe import ConditionReader, ContactWarnings, ExtraOutputs, ProbeReader, friction
 from coupler.record.paths import check_target, checkpoint_of, journal_of, stopped_of
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
@@ -136,6 +136,7 @@ class Run:
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
             self._snapshots = Snapshots(self.halves)
             self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
+            self._conditions = ConditionReader(self.scenario.conditions, both)
             self._outputs = ExtraOutputs(self.halves, interface)
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
@@ -144,8 +145,8 @@ class Run:
             self._trust = self._trust_watch.begun(self.state.now)
             if self._since is not None:
                 self._continue_from(self._since, both)
-            header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about),
-                      "processes": self.processes, "notes": self.notes}
+            header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about,
+                                  self._conditions.outputs), "processes": self.processes, "notes": self.notes}
             self._recorder = Recorder(self.out, header, interface,
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0
@@ -200,7 +201,7 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            self._recorder.start(self.state.now, self._probed(), friction(self.halves))
+            self._recorder.start(self.state.now, self._probed(), friction(self.halves), self._conditions.read())
             self._frame()
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
@@ -284,7 +285,8 @@ class Run:
             all_of_them = self.monitors()
             monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
         record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors,
-                      friction(self.halves) if tried.accepted else {})
+                      friction(self.halves) if tried.accepted else {},
+                      self._conditions.read() if tried.accepted else np.empty(0))
         self._recorder.window(tried.solved, facts, self.ledger, self._probed(), record)
 
     def _frames_from_here(self) -> Frames:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from contact.problem.errors import UNKNOWN, Wrong, meant, wrongs
 from contact.problem.part import Part
 from contact.problem.values import SignalName, did_you_mean
 from coupler.errors import ScenarioError, together
+from coupler.scenario.conditions import ConditionOutput, condition_outputs
 from coupler.scenario.document import (
     Document,
     DocumentErrors,
@@ -49,6 +50,7 @@ class Scenario:
     temperature_unit : "degC" or "K", for display; everything here is in kelvin but resolved.
     interface : mesh, surfaces and pairs.  signals : the named ones, in the units of the file.
     models : "thermal" and "mechanical" -> model.json (docs/design.md).
+    conditions : by name, those whose heat or force a half of this package gives out.
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
     """
 
@@ -68,6 +70,7 @@ class Scenario:
     rules: tuple[Rule, ...] = ()
     version_notes: tuple[str, ...] = ()
     stated: ScenarioFile | None = None
+    conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
 
     @property
     def geometry(self) -> str:
@@ -199,8 +202,9 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
     coupling, output = None, None
     with found.each():
         coupling = coupling_of(document, file.coupling, written)
-    probes = probes_of(context)
-    rules = rules_of(context, written, coupling.adaptive.least if coupling and coupling.adaptive else 0.0)
+    conditions = condition_outputs(written, [p.name for p in scene.interface.pairs])
+    probes = probes_of(context, conditions)
+    rules = rules_of(context, written, conditions, coupling.adaptive.least if coupling and coupling.adaptive else 0.0)
     with found.each():
         output = output_of(document, file.output, file.coupling.end)
     found.stop()
@@ -219,6 +223,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         models=written,
         coupling=coupling,
         probes=probes,
+        conditions=conditions,
         rules=rules,
         output=output,
         version_notes=tuple(notes),

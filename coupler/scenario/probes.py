@@ -9,6 +9,7 @@ import numpy as np
 
 from contact.half.interface import Interface
 from contact.problem.values import did_you_mean
+from coupler.scenario.conditions import ConditionOutput, is_condition, remedy, resolved
 from coupler.scenario.document import Key
 from coupler.scenario.mesh import Floats, Ints
 from coupler.scenario.problems import NEAREST
@@ -24,12 +25,13 @@ NONE, NO_WEIGHTS = np.empty(0, dtype=np.int32), np.empty(0)
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """quantity : T | u_x | u_y | gap | p (= -t_N) | f_s, or HALF.OUTPUT, any output of a half.
+    """quantity : T | u_x | u_y | gap | p (= -t_N) | f_s, or HALF.OUTPUT, any output of a half, or heat.NAME,
+    reaction.NAME.y, reaction_moment.NAME of a condition.
 
     unit : SI; empty of an output: its half says it.  reduction : point | mean | max | min.
     nodes : (n,) node numbers of the Interface.  weights : (n,), adding up to 1 for point and mean.
     cells, cell_weights : the same of cells, quads first, for an output that is given on cells.
-    An output without a place has neither nodes nor cells.
+    An output without a place has neither nodes nor cells.  source : HALF.OUTPUT where the quantity is of a condition.
     """
 
     quantity: str
@@ -39,16 +41,17 @@ class Probe:
     weights: Floats
     cells: Ints = field(default_factory=lambda: NONE)
     cell_weights: Floats = field(default_factory=lambda: NO_WEIGHTS)
+    source: str = ""
 
     @property
     def half(self) -> str:
         """The half whose output it is; empty for a quantity of the exchange."""
-        return "" if self.quantity in UNITS else self.quantity.partition(".")[0]
+        return "" if self.quantity in UNITS else (self.source or self.quantity).partition(".")[0]
 
     @property
     def output(self) -> str:
         """The name of that output, with its component."""
-        return self.quantity.partition(".")[2]
+        return (self.source or self.quantity).partition(".")[2]
 
     @property
     def placeless(self) -> bool:
@@ -75,19 +78,26 @@ class Probe:
         return float(values.min()) if self.reduction == "min" else float(weights @ values)
 
 
-def probes_of(c: Context) -> dict[str, Probe]:
-    """The scenario's probes by name, in its order.  Raises ScenarioError for one off the mesh or contact."""
+def probes_of(c: Context, conditions: Mapping[str, ConditionOutput]) -> dict[str, Probe]:
+    """The scenario's probes by name, in its order.  conditions : by name, whose heat and force are known.
+
+    Raises ScenarioError for one off the mesh or contact.
+    """
     found = {}
     for name, spec in c.file.probes.items():
         with c.found.each():
-            found[name] = _probe(c, spec, ("probes", name))
+            found[name] = _probe(c, spec, ("probes", name), conditions)
     return found
 
 
-def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
+def _probe(c: Context, spec: ProbeSpec, key: Key, conditions: Mapping[str, ConditionOutput]) -> Probe:
     quantity = spec.quantity
     target, key = getattr(spec, quantity), (*key, quantity)
     if quantity not in UNITS:
+        if of := resolved(quantity, conditions, c.interface.bodies):
+            return _of_condition(c, quantity, target, of, key)
+        if is_condition(quantity):
+            raise c.document.error(key, "no condition has this", remedy(quantity, conditions))
         return _of_output(c, quantity, target, key)
     spot = _spot(c, target, key)
     nodes = spot.nodes
@@ -101,6 +111,15 @@ def _probe(c: Context, spec: ProbeSpec, key: Key) -> Probe:
         raise c.document.error(key, "nothing melts here, so there is no solid fraction",
                                "Give a material its latent heat.")
     return Probe(quantity, UNITS[quantity], spot.reduction, nodes, spot.weights)
+
+
+def _of_condition(c: Context, quantity: str, target: str | Place, of: tuple[ConditionOutput, int], key: Key) -> Probe:
+    output, number = of
+    if target != VALUE:
+        raise c.document.error(key, "heat and force of a condition belong to no place of the mesh",
+                               "Write `value` in the place of a point.")
+    part = f"[{number}]" if len(output.parts) > 1 else ""
+    return Probe(quantity, "", "point", NONE, NO_WEIGHTS, source=f"{output.half}.{output.output}{part}")
 
 
 def _of_output(c: Context, quantity: str, target: str | Place, key: Key) -> Probe:

@@ -10,6 +10,7 @@ from contact.problem.mechanical import Solution
 from contact.problem.thermal import Method
 from contact.problem.values import did_you_mean
 from coupler.scenario import rule_model
+from coupler.scenario.conditions import ConditionOutput, is_condition, remedy, resolved
 from coupler.scenario.document import Key
 from coupler.scenario.problems import OWN
 from coupler.scenario.rule_model import (
@@ -39,9 +40,11 @@ METHODS: Mapping[str, Mapping[str, int]] = {
 HALVES = tuple(h.value for h in HalfName)
 
 
-def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]], least: float = 0.0) -> tuple[Rule, ...]:
+def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]], conditions: Mapping[str, ConditionOutput],
+             least: float = 0.0) -> tuple[Rule, ...]:
     """The rules, in the order of the file.  models : as written for both halves.  Raises ScenarioError.
 
+    conditions : by name, whose heat and force are known.
     least : no window that finds its own size is shorter [s].
     """
     found: list[Rule] = []
@@ -50,15 +53,16 @@ def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]], least: float =
             c.found.wrong(("rules", i, "name"), f"there is another rule {spec.name!r}",
                           "Firings are told by name; give each rule its own.")
         with c.found.each():
-            found.append(_Reader(c, models, ("rules", i), least).rule(spec))
+            found.append(_Reader(c, models, conditions, ("rules", i), least).rule(spec))
     return tuple(found)
 
 
 class _Reader:
     """Reads one rule.  key : its place in the file.  least : of windows [s]."""
 
-    def __init__(self, c: Context, models: Mapping[str, Mapping[str, Any]], key: Key, least: float) -> None:
-        self._c, self._models, self._key, self._least = c, models, key, least
+    def __init__(self, c: Context, models: Mapping[str, Mapping[str, Any]], conditions: Mapping[str, ConditionOutput],
+                 key: Key, least: float) -> None:
+        self._c, self._models, self._conditions, self._key, self._least = c, models, conditions, key, least
 
     def rule(self, spec: RuleSpec) -> Rule:
         do = tuple(a for i, action in enumerate(spec.do) for a in self._actions(action, (*self._key, "do", i)))
@@ -95,10 +99,15 @@ class _Reader:
     def _monitor(self, name: str, key: Key) -> tuple[str, bool]:
         """Its full name, and whether it is a temperature.  Raises ScenarioError."""
         probes, full = self._c.file.probes, rule_model.full_name(name)
+        if of := resolved(name, self._conditions, self._c.interface.bodies):
+            output, number = of
+            full = f"{output.half}.{output.output}" + (f"[{number}]" if len(output.parts) > 1 else "")
         if name in probes and full is not None:
             raise self._c.document.error(key, f"{name} is a monitor and a probe", "Give the probe another name.")
         if name in probes:
             return name, probes[name].T is not None
+        if full is None and is_condition(name):
+            raise self._c.document.error(key, "no condition has this", remedy(name, self._conditions))
         if full is None:
             known = (*rule_model.COUPLER, *rule_model.SHORT, *probes)
             raise self._c.document.error(

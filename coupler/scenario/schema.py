@@ -14,6 +14,7 @@ from contact.problem.pairs import ContactPair
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.thermal import ThermalSettings
 from contact.problem.values import DottedName, Name, NotNegative, Number, Text, Whole, problem
+from coupler.scenario.conditions import is_condition
 from coupler.scenario.coupling_schema import CouplingSpec
 from coupler.scenario.mesh import MeshedBody
 from coupler.scenario.options import Scheme
@@ -94,7 +95,7 @@ HALVES = ("thermal.", "mechanical.")  # a probe of any output of a half is named
 
 
 class ProbeSpec(Part):
-    """One quantity of the exchange, or one output of a half by its name, and where."""
+    """One quantity of the exchange, heat or force of a condition, or one output of a half by its name, and where."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, ProbeTarget]
@@ -113,7 +114,7 @@ class ProbeSpec(Part):
 
     @classmethod
     def knows(cls, key: object) -> bool:
-        return super().knows(key) or (isinstance(key, str) and key.startswith(HALVES))
+        return super().knows(key) or (isinstance(key, str) and (key.startswith(HALVES) or is_condition(key)))
 
     @model_validator(mode="after")
     def _one_quantity(self) -> ProbeSpec:
