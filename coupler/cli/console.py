@@ -12,6 +12,7 @@ from rich.live import Live
 from rich.spinner import Spinner
 from rich.text import Text
 
+from coupler.record.conditions import condition_lines
 from coupler.record.paths import can_resume
 from coupler.record.results import Results, iteration_words
 from coupler.running.progress import Progress
@@ -135,6 +136,7 @@ def summary(results: Results, printed: Collection[str] = ()) -> str:
         + f"{sum(parts.values()):.1f} s after {set_up:.1f} s of set-up",
         "  " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in parts.items()),
         f"  relative energy-balance error {results.heat_imbalance:.1e}",
+        *condition_lines(results),
         f"  {results.path}, " + ", ".join(str(p) for p in results.field_files.values()),
     ]
     if iterations := iteration_words(results):

@@ -300,6 +300,11 @@ class Results:
         return {half: self.path.with_name(name) for half, name in self.header["field_files"].items()}
 
 
+def depth_of(results: Results) -> str:
+    """To what a run's energies and forces refer."""
+    return "over the full circle" if results.header["geometry"] == "axisymmetric" else "per metre of depth"
+
+
 def iteration_words(results: Results) -> str:
     """How much the windows iterated, in words; empty for a scheme that does not."""
     w = results.windows[results.windows.taken & (results.windows.iterations > 0)]

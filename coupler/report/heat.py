@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.record.results import Results
+from coupler.record.results import Results, depth_of
 from coupler.report.curves import kinks_of
 from coupler.report.figures import (
     COLOURS,
@@ -44,11 +44,6 @@ class HeatTable:
     total_stored: str
     sides: list[tuple[str, str, str, str]]
     imbalance: str
-
-
-def depth_of(results: Results) -> str:
-    """To what a run's energies refer."""
-    return "over the full circle" if results.header["geometry"] == "axisymmetric" else "per metre of depth"
 
 
 def heat_table(results: Results) -> HeatTable | None:

@@ -13,7 +13,8 @@ from pathlib import Path
 from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
-from coupler.record.results import Results, iteration_words
+from coupler.record.results import Results, depth_of, iteration_words
+from coupler.report.conditions import condition_pictures, condition_tables
 from coupler.report.contact import contact_pictures
 from coupler.report.control import (
     asked,
@@ -32,7 +33,7 @@ from coupler.report.control import (
 from coupler.report.curves import probe_pictures, watched_pictures
 from coupler.report.fields import field_pictures
 from coupler.report.figures import counted, duration, number, shown
-from coupler.report.heat import depth_of, heat_picture, heat_table
+from coupler.report.heat import heat_picture, heat_table
 from coupler.schemes.state import HEATS
 from coupler.trust.checks import TrustVerdict
 
@@ -248,6 +249,7 @@ def render(results: Results) -> str:
         summary=summary(results),
         facts=scenario_facts(results), probes=probe_pictures(results), fields=fields, contact=contact_pictures(results),
         heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
+        conditions=condition_tables(results), condition_pictures=condition_pictures(results),
         choices=choices(results), stretches=stretches(results), every=every_window(results),
         tried=len(results.windows), short=short_windows(results), events=event_rows(results),
         errors=errors_picture(results), windows=windows_picture(results),
