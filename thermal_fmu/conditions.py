@@ -1,10 +1,11 @@
 """Heat through each boundary condition, each body's source and either side of each contact pair, since the start.
 
-Every step gives the heat of all of them in one order (THROUGH of boundary.py and problem.Model say it): prescribed
-temperatures, then what is told by boundary_flow: fluxes, films, radiating surfaces, sources by body, and of each pair
-the slave's and the master's side.  A node that two prescribed temperatures share belongs to the later one, whose
-value it has; its heat is all of that one's, less what fluxes, films and sources bring there, which are counted as
-theirs.  So the sum over all of them is the heat that the bodies stored, less the mechanical heat.
+Every step gives the heat of all of them in one order: prescribed temperatures, then what boundary_flow tells: fluxes,
+films, radiating surfaces, sources by body, and of each pair the slave's and the master's side.
+
+A node that two prescribed temperatures share belongs to the later one, whose value it has; its heat is all of that
+one's, less what fluxes, films and sources bring there, which are counted as theirs.  So the sum over all of them is the
+heat that the bodies stored, less the mechanical heat.
 """
 
 from __future__ import annotations

@@ -19,7 +19,8 @@ class Supported(Part):
 
     on: Annotated[Text | None, Entry("the place, a surface; or", kind="surface")] = None
     at: Annotated[Text | None, Entry("the place, a point", kind="point")] = None
-    name: Annotated[Name | None, Entry("makes it an input of the half, and its heat or force an output; each name once", kind="name")] = None
+    name: Annotated[Name | None, Entry("makes it an input of the half, and its heat or force an output; each name once",
+                                       kind="name")] = None
 
     @property
     def where(self) -> str:

@@ -155,6 +155,8 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
              for a, b in pairwise(plan.schedule.bounds)]
     breakpoints = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
     pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
+    # Pairs and sources have theirs too; what a user can forget is the name of a condition.
+    named = [n for n, c in s.conditions.items() if c.kind not in ("contact pair", "source")]
     typer.echo(f"{scenario}: valid\n"
                f"  {s.title}\n"
                f"  {s.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
@@ -163,7 +165,8 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
                f"  {_sizes(sizes, plan)} to t = {s.coupling.end:g} s; "
                f"{f'breakpoints at {breakpoints} s' if breakpoints else 'no breakpoints'}\n"
-               f"  probes: {', '.join(s.probes) or 'none'}")
+               f"  probes: {', '.join(s.probes) or 'none'}"
+               + (f"\n  heat and force by name: {', '.join(named)}" if named else ""))
     for note in s.notes:
         typer.echo(f"  note: {note}")
     if pilot or is_quick(s):

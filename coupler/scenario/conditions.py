@@ -119,4 +119,6 @@ def remedy(text: str, known: Mapping[str, ConditionOutput]) -> str:
     every = [f"{c.name}{part}" for c in known.values()
              for part in ([f".{p}" if p in ALONG else f"[{k + 1}]" for k, p in enumerate(c.parts)]
                           if len(c.parts) > 1 else [""])]
+    if not any(c.name.startswith(text.partition(".")[0] + ".") for c in known.values()):
+        return "Nothing of this scene has one: a condition needs a `name`, and its half must tell its heat or force."
     return did_you_mean(text, every) + " Conditions have these by the `name` they are given."
