@@ -74,7 +74,9 @@ def n_heats(interface: Interface, model: Model) -> int:
 
 @dataclass(frozen=True)
 class HeatSoFar:
-    """total : (n,) [J] since the start.  lost : (n,) its low-order bits, so that long runs add up exactly (Neumaier).
+    """total : (n,) [J] since the start, (0,) before anything was counted.
+
+    lost : as many, its low-order bits, so that long runs add up exactly (Neumaier).
     """
 
     total: Floats
@@ -82,6 +84,8 @@ class HeatSoFar:
 
     def plus(self, heat: Floats) -> HeatSoFar:
         """Add the heat : (n,) [J] of a step."""
+        if not self.total.size:
+            return HeatSoFar(np.array(heat), np.zeros(heat.size))
         new = self.total + heat
         larger = np.abs(self.total) >= np.abs(heat)
         # fault: heat of a condition forgets its last bits -> lost = self.lost | thermal_fmu/test_named_heat
@@ -93,6 +97,9 @@ class HeatSoFar:
         heat = self.total + self.lost
         return {PREFIX + one.name: float(heat[one.rows[0]]) if len(one.rows) == 1 else heat[list(one.rows)]
                 for one in named}
+
+
+NOTHING_COUNTED = HeatSoFar(np.zeros(0), np.zeros(0))
 
 
 def no_heat_yet(n: int) -> HeatSoFar:

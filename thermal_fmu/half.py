@@ -24,7 +24,7 @@ from thermal_fmu.cells import (
     shapes_of,
     tensors,
 )
-from thermal_fmu.conditions import HeatSoFar, n_heats, named_heats, no_heat_yet
+from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
@@ -159,10 +159,10 @@ class ThermalState:
     event: int
     damped: int
     stored: float
-    given: HeatSoFar
     anchor: AnchorMatrix | None = None
     anchor_S: AnchorMatrix | None = None
     controller: StepController = NO_STEPS_YET
+    given: HeatSoFar = NOTHING_COUNTED
 
 
 class ThermalHalf:
@@ -192,7 +192,7 @@ class ThermalHalf:
         for b, body in enumerate(scene.model.bodies):
             T[scene.interface.node_body == b] = body.T0
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
-                             0.0, no_heat_yet(n_heats(scene.interface, scene.model)))
+                             0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)))
         points = contact_at(scene.surfaces, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
@@ -248,12 +248,12 @@ class ThermalHalf:
         # fault: heat of a condition of the last substep alone -> given = no_heat_yet(done.heat.each.size).plus(
         #   done.heat.each) | thermal_fmu/test_named_heat
         given = state.given.plus(done.heat.each)
-        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored,
-        #   given, None, | thermal_fmu/test_thermal_solver
-        new = ThermalState(done.s, state.X, event, result.damped, stored, given, done.anchor,
+        # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
+        #   | thermal_fmu/test_thermal_solver
+        new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor,
                            # fault: controller not part of the state -> state.anchor_S if jump is None else jump.anchor,
-                           #   state.controller) | thermal_fmu/test_thermal_adaptive
-                           state.anchor_S if jump is None else jump.anchor, result.controller)
+                           #   state.controller, given) | thermal_fmu/test_thermal_adaptive
+                           state.anchor_S if jump is None else jump.anchor, result.controller, given)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, substep.shapes, new.s,

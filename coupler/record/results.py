@@ -103,6 +103,7 @@ class Results:
     iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
     estimates, errors : one row a window whose error is known (ESTIMATE_FIELDS, ERROR_FIELDS).  max_T [K] : the highest
     temperature at the start and the ends of windows.  firings : of rules, in order.
+    conditions : heat and force of each named condition over time; empty for a file of an earlier version.
     contact : pair -> what contact did along its slave surface; empty for a file of an earlier version.
     rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
     later : the journal of a later, unfinished run to the same file, if there is one.
