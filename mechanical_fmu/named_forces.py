@@ -88,6 +88,7 @@ class NamedForces:
             p = np.full(len(edges), at.pressure[i])
             force += pressure_forces(at.x, edges, p, self.axisymmetric).sum(axis=(0, 1))
         for i, unit in of.dead:
+            # fault: a dead load told without its size -> force += unit | mechanical_fmu/test_named_forces
             force += at.dead[i] * unit
         return force
 

@@ -311,6 +311,7 @@ def _write_conditions(f: h5py.File, meta: dict[str, Any], told: Gathered) -> Non
         values = np.array([row[first:last] for row in told.conditions], dtype=float).reshape(-1, last - first)
         group[of.name] = values[:, 0] if len(of.parts) == 1 else values
         group[of.name].attrs.update(unit=of.unit, kind=of.kind, place=of.place)
+        # fault: conditions in the file are all the first one's -> first = 0 | coupler/test_named_conditions
         first = last
 
 

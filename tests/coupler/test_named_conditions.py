@@ -13,6 +13,7 @@ from coupler import Results, Run, ScenarioError, load_scenario, run
 from coupler.cli.console import summary
 from coupler.errors import ResultsError
 from coupler.fmu.launch import launch
+from coupler.report.conditions import condition_tables
 from coupler.report.page import render
 from coupler.running.run import resume
 from coupler.scenario import Scenario
@@ -132,6 +133,8 @@ def test_unknown_names_are_told_with_those_there_are(ran: Results, tmp_path: Pat
     rule = "rules: [{name: r, when: {heat.flu: {above: 1}}, do: [{stop: enough}]}]\nprobes:"
     text = refused(tmp_path, "probes:", rule)
     assert "Did you mean 'heat.flux'?" in text
+    with pytest.raises(ScenarioError, match=r"Nothing of this scene has one"):
+        scene(tmp_path, **{"mechanical.half": "rigid"})
     with pytest.raises(ResultsError, match=r"Did you mean 'heat\.flux'"):
         ran.condition("heat.fluxx")
 
@@ -215,6 +218,16 @@ def test_page_and_console_show_them(ran: Results) -> None:
     heat = next(line for line in lines if "heat into the bodies, per metre of depth" in line)
     assert f"flux (bar.top) {last(ran, 'heat.flux'):.5g} J" in heat
     assert any("foot (bar.bottom) 0, -" in line and line.endswith(" N") for line in lines)
+    assert "conditions without a name" not in page
+
+
+def test_what_has_no_name_is_told_as_a_rest(ran: Results, tmp_path: Path) -> None:
+    unnamed = Results(ran.path)
+    air = unnamed._conditions.pop("heat.air").values[-1]
+    tables = condition_tables(unnamed)
+    assert tables is not None
+    assert float(tables.unnamed) == pytest.approx(air * (1e-3 if tables.unit == "kJ" else 1.0), rel=1e-5)
+    assert "conditions without a name" in render(unnamed)
 
 
 def test_names_taken_by_mechanisms_are_those_there_are() -> None:
