@@ -79,14 +79,6 @@ class ThermalScene:
         return fixed
 
     @cached_property
-    def slave_nodes(self) -> NDArray[np.bool_]:
-        """(n,) True on slave surfaces."""
-        slave = np.zeros(self.volume.n, dtype=np.bool_)
-        for pair in self.interface.pairs:
-            slave[self.interface.surfaces[pair.slave]] = True
-        return slave
-
-    @cached_property
     def fixed_entries(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
         """Of the matrix data: (nnz,) which entries lie in a row or column of a fixed node, and their diagonal places.
         """
@@ -191,17 +183,15 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
 
 def with_friction(substep: SubstepData, scene: ThermalScene, points: ContactPoints, E: Floats, at: NodalFields,
                   h: float) -> SubstepData:
-    """Add the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
+    """Add the friction heat E : (n_q,) [J] at pair nodes, spread evenly over the substep h [s].
 
     at : temperatures at its start, from which the effusivities of both sides are taken.
     """
     if not E.any():
         return substep
     model, interface = scene.model, scene.interface
-    whole = np.zeros(scene.volume.n)
-    whole[interface.contact_nodes] = E
     fraction = slave_fraction(points, model.pairs, model.bodies, interface.node_body, at)
-    return replace(substep, friction=friction_power(points, fraction, whole, scene.slave_nodes, h))
+    return replace(substep, friction=friction_power(points, fraction, E, interface, h))
 
 
 def _mechanical(volume: CellMesh, shapes: Sequence[CellGeometry], E_M: Floats) -> Floats:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, Property, resolve
+from contact.half.interface import Interface
 from contact.laws import Law, closed_conductance, gap_factor, open_conductance
 from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
 from thermal_fmu.phase_change import NodalFields
@@ -282,14 +283,13 @@ class FrictionHeat:
     master: Floats
 
 
-def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_slave: NDArray[np.bool_],
+def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, interface: Interface,
                    h: float) -> FrictionHeat:
-    """Turn friction energies E : (n,) [J] of nodes into power over a substep h [s].
+    """Turn friction energies E : (n_q,) [J] of pair nodes into power over a substep h [s].
 
-    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.  is_slave : (n,) nodes of slave surfaces.
+    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.
     A node's energy goes to the contact quadrature points searched from it by N A, from there by N_s to the slave's
-    nodes
-    and by N_m to the master's.  A node that faces nothing keeps its energy.
+    nodes and by N_m to the master's.  A node that faces nothing keeps its energy.
     """
     with_friction, N = points.searched_from
     # fault: friction heat spread without areas -> weight = N | thermal_fmu/test_thermal_friction
@@ -301,9 +301,11 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, is_
     # fault: joules of nodes that face nothing lost -> unshared = np.where(faces, 0.0, 0.0 * E) |
     #   thermal_fmu/test_thermal_friction
     unshared = np.where(faces, 0.0, E)
-    to_slave = at_nodes(points.nodes[:, :2], (slave_fraction * Q)[:, None] * points.N_s, E.size)
-    to_master = at_nodes(points.nodes[:, 2:], ((1.0 - slave_fraction) * Q)[:, None] * points.N_m, E.size)
-    slave, master = to_slave + np.where(is_slave, unshared, 0.0), to_master + np.where(is_slave, 0.0, unshared)
+    n = len(interface.nodes)
+    slave = at_nodes(points.nodes[:, :2], (slave_fraction * Q)[:, None] * points.N_s, n)
+    master = at_nodes(points.nodes[:, 2:], ((1.0 - slave_fraction) * Q)[:, None] * points.N_m, n)
+    for side in interface.pair_sides:
+        (slave if side.own else master)[side.nodes] += unshared[side.at]
     # fault: friction energy as power -> return FrictionHeat(slave, master) | thermal_fmu/test_thermal_friction
     return FrictionHeat(slave / h, master / h)
 

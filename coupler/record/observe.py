@@ -14,13 +14,25 @@ from contact.half.interface import Interface
 from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.fmu.half import Block, Half
-from coupler.fmu.outputs import On, OutputField, at_nodes, component_of, names_of, output_fields, place_of, unclear
+from coupler.fmu.outputs import (
+    On,
+    OutputField,
+    at_nodes,
+    component_of,
+    names_of,
+    of_pairs,
+    output_fields,
+    place_of,
+    told_at,
+    unclear,
+)
 from coupler.record.tables import FRICTION
 from coupler.scenario import Probe
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Halves
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 # The halves' blocks behind what every frame holds of the exchange (EXCHANGED in coupler.record.tables).
 OF_THE_EXCHANGE: Mapping[str, tuple[str, ...]] = {
     "thermal": ("T",), "mechanical": ("x", "contact.t_N", "contact.gap")}
@@ -98,7 +110,7 @@ class ExtraOutputs:
 
 
 def friction(halves: Halves) -> dict[str, Array]:
-    """Return what the mechanical half tells of FRICTION: t_T [Pa] and slip_share [1] of slave nodes, (n_s,) each."""
+    """Return what the mechanical half tells of FRICTION: t_T [Pa] and slip_share [1] of pair nodes, (n_q,) each."""
     half = halves.mechanical
     told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
     return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
@@ -133,7 +145,6 @@ class ProbeReader:
 
     def values(self, level: Level) -> Array:
         """Return the probes (n_probes,) in SI, in their order; the halves are at the time of the level."""
-        fields: dict[str, Array] = {}
         blocks = {role: half.read(names, finite=False) for role, half in self._halves.items()
                   if (names := list({s.block.name: 0 for s in self._sources.values() if s.half == role}))}
         found = []
@@ -141,9 +152,7 @@ class ProbeReader:
             if source := self._sources.get(name):
                 found.append(_of_output(probe, source, blocks[source.half][source.block.name], self._interface))
                 continue
-            if probe.quantity not in fields:
-                fields[probe.quantity] = _field(probe.quantity, self._interface, level)
-            found.append(probe.of(fields[probe.quantity]))
+            found.append(probe.of(_field(probe, self._interface, level)))
         return np.array(found)
 
     def named(self, level: Level) -> dict[str, float]:
@@ -175,7 +184,7 @@ def _misplaced(probe: Probe, source: _Source, interface: Interface) -> Iterator[
     if (source.on is On.NOTHING) != probe.placeless:
         yield (("this output has a place", "Say which point, surface or body.") if probe.placeless else
                ("this output belongs to no place of the mesh", "Write `value` in the place of a point."))
-    elif source.on is On.CONTACT_NODES and not np.isin(probe.nodes, interface.contact_nodes).all():
+    elif source.on in (On.CONTACT_NODES, On.PAIR_NODES) and not np.isin(probe.nodes, interface.contact_nodes).all():
         sides = {s for p in interface.pairs for s in (p.slave, p.master)}
         yield "this output exists only on contact surfaces", f"Contact surfaces here: {', '.join(sorted(sides))}."
 
@@ -194,11 +203,15 @@ def _of_output(probe: Probe, source: _Source, values: Array, interface: Interfac
             return float(column[interface.node_body[probe.nodes[0]]])
         case On.CONTACT_NODES:
             return probe.of(at_nodes(column, interface.contact_nodes, len(interface.nodes)))
+        case On.PAIR_NODES:
+            own = told_at(probe.nodes, interface)
+            return probe.of(of_pairs(column[own], interface.pair_nodes[own], len(interface.nodes), source.block.unit))
     return probe.of(column)
 
 
-def _field(quantity: str, interface: Interface, level: Level) -> Array:
-    """A quantity of the exchange at every node : (n_nodes,); contact quantities are NaN away from contact surfaces."""
+def _field(probe: Probe, interface: Interface, level: Level) -> Array:
+    """A probe's quantity of the exchange at every node : (n_nodes,); NaN away from its place, if it is of contact."""
+    quantity = probe.quantity
     if quantity == "T":
         return level.T
     if quantity == "f_s":
@@ -207,4 +220,18 @@ def _field(quantity: str, interface: Interface, level: Level) -> Array:
     if quantity in ("u_x", "u_y"):
         i = ("u_x", "u_y").index(quantity)
         return level.x[:, i] - interface.nodes[:, i]
-    return at_nodes(level.gap if quantity == "gap" else -level.t_N, interface.contact_nodes, len(interface.nodes))
+    own = told_at(probe.nodes, interface)
+    return contact_field(quantity, level, own, interface)
+
+
+def contact_field(quantity: str, level: Level, at: Indices, interface: Interface) -> Array:
+    """Return gap [m] or p [Pa] at every node : (n_nodes,), told by pair nodes at : (n,); NaN elsewhere.
+
+    Where several of them tell of one node, it has the least gap and the largest pressure.
+    """
+    found, nodes = np.full(len(interface.nodes), np.nan), interface.pair_nodes[at]
+    if quantity == "gap":
+        np.fmin.at(found, nodes, level.gap[at])
+    else:
+        np.fmax.at(found, nodes, -level.t_N[at])
+    return found
