@@ -110,8 +110,8 @@ def from_bytes(data: bytes, versions: dict[str, str], name: str) -> tuple[Origin
     Raises ResultsError for bytes that are cut or damaged, or of other versions.
     """
     if data.startswith(KIND) and not MAGIC.startswith(data[:len(MAGIC)]):
-        raise ResultsError(f"{name}: a checkpoint of another version of this program, in which what contact tells is "
-                           "kept in another order; no resume from it")
+        raise ResultsError(f"{name}: not a checkpoint of this version of the program, which keeps what contact tells "
+                           "pair by pair; no resume from it")
     if not data.startswith(MAGIC):
         cut = MAGIC.startswith(data)
         raise ResultsError(f"{name}: {'cut short' if cut else 'not a checkpoint of this program'}; no resume from it")
