@@ -43,6 +43,11 @@ class Side:
     limit: float
     near: float
 
+    @property
+    def bodies(self) -> frozenset[str]:
+        """Both bodies of the pair."""
+        return frozenset((self.surface.partition(".")[0], self.other))
+
     def unseen(self, gap: Floats) -> Flags:
         """Say of self.nodes whether (n,) contact finds each neither pressed nor near; gap : (n_q,) [m], of all pairs.
         """
