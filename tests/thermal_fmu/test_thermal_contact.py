@@ -247,3 +247,19 @@ def test_a_corner_that_stands_below_closes_nothing_beside():
     points = contact_points(surfaces, facing, t_N, moved)
     assert points.p[points.pair == 1] == pytest.approx(1e6)
     assert points.p[points.pair == 0] == pytest.approx(2e5)
+
+
+def test_what_presses_a_surface_as_a_master_closes_nothing_it_faces_as_a_slave():
+    """A lid on its contents, a millimetre off its seat: the node between the two is pressed from below by one only."""
+    pairs = Pair("seat", "a.bottom", "b.top", 0.01, 1e9), Pair("top", "c.top", "a.bottom", 0.01, 1e9)
+    interface = scene(Box(0.0, 0.1, 0.0, 0.05, 3, 1), Box(0.05, 0.1, -0.05, -0.001, 2, 1),
+                      Box(0.0, 0.05, -0.05, 0.0, 2, 1), pairs=pairs, names=("a", "b", "c"))
+    surfaces = ContactSurfaces(interface)
+    facing = surfaces.facing(DirectLink(ContactService().handle), interface.nodes)
+    t_N = np.zeros(interface.pair_nodes.size)
+    for surface in ("c.top", "a.bottom"):
+        t_N[interface.side_of("top", surface).at] = -1e6
+    points = contact_points(surfaces, facing, t_N, interface.nodes)
+    assert points.p[points.pair == 1] == pytest.approx(1e6)
+    assert (points.p[points.pair == 0] == 0.0).all()
+    assert points.gap[points.pair == 0] == pytest.approx(1e-3)
