@@ -436,9 +436,7 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
                       r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
             of = surfaces.pair_nodes
-            for begin, end in zip(of.first[i], of.last[i], strict=True):
-                least = np.minimum(near[of.node[begin:end]], p.gap_max[i])
-                node_gap[begin:end] = np.minimum(node_gap[begin:end], least)
+            lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], float(p.gap_max[i]))
             if p.weight[i] != 1.0:
                 values[:n, 3:] *= p.weight[i]
             return met[:n], values[:n]
@@ -452,6 +450,17 @@ def _check_geometry(surfaces: RegisteredSurfaces, x: Floats, length: Floats) -> 
     if surfaces.register.axisymmetric and x.size and x[:, 0].min() < -AXIS_TOLERANCE * np.abs(x[:, 0]).max():
         node = int(np.argmin(x[:, 0]))
         raise ValueError(f"node {node} lies beyond the axis, r = {x[node, 0]!r}")
+
+
+@kernel
+def lower_gaps(node_gap: Floats, near: Floats, node: Ints, first: Ints, last: Ints, gap_max: float) -> None:
+    """Lower node_gap : (n_q,) [m] of a pass's sides to the gaps its nodes have, near : (n_s,) [m], and to gap_max [m].
+
+    node : (n_q,) index s.  first, last : (2,) pair nodes of the slave's and of the master's side.
+    """
+    for side in range(2):
+        for q in range(first[side], last[side]):
+            node_gap[q] = min(node_gap[q], near[node[q]], gap_max)
 
 
 @kernel
