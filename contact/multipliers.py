@@ -28,7 +28,7 @@ from contact.piece import (
 )
 from contact.search import GAUSS, cut_surfaces
 from contact.surfaces import RegisteredSurfaces, frame_of
-from contact.traction import checked_request, parallel, piece_cuts, piece_nodes, points_at
+from contact.traction import checked_request, piece_cuts, piece_nodes, points_at, shares_normal
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -98,9 +98,8 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
             for d in range(2):
                 here[k, d] = x[nodes[b, k], d]
         for k in range(2):
-            smooth[k] = normal[e, 1 + k, 0] != normal[e, 0, 0] or normal[e, 1 + k, 1] != normal[e, 0, 1]
             other = previous[e] if k == 0 else following[e]
-            smooth[k] = other >= 0 and (smooth[k] or parallel(normal, e, other))
+            smooth[k] = other >= 0 and shares_normal(normal, e, other)
         uncut = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
         of_pair[b] = at[i]

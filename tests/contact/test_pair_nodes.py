@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import bsr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import GAP_MAX, ask, chain, flat, passes, push
@@ -27,7 +28,7 @@ def corner(order: tuple[int, int] = (0, 1), mu: float = 0.0, side: float = SIDE)
     """A block that stands in a floor, beside a wall.  order : of the pairs floor (0) and wall (1)."""
     bottom = np.column_stack([np.linspace(0.0, 1.0, BLOCK + 1) ** 1.1, np.full(BLOCK + 1, -DEPTH)])
     left = np.column_stack([np.zeros(BLOCK), np.linspace(1.0, 0.0, BLOCK + 1)[:-1] ** 1.2 - DEPTH])
-    floor = np.column_stack([np.linspace(1.3, -0.2, FLOOR + 1), np.zeros(FLOOR + 1)])
+    floor = np.column_stack([np.linspace(1.37, -0.2, FLOOR + 1), np.zeros(FLOOR + 1)])
     wall = np.column_stack([np.full(WALL + 1, side), np.linspace(-0.3, 1.2, WALL + 1)])
     x = np.concatenate([left, bottom, floor, wall])
     edges = [chain(BLOCK, BLOCK), chain(BLOCK, 0), chain(FLOOR, 2 * BLOCK + 1), chain(WALL, 2 * BLOCK + FLOOR + 2)]
@@ -169,6 +170,25 @@ def test_a_multiplier_of_one_pair_is_felt_by_that_pair_alone() -> None:
         dR = answer(register, x + step, multipliers).residual - answer(register, x - step, multipliers).residual
         np.testing.assert_allclose(C.reshape(n, -1)[searched, k], dR[searched] / (2.0 * h),
                                    atol=1e-6 * np.abs(C).max())
+
+
+def test_the_stiffness_of_a_corner_is_the_derivative_of_its_forces() -> None:
+    """With multipliers and remembered shear of either pair, along random directions: 1e-7 of the largest."""
+    register, x = corner(mu=0.2, side=2e-3)
+    layout, random = pair_layout_of(register), np.random.default_rng(6)
+    multipliers = np.where(layout.searched == 1, -1e6 * random.random(layout.size), 0.0)
+    mobilised = np.where(layout.searched == 1, 0.1 * random.random(layout.size), 0.0)
+    before = x + 3e-3 * np.sin(7.0 * x)  # some stick, some slip
+    found = push(register, x, multipliers, before, mobilised, multipliers)
+    assert 0 < found.n_slipping < found.n_touching
+    n, h = len(x), 1e-7
+    K = bsr_matrix((found.blocks, found.columns, found.starts), shape=(2 * n, 2 * n))
+    for _ in range(5):
+        way = random.standard_normal((n, 2))
+        ends = [push(register, x + s * h * way, multipliers, before, mobilised, multipliers) for s in (1.0, -1.0)]
+        assert {(end.n_touching, end.n_slipping) for end in ends} == {(found.n_touching, found.n_slipping)}
+        df = (ends[0].force - ends[1].force).ravel() / (2.0 * h)
+        np.testing.assert_allclose(-K @ way.ravel(), df, rtol=0.0, atol=1e-7 * np.abs(df).max())
 
 
 def test_one_pair_without_shared_nodes_is_told_as_before() -> None:
