@@ -207,8 +207,8 @@ def contact() -> Figure:
 def friction() -> Figure:
     """Both surfaces in time, and the profile."""
     scene = scenario("friction")
-    E = np.full(len(scene.interface.contact_nodes), 0.0)
-    slave = np.isin(scene.interface.contact_nodes, scene.interface.surfaces["bar.right"])
+    E = np.full(len(scene.interface.pair_nodes), 0.0)
+    slave = np.isin(scene.interface.pair_nodes, scene.interface.surfaces["bar.right"])
     E[slave] = 150e3 * 0.01 * 0.1 / slave.sum()
     run = drive(scene, contact_t_N=-1e6, contact_E_friction=E)
     figure, (left, right) = panels((TIME, "surface above start [K]"), (X_LABEL, T_LABEL))

@@ -1,6 +1,7 @@
 """The messages of the contact service.  Their bytes are the business of contact.codec.
 
-All coordinates are those of the n_s surface nodes of a scene (Interface.contact_nodes), 0-based index s.
+All coordinates are those of the n_s surface nodes of a scene (Interface.contact_nodes), 0-based index s.  What contact
+tells of a node belongs to a pair: it is told of the n_q pair nodes, index q (contact.pair_nodes).
 All replies depend on the request and on surfaces registered by content hash, on nothing else.
 """
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 4
+WIRE_VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -74,15 +75,15 @@ class Project:
 
 @dataclass(frozen=True)
 class Facing:
-    """Contact quadrature points (n_p of them) and the gap of every surface node.
+    """Contact quadrature points (n_p of them) and the gap of every pair node.
 
     pair : (n_p,) number of the pair.  slave_edge, master_edge : (n_p,) numbers as registered.  xi_s, xi_m : (n_p,) in
     [0, 1] along the edge, from its first node.  gap : (n_p,) g_N [m].  area : (n_p,) A [m2], the common area of the
     exchange, measured on the slave.  area_m : (n_p,) [m2], the same piece measured on the master (for the part of
     the master's film, and for what crosses a gap between sides of unlike area).  The two points of a piece are
     neighbours.
-    node_gap : (n_s,) [m], g_N of every surface node, both sides; gap_max where nothing is faced (the least over the
-    pairs the node takes part in).  node_covered : (n_s,) part in [0, 1] of the node's surface that faces something.
+    node_gap : (n_q,) [m], g_N of every pair node, both sides; the pair's gap_max where nothing is faced.
+    node_covered : (n_q,) part in [0, 1] of the node's share of its side that faces the other side.
     """
 
     pair: Ints
@@ -101,9 +102,9 @@ class Facing:
 class Traction:
     """Ask for contact forces at x : (n_s, 2) [m], given the history.
 
-    multipliers : (n_s,) [Pa], <= 0 (zeros: pure penalty).  The rest matters with friction only.
-    x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_s,) [Pa], theirs then.
-    mobilised : (n_s,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
+    multipliers : (n_q,) [Pa], <= 0 (zeros: pure penalty).  The rest matters with friction only.
+    x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_q,) [Pa], theirs then.
+    mobilised : (n_q,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
     """
 
     surfaces: str
@@ -121,11 +122,11 @@ class Tractions:
     force : (n_s, 2) [N] on the nodes (per metre depth when plane); both sides, adding up to zero.
     starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
     row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
-    t_N : (n_s,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : (n_s,) as in Facing.
-    multipliers : (n_s,) [Pa], t_N on slave sides, and mobilised : (n_s,) [1]: the new history.
-    shear : (n_s,) [Pa] of slave nodes, the mean of tau over what each faces.
-    E_friction : (n_s,) [J] of slave nodes, what slipping made since x_before.
-    slipping : (n_s,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
+    t_N : (n_q,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : (n_q,) as in Facing.
+    multipliers : (n_q,) [Pa], t_N on slave sides, and mobilised : (n_q,) [1]: the new history.
+    shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces.
+    E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
+    slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
     n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.
     """
 
@@ -161,16 +162,18 @@ class Coupling:
 class Couplings:
     """What a half needs to solve for displacements and multipliers lambda at once.
 
-    residual : (n_s,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N it makes.
-    weight : (n_s,) [m2], W_j = sum A N_j.
+    residual : (n_q,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N it makes.
+    weight : (n_q,) [m2], W_j = sum A N_j.
     nodes : (n_b, 6) of the pieces that touch or have multipliers: the slave edge's two (0, 1), their two neighbours,
-    the master edge's two (4, 5).  values : (n_b, 6, 4, 5), to be added up: for node i and node j of (0, 1, 4, 5)
+    the master edge's two (4, 5).  ends : (n_b, 4) the pair nodes of (0, 1, 4, 5).
+    values : (n_b, 6, 4, 5), to be added up: for node i and node j of (0, 1, 4, 5)
     df_i/dlambda_j [m2] along x and y, dR_j/dx_i [N/m] along x and y, dR_i/dlambda_j [m2] less W_i where i = j.
     """
 
     residual: Floats
     weight: Floats
     nodes: Ints
+    ends: Ints
     values: Floats
 
 

@@ -28,7 +28,7 @@ from contact.piece import (
 )
 from contact.search import GAUSS, cut_surfaces
 from contact.surfaces import RegisteredSurfaces, frame_of
-from contact.traction import checked_request, parallel, piece_cuts, piece_nodes, points_at
+from contact.traction import checked_request, piece_cuts, piece_nodes, points_at, shares_normal
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -40,25 +40,25 @@ def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     asked = checked_request(surfaces, request)
     cut = cut_surfaces(surfaces, asked.x)
     points, multipliers = points_at(surfaces, cut, asked), asked.multipliers
-    residual, weight = balances(r.edges, cut.met, cut.values, points.p_N, multipliers)
-    nodes, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
-                                   cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
-                                   points.doing, points.p_N, multipliers)
-    return Couplings(residual, weight, nodes, values)
+    residual, weight = balances(cut.at, cut.values, points.p_N, multipliers)
+    nodes, at, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.at,
+                                       cut.values, cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric,
+                                       points.c, points.doing, points.p_N, multipliers)
+    return Couplings(residual, weight, nodes, at, values)
 
 
 @kernel
-def balances(edges: Ints, met: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tuple[Floats, Floats]:
-    """Compute R [N] and W [m2] of the nodes of both sides, (n_s,) each.
+def balances(at: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tuple[Floats, Floats]:
+    """Compute R [N] and W [m2] of the pair nodes of both sides, (n_q,) each.
 
-    edges : (n_edges, 2) nodes.  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].
+    at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].
     """
     residual, weight = np.zeros(multipliers.size), np.zeros(multipliers.size)
-    for i in range(met.shape[0]):
+    for i in range(at.shape[0]):
         for side in range(2):
             for end in range(2):
-                s = edges[met[i, side], end]
+                s = at[i, 2 * side + end]
                 w = (values[i, side] if end == 1 else 1.0 - values[i, side]) * values[i, 3]
                 residual[s] += w * (multipliers[s] + p_N[i])
                 weight[s] += w
@@ -66,26 +66,26 @@ def balances(edges: Ints, met: Ints, values: Floats, p_N: Floats, multipliers: F
 
 
 @kernel
-def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normal: Floats,
-                   by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats, p_N: Floats,
-                   multipliers: Floats) -> tuple[Ints, Floats]:
-    """Compute nodes (n_b, 6) and values (n_b, 6, 4, 5), as in Couplings, of pieces that touch or have a multiplier.
+def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, at: Ints, values: Floats,
+                   normal: Floats, by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats, p_N: Floats,
+                   multipliers: Floats) -> tuple[Ints, Ints, Floats]:
+    """Compute nodes (n_b, 6), ends (n_b, 4), values (n_b, 6, 4, 5) of pieces that touch or have a multiplier.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].  by_node : (n_p,).
-    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].  p_N : (n_p,) [Pa].
-    multipliers : (n_s,) [Pa].
+    at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2)
+    [1].  by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
+    p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].
     """
     n_blocks = 0
     chosen = np.zeros(met.shape[0], dtype=np.bool_)
     for i in range(0, met.shape[0], 2):
         chosen[i] = doing[i] > OPEN or doing[i + 1] > OPEN
-        for side in range(2):
-            for end in range(2):
-                # fault: pieces with multipliers but open left out -> chosen[i] |= False | contact/test_coupling
-                chosen[i] |= multipliers[edges[met[i, side], end]] < 0.0
+        for k in range(4):
+            # fault: pieces with multipliers but open left out -> chosen[i] |= False | contact/test_coupling
+            chosen[i] |= multipliers[at[i, k]] < 0.0
         n_blocks += chosen[i]
     nodes, out = np.empty((n_blocks, NODES), dtype=np.int32), np.zeros((n_blocks, NODES, len(ENDS), 5))
+    of_pair = np.empty((n_blocks, len(ENDS)), dtype=np.int32)
     here, smooth = np.empty((NODES, 2)), np.empty(2, dtype=np.bool_)
     ends, moves, scratch = np.empty(2), np.empty(2), np.empty((6, 2 * NODES))
     b = 0
@@ -98,26 +98,26 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
             for d in range(2):
                 here[k, d] = x[nodes[b, k], d]
         for k in range(2):
-            smooth[k] = normal[e, 1 + k, 0] != normal[e, 0, 0] or normal[e, 1 + k, 1] != normal[e, 0, 1]
             other = previous[e] if k == 0 else following[e]
-            smooth[k] = other >= 0 and (smooth[k] or parallel(normal, e, other))
+            smooth[k] = other >= 0 and shares_normal(normal, e, other)
         uncut = by_node[i] == 1
         piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
+        of_pair[b] = at[i]
         couple_piece(here, normal[e, 1:], smooth, uncut, axisymmetric, moves, ends, values, c, doing, p_N, i,
-                     multipliers, nodes[b], scratch, out[b])
+                     multipliers, at[i], scratch, out[b])
         b += 1
-    return nodes, out
+    return nodes, of_pair, out
 
 
 @kernel
 def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetric: bool, moves: Floats, ends: Floats,
-                 points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, nodes: Ints,
+                 points: Floats, c: Floats, doing: Floats, p_N: Floats, first: int, multipliers: Floats, at: Ints,
                  scratch: Floats, out: Floats) -> None:
     """Add both points of a piece to out : (6, 4, 5) [m2, N/m, m2], the values of Couplings.
 
     x : (6, 2) [m].  n : (2, 2) [1].  smooth : (2,).  moves : (2,) nodes or FIXED [1].  ends : (2,) cuts [1].
     points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].
-    doing : (n_p,) state [1].  p_N : (n_p,) [Pa].  multipliers : (n_s,) [Pa].  nodes : (6,).
+    doing : (n_p,) state [1].  p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].  at : (4,) pair nodes of the edges' ends.
     scratch : (6, 12) [1/m], its last row [m].  Their meaning is that of contact.piece.piece_stiffness.
     """
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
@@ -131,18 +131,18 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
             d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + offset * GAUSS * spread
             d_area[j] = per_cut * spread
         add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
-        by_place(x, n, points, c, doing, p_N[q], q, multipliers, nodes, d_phi, d_xi, d_area, out)
+        by_place(x, n, points, c, doing, p_N[q], q, multipliers, at, d_phi, d_xi, d_area, out)
         if int(doing[q]) > OPEN:
             by_multiplier(n, points, c, doing, q, out)
 
 
 @kernel
 def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: float, q: int, multipliers: Floats,
-             nodes: Ints, d_phi: Floats, d_xi: Floats, d_area: Floats, out: Floats) -> None:
+             at: Ints, d_phi: Floats, d_xi: Floats, d_area: Floats, out: Floats) -> None:
     """Add the derivative of A N_j (lambda_j + p_N) by coordinate k of node i to out[i, j, 2 + k] [N/m].
 
     x : (6, 2) [m].  n : (2, 2) [1].  points : (n_p, >= 4) xi, eta [1], gap [m], area [m2].
-    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].  doing : (n_p,) state [1].  multipliers : (n_s,) [Pa].  nodes : (6,).
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].  doing : (n_p,) state [1].  multipliers : (n_q,) [Pa].  at : (4,) pair nodes.
     d_phi : (2, 12) [1/m].  d_xi : (12,) [1/m].  d_area : (12,) [m].  out : (6, 4, 5) [m2, N/m, m2].
     """
     xi, eta, g, area = points[q, 0], points[q, 1], points[q, 2], points[q, 3]
@@ -162,7 +162,7 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
         dp = -d_xi[j] * slope - c[q, EPS_N] * dg if int(doing[q]) > OPEN else 0.0
         d_shape = (-d_xi[j], d_xi[j], -deta, deta)
         for k in range(4):
-            whole = multipliers[nodes[ENDS[k]]] + p
+            whole = multipliers[at[k]] + p
             # fault: multipliers moved by a place, but not with their area -> out[i, k, 2 + j % 2] += (0.0 * shape[k] +
             #   area * d_shape[k]) * whole + area * shape[k] * dp | contact/test_coupling
             out[i, k, 2 + j % 2] += (d_area[j] * shape[k] + area * d_shape[k]) * whole + area * shape[k] * dp

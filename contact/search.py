@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.messages import Facing, Floats, Ints
+from contact.pair_nodes import pair_nodes_at
 from contact.surfaces import (
     END_TOLERANCE,
     FACING_COS,
@@ -368,14 +368,16 @@ class Cut:
     """All contact quadrature points of a scene, in one table, and what was computed on the way.
 
     number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
+    at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.
     values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
-    normal : (n_edges, 3, 2) [1] as from contact.surfaces.  node_gap : (n_s,) [m] and node_covered : (n_s,) [1] as in
+    normal : (n_edges, 3, 2) [1] as from contact.surfaces.  node_gap : (n_q,) [m] and node_covered : (n_q,) [1] as in
     Facing.
     The two points of a piece are neighbours.
     """
 
     number: Ints
     met: Ints
+    at: Ints
     values: Floats
     normal: Floats
     node_gap: Floats
@@ -400,8 +402,8 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats) -> Cut:
     x = checked_reals("x", x, (r.n_nodes, 2))
     length, normal = edge_frames(x, r.edges, surfaces.previous, surfaces.following)
     _check_geometry(surfaces, x, length)
-    passes = surfaces.passes
-    node_gap = np.full(r.n_nodes, passes.gap_max.max(initial=0.0))
+    passes, of = surfaces.passes, surfaces.pair_nodes
+    node_gap = np.full(of.size, np.inf)
     tables = [_pass(surfaces, x, length, normal, i, node_gap) for i in range(passes.slave.size)]
     counts = [len(values) for _, values in tables]
     number = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
@@ -410,13 +412,15 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats) -> Cut:
     else:
         met = np.concatenate([np.empty((0, 2), dtype=np.int32), *(m for m, _ in tables)])
         values = np.concatenate([np.empty((0, 5)), *(v for _, v in tables)])
-    covered = covered_fractions(x, r.edges, length, surfaces.in_pair, r.axisymmetric, met, values)
-    return Cut(number, met, values, normal, node_gap, covered)
+    at = pair_nodes_at(number, met, of.first, of.place)
+    covered = covered_fractions(x, r.edges, length, of.sides, surfaces.start, of.place, r.axisymmetric, at, values,
+                                of.size)
+    return Cut(number, met, at, values, normal, node_gap, covered)
 
 
 def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, i: int,
           node_gap: Floats) -> tuple[Ints, Floats]:
-    """Search pass i; return (n, 2) edges and (n, 5) values, and lower node_gap : (n_s,) [m] where the pass's is less.
+    """Search pass i; return (n, 2) edges and (n, 5) values, and lower node_gap : (n_q,) [m] where the pass's is less.
     """
     r, p, start = surfaces.register, surfaces.passes, surfaces.start
     slave, master = p.slave[i], p.master[i]
@@ -431,7 +435,8 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
         n = face_pass(x, r.edges, length, normal, first, last, masters, float(p.gap_max[i]), float(depth[i]),
                       r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
-            np.minimum(node_gap, near, out=node_gap)
+            of = surfaces.pair_nodes
+            lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], float(p.gap_max[i]))
             if p.weight[i] != 1.0:
                 values[:n, 3:] *= p.weight[i]
             return met[:n], values[:n]
@@ -448,29 +453,42 @@ def _check_geometry(surfaces: RegisteredSurfaces, x: Floats, length: Floats) -> 
 
 
 @kernel
-def covered_fractions(x: Floats, edges: Ints, length: Floats, in_pair: NDArray[np.bool_], axisymmetric: bool,
-                      met: Ints, values: Floats) -> Floats:
-    """Return (n_s,) the part in [0, 1] of each node's surface, by its shape functions, that faces something.
+def lower_gaps(node_gap: Floats, near: Floats, node: Ints, first: Ints, last: Ints, gap_max: float) -> None:
+    """Lower node_gap : (n_q,) [m] of a pass's sides to the gaps its nodes have, near : (n_s,) [m], and to gap_max [m].
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  in_pair : (n_edges,).  met : (n_p, 2).
+    node : (n_q,) index s.  first, last : (2,) pair nodes of the slave's and of the master's side.
+    """
+    for side in range(2):
+        for q in range(first[side], last[side]):
+            node_gap[q] = min(node_gap[q], near[node[q]], gap_max)
+
+
+@kernel
+def covered_fractions(x: Floats, edges: Ints, length: Floats, sides: Ints, start: Ints, place: Ints, axisymmetric: bool,
+                      at: Ints, values: Floats, n_q: int) -> Floats:
+    """Return (n_q,) the part in [0, 1] of each pair node's side, by its shape function, that faces the other side.
+
+    x : (n_s, 2) [m].  edges, place : (n_edges, 2).  length : (n_edges,) [m].  sides : (n_sides, 2) surface and first
+    pair node.  start : (n_surfaces + 1,) first edges.  at : (n_p, 4) pair nodes.
     values : (n_p, 5), xi_s, xi_m [1], gap [m], area, area_m [m2].
     """
-    whole, faced = np.zeros(x.shape[0]), np.zeros(x.shape[0])
-    for e in range(edges.shape[0]):
-        if in_pair[e]:
+    whole, faced = np.zeros(n_q), np.zeros(n_q)
+    for k in range(sides.shape[0]):
+        surface, first = sides[k, 0], sides[k, 1]
+        for e in range(start[surface], start[surface + 1]):
             a, b = edges[e, 0], edges[e, 1]
             r_a = 2.0 * np.pi * max(x[a, 0], 0.0) if axisymmetric else 1.0
             r_b = 2.0 * np.pi * max(x[b, 0], 0.0) if axisymmetric else 1.0
-            whole[a] += length[e] * (2.0 * r_a + r_b) / 6.0
-            whole[b] += length[e] * (r_a + 2.0 * r_b) / 6.0
-    for i in range(met.shape[0]):
+            whole[first + place[e, 0]] += length[e] * (2.0 * r_a + r_b) / 6.0
+            whole[first + place[e, 1]] += length[e] * (r_a + 2.0 * r_b) / 6.0
+    for i in range(at.shape[0]):
         for side in range(2):
-            a, b = edges[met[i, side], 0], edges[met[i, side], 1]
+            a, b = at[i, 2 * side], at[i, 2 * side + 1]
             # fault: covered share by the other node's shape function -> faced[a] += values[i, side] * values[i, 3 +
             #   side] | contact/test_facing
             faced[a] += (1.0 - values[i, side]) * values[i, 3 + side]
             faced[b] += values[i, side] * values[i, 3 + side]
-    for s in range(x.shape[0]):
+    for q in range(n_q):
         # Surfaces that fold over each other are met twice: more than all is all.
-        faced[s] = min(faced[s] / whole[s], 1.0) if whole[s] > 0.0 else 0.0
+        faced[q] = min(faced[q] / whole[q], 1.0) if whole[q] > 0.0 else 0.0
     return faced

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from contact.compiled import kernel
 from contact.messages import Floats, Ints, Passes, Register
+from contact.pair_nodes import PairLayout, pair_layout_of
 
 LIMIT = 1e100  # [m, Pa]: no number beyond this is meant; products of smaller ones do not overflow
 
@@ -26,7 +27,7 @@ class RegisteredSurfaces:
     start : (n_surfaces + 1,) the edges of surface k are start[k]..start[k+1]-1.
     chain : (n_edges,) edge numbers, surface by surface, in the order in which one walks along the surface.
     previous, following : (n_edges,) neighbour within the surface at the edge's first, second node; -1: none.
-    in_pair : (n_edges,) does the edge belong to a surface of any pair?  on_slave : (n_s,) is the node on a slave?
+    pair_nodes : as numbered by contact.pair_nodes.
     """
 
     register: Register
@@ -36,8 +37,7 @@ class RegisteredSurfaces:
     chain: Ints
     previous: Ints
     following: Ints
-    in_pair: NDArray[np.bool_]
-    on_slave: NDArray[np.bool_]
+    pair_nodes: PairLayout
 
 
 def surfaces_of(message: Register) -> RegisteredSurfaces:
@@ -49,10 +49,7 @@ def surfaces_of(message: Register) -> RegisteredSurfaces:
     _check_passes(p, n_surfaces)
     previous, following = _neighbours(r)
     start = np.searchsorted(r.edge_surface, np.arange(n_surfaces + 1)).astype(np.int32)
-    in_pair = np.isin(r.edge_surface, np.concatenate([p.slave, p.master]))
-    on_slave = np.zeros(r.n_nodes, dtype=bool)
-    on_slave[r.edges[np.isin(r.edge_surface, p.slave)]] = True
-    return RegisteredSurfaces(r, p, _key(r), start, _chain(previous, following), previous, following, in_pair, on_slave)
+    return RegisteredSurfaces(r, p, _key(r), start, _chain(previous, following), previous, following, pair_layout_of(r))
 
 
 def _canonical(m: Register) -> Register:

@@ -21,11 +21,9 @@ class MeshContact(ContactSurfaces):
     """The contact surfaces of a scene, and their forces and stiffness on the mesh."""
 
     def on_slaves(self, pairs: Collection[str]) -> NDArray[np.bool_]:
-        """Say, (n_s,), whether a surface node is on a slave side of these pairs."""
-        sides = [side for pair in self.interface.pairs if pair.name in pairs
-                 for side in ((pair.slave, pair.master) if pair.two_pass else (pair.slave,))]
-        nodes = [self.interface.surfaces[side].ravel() for side in sides]
-        return np.isin(self.interface.contact_nodes, np.concatenate([np.empty(0, np.int32), *nodes]))
+        """Say, (n_q,), whether a pair node is of one of these pairs, on a side that is searched from."""
+        of = np.array([pair.name in pairs for pair in self.interface.pairs], dtype=np.bool_)
+        return (self.pair_nodes.searched == 1) & of[self.pair_nodes.pair]
 
     @cached_property
     def slips(self) -> bool:
@@ -63,22 +61,22 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
     return bsr_matrix((tractions.blocks, tractions.columns, tractions.starts), shape=(size, size))
 
 
-def contact_variables(n_s: int, slips: bool = False) -> tuple[Variable, ...]:
-    """List the contact outputs of both mechanical halves; n_s : surface nodes, slips : whether a pair has friction."""
-    variables = [Variable("contact.t_N", (n_s,), unit="Pa", description="normal traction, <= 0", on="contact_nodes"),
-                 Variable("contact.gap", (n_s,), unit="m", description="normal gap", on="contact_nodes"),
-                 Variable("contact.covered", (n_s,), unit="1", description="share of a node's surface that is faced",
-                          on="contact_nodes"),
+def contact_variables(n_q: int, slips: bool = False) -> tuple[Variable, ...]:
+    """List the contact outputs of both mechanical halves; n_q : pair nodes, slips : whether a pair has friction."""
+    variables = [Variable("contact.t_N", (n_q,), unit="Pa", description="normal traction, <= 0", on="pair_nodes"),
+                 Variable("contact.gap", (n_q,), unit="m", description="normal gap", on="pair_nodes"),
+                 Variable("contact.covered", (n_q,), unit="1", description="share of a node's side that is faced",
+                          on="pair_nodes"),
                  Variable("contact.touching", description="facing points that touch")]
     if slips:
-        variables += [Variable("contact.t_T", (n_s,), unit="Pa", description="shear traction of slave nodes",
-                               on="contact_nodes"),
-                      Variable("contact.E_friction", (n_s,), unit="J", description="friction heat of the substep",
-                               on="contact_nodes"),
+        variables += [Variable("contact.t_T", (n_q,), unit="Pa", description="shear traction of slave nodes",
+                               on="pair_nodes"),
+                      Variable("contact.E_friction", (n_q,), unit="J", description="friction heat of the substep",
+                               on="pair_nodes"),
                       Variable("contact.slipping", description="facing points that slip"),
-                      Variable("contact.slip_share", (n_s,), unit="1",
+                      Variable("contact.slip_share", (n_q,), unit="1",
                                description="of what a slave node touches, the share at Coulomb's bound",
-                               on="contact_nodes")]
+                               on="pair_nodes")]
     return tuple(variables)
 
 

@@ -99,7 +99,7 @@ def makes_heat(system: System) -> bool:
 def elastic_variables(system: System) -> tuple[Variable, ...]:
     """List the inputs and outputs of the half; what the scene cannot make is not among them."""
     interface, spec = system.interface, system.spec
-    n, n_s, n_cells = mesh_nodes(system), interface.contact_nodes.size, system.volume.n_cells
+    n, n_q, n_cells = mesh_nodes(system), interface.pair_nodes.size, system.volume.n_cells
     T_ref = np.array([m.T_ref for m in spec.materials])[spec.body_material]
     # A node outside every cell (body -1) takes the last body's; nothing depends on it.
     inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end",
@@ -135,7 +135,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
                     for b in system.rigid.body]
-    return (*inputs, *outputs, *(contact_variables(n_s, system.contact.slips) if n_s else ()))
+    return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips) if n_q else ()))
 
 
 def mesh_nodes(system: System) -> int:

@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 class ContactQuery:
     """Contact tractions at x : (n_nodes, 2) [m], from what contact remembers.  Raises ContactRefusedError.
 
-    multipliers : (n_s,) [Pa] of the moment; those of the history are of the start of the step.
+    multipliers : (n_q,) [Pa] of the moment; those of the history are of the start of the step.
     """
 
     contact: MeshContact
@@ -66,7 +66,7 @@ class ContactQuery:
         return self.contact.couplings(self.link, x, self.history, self.multipliers)
 
     def with_multipliers(self, multipliers: Floats) -> ContactQuery:
-        """Replace the multipliers of contact; multipliers : (n_s,) [Pa]."""
+        """Replace the multipliers of contact; multipliers : (n_q,) [Pa]."""
         return replace(self, multipliers=multipliers)
 
 
@@ -78,17 +78,15 @@ def contact_query(system: System, link: Link, history: History) -> Callable[[Flo
 def unsettled(system: System, change: Floats, largest: float) -> tuple[str, str]:
     """Say by how much pressures still change, and where most.
 
-    change : (n_s,) [Pa], of pressures up to largest [Pa].
+    change : (n_q,) [Pa], of pressures up to largest [Pa].
     """
     # fault: a node that does not settle misnamed -> worst = int(np.argmin(np.abs(change))) |
     #   mechanical_fmu/test_semi_smooth
     worst = int(np.argmax(np.abs(change)))
-    node = int(system.interface.contact_nodes[worst])
-    names = [pair.name for pair in system.interface.pairs
-             if pair.name in system.spec.augmented and system.contact.on_slaves([pair.name])[worst]]
+    node, pair = int(system.interface.pair_nodes[worst]), system.contact.pair_nodes.pair[worst]
     x, y = system.interface.nodes[node]
     return (f"still change by {abs(change[worst]):.3g} Pa (of at most {largest:.3g})",
-            f"pair {' and '.join(names)}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")
+            f"pair {system.interface.pairs[pair].name}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")
 
 
 def contact_history(system: System, balance: ForceBalance, before: History) -> History:
@@ -173,7 +171,7 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
 class MultiplierEquations:
     """Contact's answer to its multipliers, in units of eps : [Pa/m], so that all of it is of order 1.
 
-    at : (k,) surface nodes whose multipliers are unknown here.  B : (2 n, k), free components only, reduced to
+    at : (k,) pair nodes whose multipliers are unknown here.  B : (2 n, k), free components only, reduced to
     reference rows; C : (k, 2 n), D : (k, k) and R : (k,) [m], each row divided by W eps.
     """
 
@@ -187,7 +185,7 @@ class MultiplierEquations:
 
 @dataclass(frozen=True)
 class Direction:
-    """d : (2 n,) [m].  multipliers : (n_s,) [Pa], the new ones.  pull : (n, 2) [N], B times their change."""
+    """d : (2 n,) [m].  multipliers : (n_q,) [Pa], the new ones.  pull : (n, 2) [N], B times their change."""
 
     d: Floats
     multipliers: Floats
@@ -244,7 +242,7 @@ def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floa
     """Solve for the change of displacements and multipliers.
 
     gap : (n_fixed,) [m] still to go to the prescribed displacements.  anchor : whose factor to use, None for a fresh
-    tangent.  augmented : (n_s,) whether a surface node is on a slave side of an augmented pair.
+    tangent.  augmented : (n_q,) whether a pair node is on a slave side of an augmented pair.
     Raises SingularMatrixError, ContactRefusedError.
     """
     query = _query(loading)
@@ -261,23 +259,25 @@ def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floa
 
 def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
               augmented: NDArray[np.bool_]) -> MultiplierEquations:
-    """Assemble what the multipliers of augmented : (n_s,) nodes do at balance.u.  Raises ContactRefusedError."""
+    """Assemble what the multipliers of augmented : (n_q,) nodes do at balance.u.  Raises ContactRefusedError."""
     c = query.couplings(system.interface.nodes + balance.u)
     wanted = augmented & (c.weight > 0.0)
-    ends = c.nodes[:, ENDS]
-    at = np.intersect1d(np.flatnonzero(wanted), ends)
+    at = np.intersect1d(np.flatnonzero(wanted), c.ends)
     place = np.full(wanted.size, -1)
     place[at] = np.arange(at.size)
     eps = max(pair.eps_N for pair in system.interface.pairs)
     n, k, weight = 2 * len(balance.u), at.size, c.weight[at]
     row = np.broadcast_to(c.nodes[:, :, None], c.values.shape[:3])
-    column = np.broadcast_to(place[ends][:, None, :], c.values.shape[:3])
+    column = np.broadcast_to(place[c.ends][:, None, :], c.values.shape[:3])
+    equation = np.full(c.nodes.shape, -1)
+    equation[:, ENDS] = place[c.ends]
+    equation = np.broadcast_to(equation[:, :, None], c.values.shape[:3])
     use = column >= 0
     j, dofs = column[use], system.contact.dofs.reshape(-1, 2)[row[use]]
     both, twice = dofs.ravel(), np.repeat(j, 2)
     B = csr_matrix(coo_matrix((eps * c.values[..., :2][use].ravel(), (both, twice)), shape=(n, k)))
     C = csr_matrix(coo_matrix((c.values[..., 2:4][use].ravel() / (eps * weight[twice]), (twice, both)), shape=(k, n)))
-    D, i = np.eye(k), place[row[use]]
+    D, i = np.eye(k), equation[use]
     inside = i >= 0
     np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
     # fault: multipliers of a rigid body's nodes not gathered -> if False: | mechanical_fmu/test_semi_smooth
@@ -348,7 +348,7 @@ def _touched(balance: ForceBalance) -> tuple[int, int]:
 
 
 def _change(balance: ForceBalance, query: ContactQuery, augmented: NDArray[np.bool_]) -> tuple[Floats, float]:
-    """t_N - lambda : (n_s,) [Pa] of augmented slaves, and the largest pressure of both [Pa], not 0."""
+    """t_N - lambda : (n_q,) [Pa] of augmented slaves, and the largest pressure of both [Pa], not 0."""
     assert balance.tractions is not None
     t_N = np.where(augmented, balance.tractions.multipliers, 0.0)
     before = np.where(augmented, query.multipliers, 0.0)

@@ -48,10 +48,10 @@ class RigidHalf:
 
     def __init__(self, interface: Interface, spec: RigidSpec) -> None:
         self.interface, self.spec, self.contact = interface, spec, ContactSurfaces(interface)
-        n_s = interface.contact_nodes.size
+        n_q = interface.pair_nodes.size
         x = Variable("x", (len(interface.nodes), 2), unit="m", start=interface.nodes, description="current coordinates",
                      on="nodes")
-        self.variables = (x, *(contact_variables(n_s) if n_s else ()))
+        self.variables = (x, *(contact_variables(n_q) if n_q else ()))
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[RigidState, Mapping[str, Value]]:
         """Compute the positions at t, after a jump there.  Raises ContactRefusedError."""
@@ -70,18 +70,16 @@ class RigidHalf:
         if not self.interface.pairs:
             return {"x": x}
         facing = self.contact.facing(link, x)
-        t_N, touching = np.zeros(self.interface.contact_nodes.size), 0
-        for i, (pair, pressure) in enumerate(zip(self.interface.pairs, self.spec.pressure, strict=True)):
+        t_N, touching = np.zeros(self.interface.pair_nodes.size), 0
+        for i, pressure in enumerate(self.spec.pressure):
             met = facing.gap[facing.pair == i]
             p = 0.0 if pressure is None else pressure.at(t, side)
             # fault: rigid pressure without touching -> if p > 0.0 and met.size: | mechanical_fmu/test_rigid
             if p > 0.0 and met.size and met.min() <= TOUCH:
                 # On the whole surfaces: a facing point takes it from its edge's nodes, some of which face nothing.
-                # fault: rigid pressure on the slave only -> nodes = np.concatenate([self.interface.surfaces[n].ravel()
-                #   for n in (pair.slave,)]) | mechanical_fmu/test_rigid
-                nodes = np.concatenate([self.interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
-                s = np.searchsorted(self.interface.contact_nodes, nodes)
-                t_N[s] = np.minimum(t_N[s], -p)
+                # fault: rigid pressure on the slave only -> t_N[(self.contact.pair_nodes.pair == i) &
+                #   (self.contact.pair_nodes.searched == 1)] = -p | mechanical_fmu/test_rigid
+                t_N[self.contact.pair_nodes.pair == i] = -p
                 touching += met.size
         return {"x": x, "contact.t_N": t_N, "contact.gap": facing.node_gap, "contact.covered": facing.node_covered,
                 "contact.touching": float(touching)}
@@ -296,11 +294,10 @@ class MechanicalRod:
         if not self.interface.pairs:
             return {}
         facing = self.contact.facing(link, x)
-        t_N, touching = np.zeros(self.interface.contact_nodes.size), 0
-        for i, (pair, p) in enumerate(zip(self.interface.pairs, pressures, strict=True)):
+        t_N, touching = np.zeros(self.interface.pair_nodes.size), 0
+        for i, p in enumerate(pressures):
             if p > 0.0:
-                nodes = np.concatenate([self.interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
-                t_N[np.searchsorted(self.interface.contact_nodes, nodes)] = -p
+                t_N[self.contact.pair_nodes.pair == i] = -p
                 touching += int((facing.pair == i).sum())
         return {"contact.t_N": t_N, "contact.gap": facing.node_gap, "contact.covered": facing.node_covered,
                 "contact.touching": float(touching)}
@@ -346,14 +343,14 @@ def _compliance(material: RodMaterial, T: Floats) -> Floats:
 
 def _variables(half: MechanicalRod, melts: bool) -> tuple[Variable, ...]:
     interface = half.interface
-    n, n_s = len(interface.nodes), interface.contact_nodes.size
+    n, n_q = len(interface.nodes), interface.pair_nodes.size
     f_s = Variable("f_s", (n,), "input", "1", 1.0, description="solid fraction at the end", on="nodes")
     phase = (f_s,) if melts else ()
     own = tuple(Variable(f"p.{body.name}", unit="Pa", description="pressure of a rod held at both ends, > 0 pressed")
                 for body in half.spec.bodies if body.left is not None and body.right is not None)
     return (Variable("T", (n,), "input", "K", 293.15, description="temperature at the end", on="nodes"), *phase,
             Variable("x", (n, 2), unit="m", start=interface.nodes, description="current coordinates", on="nodes"),
-            *own, *(contact_variables(n_s) if n_s else ()))
+            *own, *(contact_variables(n_q) if n_q else ()))
 
 
 def load_rod(interface: Interface, model: Mapping[str, Any]) -> MechanicalRod:

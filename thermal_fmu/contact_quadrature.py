@@ -69,16 +69,12 @@ def edge_slots(pattern: Pattern, edges: Ints) -> NDArray[np.int64]:
     return slots
 
 
-# A corner node of several pairs has one pressure: it is that of the pairs whose gap there is the least, up to this part
-# of the pair's gap_max.
-GAP_TOLERANCE = 1e-4
-
-
 @dataclass(frozen=True)
 class ContactPoints:
     """Contact quadrature points with the pressure between them.
 
-    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  N_s, N_m : (n_p, 2) shape functions [1].
+    nodes : (n_p, 4) nodes of the mesh, slave edge's two, master edge's two.  searched : (n_p, 2) pair nodes of the edge
+    the point was searched from.  N_s, N_m : (n_p, 2) shape functions [1].
     gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange where
     closed, measured on the side searched from; open_area : (n_p,) [m2] that of the gas between the two sides.
     area_s, area_m : (n_p,) [m2] the piece as either side measures it, spread over its points so that shape functions
@@ -89,6 +85,7 @@ class ContactPoints:
     """
 
     nodes: Ints
+    searched: Ints
     N_s: Floats
     N_m: Floats
     gap: Floats
@@ -106,54 +103,32 @@ class ContactPoints:
 
     @property
     def searched_from(self) -> tuple[Ints, Floats]:
-        """Nodes (n_p, 2) and shape functions (n_p, 2) of the side each point was searched from."""
+        """Pair nodes (n_p, 2) and shape functions (n_p, 2) of the side each point was searched from."""
         if self.from_master is None:
-            return self.nodes[:, :2], self.N_s
-        other = self.from_master[:, None]
-        return np.where(other, self.nodes[:, 2:], self.nodes[:, :2]), np.where(other, self.N_m, self.N_s)
+            return self.searched, self.N_s
+        return self.searched, np.where(self.from_master[:, None], self.N_m, self.N_s)
 
 
 def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Floats) -> ContactPoints:
     """Give each contact quadrature point its pressure and its areas.
 
-    t_N : (n_s,) nodal tractions [Pa], <= 0, linear along the edge searched from.  x : (n_nodes, 2) [m], where facing
-    was found.  A positive gap under pressure is read as no gap (touching means p_N > 0).
+    t_N : (n_q,) nodal tractions [Pa] of the pairs, <= 0, linear along the edge searched from.  x : (n_nodes, 2) [m],
+    where facing was found.  A positive gap under pressure is read as no gap (touching means p_N > 0).
     """
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
-    slave = surfaces.message.edges[facing.slave_edge]
-    pressure = _is_own_pressure(surfaces, facing, slave) * np.maximum(-t_N[slave], 0.0)
-    p = (N_s * pressure).sum(axis=1)
+    searched = surfaces.searched_nodes(facing)
+    p = (N_s * np.maximum(-t_N[searched], 0.0)).sum(axis=1)
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
     mean, end = gap_areas(surfaces.interface, surfaces.edges, facing, x)
     apart = gap > 0.0
-    points = ContactPoints(nodes, N_s, N_m, gap, p, facing.area, np.where(apart, mean, facing.area), facing.area,
-                           facing.area_m, facing.area, np.where(apart, end, facing.area), facing.pair,
+    points = ContactPoints(nodes, searched, N_s, N_m, gap, p, facing.area, np.where(apart, mean, facing.area),
+                           facing.area, facing.area_m, facing.area, np.where(apart, end, facing.area), facing.pair,
                            facing.slave_edge, facing.master_edge)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _by_pair_sides(points, exchanged)
-
-
-def _is_own_pressure(surfaces: ContactSurfaces, facing: Facing, slave: Ints) -> NDArray[np.bool_] | bool:
-    """Return (n_p, 2) whether the pressure of a slave node is (also) that of the point's own pair.
-
-    slave : (n_p, 2) nodes s.  A casting that rests on its corner touches below and not beside it; the corner's pressure
-    must not close both.
-    """
-    pairs = surfaces.interface.pairs
-    # fault: a corner's pressure closes every pair it belongs to -> if len(pairs) > 0: |
-    #   thermal_fmu/test_thermal_contact
-    if len(pairs) == 1:
-        return True
-    n = len(surfaces.interface.contact_nodes)
-    of_pair = facing.pair.astype(np.intp)[:, None] * n + slave
-    gap = np.full(len(pairs) * n, np.inf)
-    np.minimum.at(gap, of_pair, np.maximum(facing.gap, 0.0)[:, None])
-    least = gap.reshape(len(pairs), n).min(axis=0)
-    beside = GAP_TOLERANCE * np.array([pair.gap_max for pair in pairs])
-    return np.asarray(gap[of_pair] <= least[slave] + beside[facing.pair][:, None])
 
 
 def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_] | None:

@@ -42,12 +42,12 @@ Floats = NDArray[np.float64]
 
 def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
     """List the variables of a thermal half, but for those that only one kind of half has."""
-    n, n_s = len(interface.nodes), len(interface.contact_nodes)
+    n, n_q = len(interface.nodes), len(interface.pair_nodes)
     n_cells = len(interface.quads) + len(interface.triangles)
-    surface = (Variable("contact.t_N", (n_s,), "input", "Pa", 0.0,
-                        description="normal traction at surface nodes, <= 0", on="contact_nodes"),
-               Variable("contact.E_friction", (n_s,), "input", "J", 0.0,
-                        description="friction heat of the substep at surface nodes", on="contact_nodes")) if n_s else ()
+    surface = (Variable("contact.t_N", (n_q,), "input", "Pa", 0.0,
+                        description="normal traction at pair nodes, <= 0", on="pair_nodes"),
+               Variable("contact.E_friction", (n_q,), "input", "J", 0.0,
+                        description="friction heat of the substep at pair nodes", on="pair_nodes")) if n_q else ()
     return (
         Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep", on="nodes"),
         *surface,

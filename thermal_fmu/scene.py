@@ -30,7 +30,6 @@ from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, 
 from thermal_fmu.surface_terms import (
     ConductionGroup,
     FrictionHeat,
-    FrictionNodes,
     FrozenFilm,
     FrozenRadiator,
     RadiationGroup,
@@ -39,7 +38,6 @@ from thermal_fmu.surface_terms import (
     conduction_groups,
     freeze_film,
     freeze_radiator,
-    friction_nodes,
     friction_power,
     radiation_groups,
     slave_fraction,
@@ -85,11 +83,6 @@ class ThermalScene:
     def owners(self) -> NDArray[np.int32]:
         """(n_fixed,) which prescribed temperature each fixed node belongs to."""
         return owners(self.fixed, [b.nodes for b in self.model.prescribed])
-
-    @cached_property
-    def friction_nodes(self) -> FrictionNodes:
-        """Where friction heat comes from."""
-        return friction_nodes(self.interface)
 
     @cached_property
     def fixed_entries(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
@@ -196,17 +189,15 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
 
 def with_friction(substep: SubstepData, scene: ThermalScene, points: ContactPoints, E: Floats, at: NodalFields,
                   h: float) -> SubstepData:
-    """Add the friction heat E : (n_s,) [J] at surface nodes, spread evenly over the substep h [s].
+    """Add the friction heat E : (n_q,) [J] at pair nodes, spread evenly over the substep h [s].
 
     at : temperatures at its start, from which the effusivities of both sides are taken.
     """
     if not E.any():
         return substep
     model, interface = scene.model, scene.interface
-    whole = np.zeros(scene.volume.n)
-    whole[interface.contact_nodes] = E
     fraction = slave_fraction(points, model.pairs, model.bodies, interface.node_body, at)
-    return replace(substep, friction=friction_power(points, fraction, whole, scene.friction_nodes, h))
+    return replace(substep, friction=friction_power(points, fraction, E, interface, h))
 
 
 def _mechanical(volume: CellMesh, shapes: Sequence[CellGeometry], E_M: Floats) -> Floats:

@@ -288,39 +288,13 @@ class FrictionHeat:
     pairs: Floats
 
 
-@dataclass(frozen=True)
-class FrictionNodes:
-    """Where friction heat comes from.
-
-    is_slave : (n,) nodes of slave surfaces.  pair : (n,) the first pair with the node on its slave, else on its master.
-    n_pairs : of the scene.
-    """
-
-    is_slave: NDArray[np.bool_]
-    pair: NDArray[np.int32]
-    n_pairs: int
-
-
-def friction_nodes(interface: Interface) -> FrictionNodes:
-    """Find what pair each node of a contact surface belongs to."""
-    is_slave = np.zeros(len(interface.nodes), dtype=np.bool_)
-    pair = np.zeros(len(interface.nodes), dtype=np.int32)
-    for side in ("master", "slave"):
-        for number in reversed(range(len(interface.pairs))):
-            at = interface.surfaces[getattr(interface.pairs[number], side)]
-            pair[at] = number
-            is_slave[at] |= side == "slave"
-    return FrictionNodes(is_slave, pair, len(interface.pairs))
-
-
-def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, at: FrictionNodes,
+def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, interface: Interface,
                    h: float) -> FrictionHeat:
-    """Turn friction energies E : (n,) [J] of nodes into power over a substep h [s].
+    """Turn friction energies E : (n_q,) [J] of pair nodes into power over a substep h [s].
 
-    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.  at : whose nodes are slaves, of what pair.
+    slave_fraction : (n_p,) [1] of each point's energy that the slave takes.
     A node's energy goes to the contact quadrature points searched from it by N A, from there by N_s to the slave's
-    nodes
-    and by N_m to the master's.  A node that faces nothing keeps its energy.
+    nodes and by N_m to the master's.  A node that faces nothing keeps its energy.
     """
     with_friction, N = points.searched_from
     # fault: friction heat spread without areas -> weight = N | thermal_fmu/test_thermal_friction
@@ -332,12 +306,15 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, at:
     # fault: joules of nodes that face nothing lost -> unshared = np.where(faces, 0.0, 0.0 * E) |
     #   thermal_fmu/test_thermal_friction
     unshared = np.where(faces, 0.0, E)
-    to_slave = at_nodes(points.nodes[:, :2], (slave_fraction * Q)[:, None] * points.N_s, E.size)
-    to_master = at_nodes(points.nodes[:, 2:], ((1.0 - slave_fraction) * Q)[:, None] * points.N_m, E.size)
-    slave, master = to_slave + np.where(at.is_slave, unshared, 0.0), to_master + np.where(at.is_slave, 0.0, unshared)
-    pairs = np.stack([np.bincount(points.pair, part * Q, at.n_pairs)
+    n = len(interface.nodes)
+    slave = at_nodes(points.nodes[:, :2], (slave_fraction * Q)[:, None] * points.N_s, n)
+    master = at_nodes(points.nodes[:, 2:], ((1.0 - slave_fraction) * Q)[:, None] * points.N_m, n)
+    numbers = {pair.name: k for k, pair in enumerate(interface.pairs)}
+    pairs = np.stack([np.bincount(points.pair, part * Q, len(numbers))
                       for part in (slave_fraction, 1.0 - slave_fraction)], axis=1)
-    np.add.at(pairs, (at.pair, np.where(at.is_slave, 0, 1)), unshared)
+    for side in interface.pair_sides:
+        (slave if side.own else master)[side.nodes] += unshared[side.at]
+        pairs[numbers[side.pair], 0 if side.own else 1] += unshared[side.at].sum()
     # fault: friction energy as power -> return FrictionHeat(slave, master, pairs) | thermal_fmu/test_thermal_friction
     return FrictionHeat(slave / h, master / h, pairs / h)
 

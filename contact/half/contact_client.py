@@ -25,6 +25,7 @@ from contact.messages import (
     Traction,
     Tractions,
 )
+from contact.pair_nodes import PairLayout, pair_layout_of
 
 
 class ContactRefusedError(ArithmeticError):
@@ -35,8 +36,8 @@ class ContactRefusedError(ArithmeticError):
 class History:
     """The history of contact, which the mechanical state holds.
 
-    multipliers : (n_s,) [Pa].  x : (n_s, 2) [m], where the surfaces were then.  mobilised : (n_s,) [1], shear over p_N
-    of slave nodes.
+    multipliers : (n_q,) [Pa] of the pair nodes.  x : (n_s, 2) [m], where the surfaces were then.  mobilised : (n_q,)
+    [1], shear over p_N of slave nodes.
     """
 
     multipliers: Floats
@@ -66,6 +67,19 @@ class ContactSurfaces:
         return self.interface.contact_nodes[self.message.edges].reshape(-1, 2)
 
     @cached_property
+    def pair_nodes(self) -> PairLayout:
+        """The pair nodes, as the service numbers them too."""
+        return pair_layout_of(self.message)
+
+    def searched_nodes(self, facing: Facing) -> Ints:
+        """Return (n_p, 2) the pair nodes of the edge that each contact quadrature point was searched from."""
+        of, p = self.pair_nodes, self.message.passes
+        begin = np.zeros((len(self.interface.pairs), len(self.first)), dtype=np.int32)
+        begin[p.pair, p.slave] = of.first[:, 0]
+        surface = self.message.edge_surface[facing.slave_edge]
+        return begin[facing.pair, surface][:, None] + of.place[facing.slave_edge]
+
+    @cached_property
     def first(self) -> dict[str, int]:
         """Number of the first edge of each surface, by name."""
         return {name: int(np.searchsorted(self.message.edge_surface, i))
@@ -85,7 +99,7 @@ class ContactSurfaces:
     def tractions(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Tractions:
         """Ask for the contact forces at x : (n_nodes, 2) [m].
 
-        multipliers : (n_s,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        multipliers : (n_q,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Traction(name, at, of_now, history.x, history.multipliers,
@@ -97,7 +111,7 @@ class ContactSurfaces:
     def couplings(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Couplings:
         """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].
 
-        multipliers : (n_s,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        multipliers : (n_q,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Coupling(name, at, of_now, history.x, history.multipliers,
@@ -108,7 +122,7 @@ class ContactSurfaces:
 
     def no_history(self, x: Floats) -> History:
         """Return the history before anything pressed or slipped, with the surfaces at x : (n_nodes, 2) [m]."""
-        zeros = np.zeros(self.interface.contact_nodes.size)
+        zeros = np.zeros(self.interface.pair_nodes.size)
         return History(zeros, self._at_surfaces(x), zeros)
 
     def _at_surfaces(self, x: Floats) -> Floats:

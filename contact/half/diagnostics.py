@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from contact.half.interface import Interface, Pair, register_message, search_depth
+from contact.half.interface import Interface, Pair, PairSide, register_message, search_depth
 from contact.messages import Facing, Floats
 from contact.search import SELF_CONTACT_DEPTH, project
 from contact.surfaces import surfaces_of
@@ -123,7 +123,7 @@ MAX_DEPTH = 0.5  # of the longest edge
 class ContactSample:
     """Contact at the end of a window.
 
-    x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa] and covered : (n_s,) [1], the part that faces something, of surface nodes.
+    x : (n_nodes, 2) [m].  t_N : (n_q,) [Pa] and covered : (n_q,) [1], the part that faces something, of pair nodes.
     """
 
     x: Floats
@@ -153,10 +153,10 @@ class ContactLog:
 
 
 class _Suspects(NamedTuple):
-    """Nodes (indices s) of a surface that pressed and now face nothing, and the surface they faced."""
+    """Nodes of a surface that pressed and now face nothing, and the surface they faced."""
 
     surface: str
-    nodes: NDArray[np.intp]
+    nodes: NDArray[np.int32]
     other: str
 
 
@@ -167,12 +167,10 @@ class ContactMonitor:
         self.interface = interface
 
     @cached_property
-    def sides(self) -> dict[str, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """Return pair -> contact nodes s (n,) of its slave and (m,) of its master, ascending, each once."""
-        s = self.interface.contact_nodes
-        surfaces = self.interface.surfaces
-        return {p.name: (np.searchsorted(s, np.unique(surfaces[p.slave])),
-                         np.searchsorted(s, np.unique(surfaces[p.master]))) for p in self.interface.pairs}
+    def sides(self) -> dict[str, tuple[PairSide, ...]]:
+        """Return pair -> its sides, the slave's first."""
+        return {p.name: tuple(side for side in self.interface.pair_sides if side.pair == p.name)
+                for p in self.interface.pairs}
 
     def after_window(self, log: ContactLog, t: float, before: ContactSample,
                      now: ContactSample) -> tuple[ContactLog, tuple[str, ...]]:
@@ -181,14 +179,15 @@ class ContactMonitor:
         # A rigid half tells the pressure of the whole surface, of nodes that have left long ago too.
         gone = (before.t_N < 0.0) & (before.covered > 0.0) & (now.covered == 0.0)
         for pair in self.interface.pairs:
-            slave, master = self.sides[pair.name]
-            if pair.name not in log.faced and now.covered[slave].any() and now.covered[master].any():
+            sides = self.sides[pair.name]
+            if pair.name not in log.faced and all(now.covered[side.at].any() for side in sides):
                 log = replace(log, faced=log.faced | {pair.name})
             if gone.any():
-                for own, nodes, other in ((pair.slave, slave, pair.master), (pair.master, master, pair.slave)):
-                    suspects = nodes[gone[nodes]]
+                for side in sides:
+                    suspects = side.nodes[gone[side.at]]
                     if suspects.size:
-                        log, said = self._classify(log, pair.name, t, _Suspects(own, suspects, other), now)
+                        other = pair.master if side.own else pair.slave
+                        log, said = self._classify(log, pair.name, t, _Suspects(side.surface, suspects, other), now)
                         notes += said
         return log, tuple(notes)
 
@@ -210,7 +209,7 @@ class ContactMonitor:
                   now: ContactSample) -> tuple[ContactLog, list[str]]:
         """Classify nodes of one side that pressed and now face nothing: pushed through, or slid off an end."""
         own, suspects, other = who.surface, who.nodes, who.other
-        x = now.x[self.interface.contact_nodes[suspects]]
+        x = now.x[suspects]
         depth, beside = behind(now.x[self.interface.surfaces[other]], x)
         reach = float(max(edge_lengths(self.interface, own).max(), edge_lengths(self.interface, other).max()))
         pair = next(p for p in self.interface.pairs if p.name == name)

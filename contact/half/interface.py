@@ -17,7 +17,7 @@ from contact.half.outlines import Indices, outline, thickness
 from contact.messages import Passes, Register
 
 FORMAT = "slideline.interface"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # 1: contact told one value a node, whatever the pair
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -41,6 +41,21 @@ class Pair:
     eps_T: float = 0.0
     two_pass: bool = False
     by_node: bool = False
+
+
+@dataclass(frozen=True)
+class PairSide:
+    """One side of a pair, as the pair nodes count it.
+
+    pair, surface : names.  own : whether it is the pair's slave.  at : which pair nodes it has.  nodes : (n,) of the
+    mesh, ascending, each once.
+    """
+
+    pair: str
+    surface: str
+    own: bool
+    at: slice
+    nodes: Ints
 
 
 @dataclass(frozen=True)
@@ -80,6 +95,29 @@ class Interface:
         return np.unique(np.concatenate([self.surfaces[name].ravel() for name in sorted(names)])).astype(np.int32)
 
     @cached_property
+    def pair_sides(self) -> tuple[PairSide, ...]:
+        """Return the sides of all pairs: of each pair its slave, then its master; one where they are the same."""
+        sides, n = [], 0
+        for pair in self.pairs:
+            for surface in dict.fromkeys((pair.slave, pair.master)):
+                nodes = np.unique(self.surfaces[surface]).astype(np.int32)
+                sides.append(PairSide(pair.name, surface, surface == pair.slave, slice(n, n + nodes.size), nodes))
+                n += nodes.size
+        return tuple(sides)
+
+    @cached_property
+    def pair_nodes(self) -> Ints:
+        """Return the node number (n_q,) of every pair node q: side after side, of each its nodes, ascending."""
+        return np.concatenate([np.empty(0, dtype=np.int32), *(side.nodes for side in self.pair_sides)])
+
+    def side_of(self, pair: str, surface: str) -> PairSide:
+        """Return a side of a pair.  Raises KeyError where the pair has no such surface."""
+        for side in self.pair_sides:
+            if (side.pair, side.surface) == (pair, surface):
+                return side
+        raise KeyError(f"pair {pair} has no surface {surface}")
+
+    @cached_property
     def node_body(self) -> Ints:
         """Return the index (n_nodes,) of the body each node belongs to; -1 for a node no cell uses."""
         body = np.full(len(self.nodes), -1, dtype=np.int32)
@@ -96,7 +134,7 @@ class Interface:
     @cached_property
     def surfaces_hash(self) -> str:
         """Hash of everything the contact service is told of the surfaces."""
-        text = json.dumps([vars(p) for p in self.pairs])
+        text = json.dumps([FORMAT_VERSION, *(vars(p) for p in self.pairs)])
         names = sorted({n for p in self.pairs for n in (p.slave, p.master)})
         return _hash(self.geometry.encode(), text.encode(), self.contact_nodes,
                      self.nodes[self.contact_nodes], *(self.surfaces[n] for n in names))

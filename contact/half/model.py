@@ -26,7 +26,7 @@ Values = Mapping[str, Value]
 
 CAUSALITIES = ("input", "output", "parameter")
 KINDS = ("Real", "Integer", "String")
-PLACES = ("nodes", "cells", "contact_nodes", "bodies", "none")
+PLACES = ("nodes", "cells", "contact_nodes", "pair_nodes", "bodies", "none")
 """What the rows of an array may belong to, in the order of interface.h5; "none": an array of the half's own."""
 
 

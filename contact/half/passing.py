@@ -25,8 +25,9 @@ class Side:
     """A side of a pair, and the outline of the body that its nodes may not enter.
 
     pair, surface, other : names of the pair, of the surface, of the other body.  nodes : (n,) of the surface.
-    at : (n,) their indices s.  outline : (m, 2) edges of the other body.  faced : (k, 2) those of the surface that
-    faces this one.  edge : mean length [m] of the surface's edges.
+    at : (n,) their pair nodes.  all_at : (k, 2) places in nodes, and the pair nodes there of all pairs of these bodies.
+    outline : (m, 2) edges of the other body.  faced : (k, 2) those of the surface that faces this one.
+    edge : mean length [m] of the surface's edges.
     limit : [m] how deep inside is no passage.  near : [m] gaps below this are seen.
     """
 
@@ -35,35 +36,49 @@ class Side:
     other: str
     nodes: Indices
     at: Indices
+    all_at: Indices
     outline: Indices
     faced: Indices
     edge: float
     limit: float
     near: float
 
+    @property
+    def bodies(self) -> frozenset[str]:
+        """Both bodies of the pair."""
+        return frozenset((self.surface.partition(".")[0], self.other))
+
     def unseen(self, gap: Floats) -> Flags:
-        """Say of self.nodes whether (n,) contact finds each neither pressed nor near; gap : (n_s,) [m], of all nodes.
+        """Say of self.nodes whether (n,) contact finds each neither pressed nor near; gap : (n_q,) [m], of all pairs.
         """
-        return np.asarray(~(gap[self.at] < self.near))
+        unseen = np.ones(self.nodes.size, dtype=np.bool_)
+        unseen[self.all_at[gap[self.all_at[:, 1]] < self.near, 0]] = False
+        return unseen
 
 
 def sides_of(interface: Interface) -> tuple[Side, ...]:
     """List both sides of every pair of two bodies.  A surface that folds onto its own body is left out."""
     outlines = {body: outline_of(interface, k) for k, body in enumerate(interface.bodies)}
-    sides, farthest = [], max((pair.gap_max for pair in interface.pairs), default=0.0)
+    sides: list[Side] = []
+    bodies = {pair.name: {pair.slave.partition(".")[0], pair.master.partition(".")[0]} for pair in interface.pairs}
     for pair in interface.pairs:
         for own, surface in ((pair.slave, pair.master), (pair.master, pair.slave)):
             other = surface.partition(".")[0]
             if own.partition(".")[0] == other:
                 continue
-            nodes = np.unique(interface.surfaces[own]).astype(np.intp)
+            told = interface.side_of(pair.name, own)
+            nodes = told.nodes.astype(np.intp)
+            both = [(np.searchsorted(nodes, side.nodes[here]), np.arange(side.at.start, side.at.stop)[here])
+                    for side in interface.pair_sides if bodies[side.pair] == bodies[pair.name]
+                    if (here := np.isin(side.nodes, nodes)).any()]
             ends = interface.nodes[interface.surfaces[own]]
             edge = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
             limit = ALLOWED * min(edge, mean_thickness(interface.nodes, outlines[other]))
-            # Where nothing is faced a node's gap is the largest gap_max.
-            sides.append(Side(pair.name, own, other, nodes, np.searchsorted(interface.contact_nodes, nodes),
+            # Where nothing is faced a node's gap is gap_max.
+            sides.append(Side(pair.name, own, other, nodes, np.arange(told.at.start, told.at.stop),
+                              np.concatenate([np.column_stack(rows) for rows in both]).astype(np.intp),
                               outlines[other], interface.surfaces[surface].astype(np.intp), edge, limit,
-                              min(NEAR * edge, farthest)))
+                              min(NEAR * edge, pair.gap_max)))
     return tuple(sides)
 
 

@@ -42,7 +42,7 @@ class ContactState(Enum):
 
 @dataclass(frozen=True)
 class PairNodes:
-    """A pair: nodes : indices s of the surface nodes that tell of it alone.  gap_max [m].
+    """A pair: nodes : its pair nodes.  gap_max [m].
 
     floor [Pa], touch [m] : pressures and gaps up to them are round-off.
     """
@@ -70,26 +70,16 @@ class ContactStatus:
 
 
 def pair_nodes_of(interface: Interface) -> tuple[PairNodes, ...]:
-    """The pairs of a scene.  A node of several pairs tells of none of them, unless a pair has no other."""
-    index = {p.name: _nodes(interface, p) for p in interface.pairs}
+    """The pairs of a scene."""
     size = float(np.ptp(interface.nodes, axis=0).max())
-    found = []
-    for pair in interface.pairs:
-        others = [nodes for name, nodes in index.items() if name != pair.name]
-        own = np.setdiff1d(index[pair.name], np.concatenate(others)) if others else index[pair.name]
-        found.append(PairNodes(pair.name, own if own.size else index[pair.name], pair.gap_max,
-                               pair.eps_N * ROUND_OFF * size, ROUND_OFF * size))
-    return tuple(found)
+    return tuple(PairNodes(pair.name, np.concatenate([np.arange(side.at.start, side.at.stop) for side in
+                                                      interface.pair_sides if side.pair == pair.name]), pair.gap_max,
+                           pair.eps_N * ROUND_OFF * size, ROUND_OFF * size) for pair in interface.pairs)
 
 
 def status_monitors(interface: Interface) -> tuple[str, ...]:
     """Monitors to ask for besides what is exchanged."""
     return (SLIPPING,) if any(pair.mu > 0.0 for pair in interface.pairs) else ()
-
-
-def _nodes(interface: Interface, pair: Pair) -> Indices:
-    nodes = np.concatenate([interface.surfaces[n].ravel() for n in (pair.slave, pair.master)])
-    return np.unique(np.searchsorted(interface.contact_nodes, nodes)).astype(np.intp)
 
 
 def contact_status(nodes: tuple[PairNodes, ...], level: Level, monitors: Mapping[str, float]) -> ContactStatus:

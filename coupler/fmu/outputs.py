@@ -22,6 +22,7 @@ class On(Enum):
     NODES = "nodes"
     CELLS = "cells"
     CONTACT_NODES = "contact_nodes"
+    PAIR_NODES = "pair_nodes"
     BODIES = "bodies"
     NOTHING = "none"  # an array of the half's own, such as a force or the motion of a body
 
@@ -67,8 +68,8 @@ def output_field(about: Mapping[str, Any]) -> OutputField:
 
 # Names under which the coupler records the exchange: of a half's own output so named HALF.NAME is the label.
 RESERVED = frozenset(("T", "u", "p", "gap", "body"))
-# Names at the border that begin so are of contact nodes (docs/design.md, the FMI face of a half).
-OF_CONTACT = ("contact.", "surface.")
+# Of what names at the border are that begin so (docs/design.md, the FMI face of a half).
+BEGINNINGS: Mapping[str, On] = {"contact.": On.PAIR_NODES, "surface.": On.CONTACT_NODES}
 
 
 def output_fields(half: str, blocks: Mapping[str, Block], interface: Interface, recorded: Collection[str],
@@ -105,17 +106,18 @@ def place_of(block: Block, interface: Interface) -> On:
         return on if there == n else On.NOTHING
     # Bodies are few, and so are the components of a force: only the half itself can tell these two apart.
     fits = [on for on, size in sizes.items() if size == n]
+    if On.CONTACT_NODES in fits and not block.name.startswith("contact."):
+        fits = [on for on in fits if on is not On.PAIR_NODES]
     # fault: where nodes and cells are as many an array is taken to be on nodes -> if fits: |
     #   coupler/test_outputs::test_as_many_nodes_as_cells_are_not_confused
     if len(fits) == 1:
         return fits[0]
-    named = block.name.startswith(OF_CONTACT) and On.CONTACT_NODES in fits
-    return On.CONTACT_NODES if named else On.NOTHING
+    return next((on for name, on in BEGINNINGS.items() if block.name.startswith(name) and on in fits), On.NOTHING)
 
 
 def _sizes(interface: Interface) -> dict[On, int]:
     sizes = {On.NODES: len(interface.nodes), On.CELLS: len(interface.quads) + len(interface.triangles),
-             On.CONTACT_NODES: len(interface.contact_nodes)}
+             On.CONTACT_NODES: len(interface.contact_nodes), On.PAIR_NODES: len(interface.pair_nodes)}
     return {on: n for on, n in sizes.items() if n}
 
 
@@ -132,6 +134,38 @@ def at_nodes(values: NDArray[np.float64], contact_nodes: NDArray[np.integer], n_
     found = np.full((n_nodes, *values.shape[1:]), np.nan)
     found[contact_nodes] = values
     return found
+
+
+EXTENSIVE = ("J", "N")  # units of what adds up where pairs share a node
+
+
+def of_pairs(values: NDArray[np.float64], pair_nodes: NDArray[np.integer], n_nodes: int,
+             unit: str) -> NDArray[np.float64]:
+    """Return values of pair nodes at all nodes : (n_nodes, ...), NaN at those of no pair, in their unit.
+
+    values : (n_q, ...) in `unit`.  pair_nodes : (n_q,) node numbers.  n_nodes : nodes of the mesh.  Where several pairs
+    share a node, energies and forces add up; of anything else the value of largest size is taken.
+    """
+    found = np.full((n_nodes, *values.shape[1:]), np.nan)
+    if unit in EXTENSIVE:
+        found[pair_nodes] = 0.0
+        np.add.at(found, pair_nodes, values)
+        return found
+    size = np.linalg.norm(values.reshape(len(values), -1), axis=1)
+    order = np.argsort(np.nan_to_num(size, nan=-1.0), kind="stable")
+    # fault: where pairs share a node its value is that of the last pair -> order = np.arange(len(values)) |
+    #   coupler/test_pair_outputs
+    found[pair_nodes[order]] = values[order]
+    return found
+
+
+def told_at(nodes: NDArray[np.integer], interface: Interface) -> NDArray[np.intp]:
+    """Return the pair nodes (n,) that tell of a place: those of the surfaces that have all of its nodes : (m,).
+
+    All of them where no surface has.  So at a corner a surface is told by its own pairs.
+    """
+    sides = [side for side in interface.pair_sides if np.isin(nodes, side.nodes).all()] or interface.pair_sides
+    return np.concatenate([np.empty(0, np.intp), *(np.arange(side.at.start, side.at.stop) for side in sides)])
 
 
 # Components of a field, by the number of its columns: of a vector and of a tensor of the plane.

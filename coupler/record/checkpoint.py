@@ -41,7 +41,7 @@ from coupler.scenario.rule_model import Rule
 from coupler.schemes.state import Ledger
 from coupler.trust.watch import TrustLog
 
-MAGIC = b"SLIDELINE-CHECKPOINT-1\n"
+KIND, MAGIC = b"SLIDELINE-CHECKPOINT-", b"SLIDELINE-CHECKPOINT-2\n"
 _HEAD = struct.Struct("<32sQ")
 _LENGTH = struct.Struct("<Q")
 
@@ -110,6 +110,9 @@ def from_bytes(data: bytes, versions: dict[str, str], name: str) -> tuple[Origin
     versions : those that run now.  name : of the file, for messages.
     Raises ResultsError for bytes that are cut or damaged, or of other versions.
     """
+    if data.startswith(KIND) and not MAGIC.startswith(data[:len(MAGIC)]):
+        raise ResultsError(f"{name}: not a checkpoint of this version of the program, which keeps what contact tells "
+                           "pair by pair; no resume from it")
     if not data.startswith(MAGIC):
         cut = MAGIC.startswith(data)
         raise ResultsError(f"{name}: {'cut short' if cut else 'not a checkpoint of this program'}; no resume from it")
@@ -292,7 +295,8 @@ def header_of(scenario: Scenario, plan: Plan, outputs: Sequence[OutputField],
         "bodies": list(s.interface.bodies), "pairs": [vars(p) for p in s.interface.pairs],
         "probes": {n: dict(about) for n, about in probes.items()},
         "conditions": [c.to_json() for c in conditions],
-        "fields": {role: {"point": [*(f.name for f in exchanged), *_labels(outputs, role, On.NODES, On.CONTACT_NODES)],
+        "fields": {role: {"point": [*(f.name for f in exchanged), *_labels(outputs, role, On.NODES, On.CONTACT_NODES,
+                                                                                On.PAIR_NODES)],
                           "cell": _labels(outputs, role, On.CELLS)} for role, exchanged in EXCHANGED.items()},
         "outputs": [field.to_json() for field in outputs],
         "machine": platform.platform(), "versions": versions(),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
-from coupler.fmu.outputs import On, OutputField, at_nodes, output_field
+from coupler.fmu.outputs import On, OutputField, at_nodes, of_pairs, output_field
 from coupler.record.journal import JournalRecord, read_journal
 from coupler.record.paths import making_of, put_away
 from coupler.record.tables import (
@@ -136,7 +136,7 @@ def write_field_files(folder: Path, meta: dict[str, Any], mesh: Arrays,
 
     meta : the run's header; "fields" : half -> {"point": [...], "cell": [...]}, "outputs" : what the halves say of
     those that are no part of the exchange (OutputField), "field_files" : half -> name of its file.
-    mesh : nodes, quads, triangles, quad_body, triangle_body, contact_nodes.
+    mesh : nodes, quads, triangles, quad_body, triangle_body, contact_nodes, pair_nodes.
     """
     fields, names, known = meta["fields"], meta["field_files"], outputs_of(meta)
     body = np.concatenate([mesh["quad_body"], mesh["triangle_body"]]).astype(np.int32)
@@ -167,7 +167,8 @@ def outputs_of(meta: Mapping[str, Any]) -> dict[tuple[str, str], OutputField]:
 def _file_field(half: str, name: str, known: Mapping[tuple[str, str], OutputField], first: Arrays) -> FileField:
     """How a field is written.  first : the arrays of the first frame, which tell where the header does not."""
     if field := known.get((half, name)):
-        return FileField(name, field.unit, field.components, field.description, field.on is On.CONTACT_NODES)
+        somewhere = field.on in (On.CONTACT_NODES, On.PAIR_NODES)
+        return FileField(name, field.unit, field.components, field.description, somewhere)
     if own := next((f for f in EXCHANGED[half] if f.name == name), None):
         return own
     array = first.get(name, np.empty(0))
@@ -182,6 +183,8 @@ def _array(half: str, name: str, known: Mapping[tuple[str, str], OutputField], a
     # fault: an output of one half is written under the same name of the other -> array = a.get(f"thermal/{name}",
     #   a[f"{half}/{name}"]) | coupler/test_outputs::test_two_halves_may_have_outputs_of_one_name
     array = a[f"{half}/{name}"]
+    if field.on is On.PAIR_NODES:
+        return of_pairs(array, mesh["pair_nodes"], len(mesh["nodes"]), field.unit)
     return at_nodes(array, mesh["contact_nodes"], len(mesh["nodes"])) if field.on is On.CONTACT_NODES else array
 
 

@@ -14,14 +14,26 @@ from contact.half.interface import Interface
 from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.fmu.half import Block, Half
-from coupler.fmu.outputs import On, OutputField, at_nodes, component_of, names_of, output_fields, place_of, unclear
+from coupler.fmu.outputs import (
+    On,
+    OutputField,
+    at_nodes,
+    component_of,
+    names_of,
+    of_pairs,
+    output_fields,
+    place_of,
+    told_at,
+    unclear,
+)
 from coupler.record.tables import FRICTION
-from coupler.scenario import Probe
 from coupler.scenario.conditions import OUTPUT, ConditionOutput
+from coupler.scenario.probes import AT_CONTACT, Probe
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Halves
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 # The halves' blocks behind what every frame holds of the exchange (EXCHANGED in coupler.record.tables).
 OF_THE_EXCHANGE: Mapping[str, tuple[str, ...]] = {
     "thermal": ("T",), "mechanical": ("x", "contact.t_N", "contact.gap")}
@@ -100,7 +112,7 @@ class ExtraOutputs:
 
 
 def friction(halves: Halves) -> dict[str, Array]:
-    """Return what the mechanical half tells of FRICTION: t_T [Pa] and slip_share [1] of slave nodes, (n_s,) each."""
+    """Return what the mechanical half tells of FRICTION: t_T [Pa] and slip_share [1] of pair nodes, (n_q,) each."""
     half = halves.mechanical
     told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
     return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
@@ -152,6 +164,8 @@ class ProbeReader:
                  file: Path | str = "") -> None:
         self._probes, self._interface, self._halves, self._file = probes, interface, halves, str(file)
         self._sources = {name: self._source(name, probe) for name, probe in probes.items() if probe.half}
+        self._told = {name: told_at(probe.nodes, interface) for name, probe in probes.items()
+                      if probe.quantity in AT_CONTACT or name in self._sources}
         self.about = {n: {"quantity": p.quantity,
                           "unit": self._sources[n].block.unit if n in self._sources else p.unit}
                       for n, p in probes.items()}
@@ -164,7 +178,14 @@ class ProbeReader:
         found = []
         for name, probe in self._probes.items():
             if source := self._sources.get(name):
-                found.append(_of_output(probe, source, blocks[source.half][source.block.name], self._interface))
+                values = blocks[source.half][source.block.name]
+                found.append(_of_output(probe, source, values, self._interface, self._told[name]))
+                continue
+            if probe.quantity in AT_CONTACT:
+                # fault: a probe at a corner hears of every pair there -> at = np.arange(len(level.t_N)) |
+                #   random_scenes/test_shared_nodes
+                at = self._told[name]
+                found.append(probe.of(contact_field(probe.quantity, level, at, self._interface)))
                 continue
             if probe.quantity not in fields:
                 fields[probe.quantity] = _field(probe.quantity, self._interface, level)
@@ -200,13 +221,13 @@ def _misplaced(probe: Probe, source: _Source, interface: Interface) -> Iterator[
     if (source.on is On.NOTHING) != probe.placeless:
         yield (("this output has a place", "Say which point, surface or body.") if probe.placeless else
                ("this output belongs to no place of the mesh", "Write `value` in the place of a point."))
-    elif source.on is On.CONTACT_NODES and not np.isin(probe.nodes, interface.contact_nodes).all():
+    elif source.on in (On.CONTACT_NODES, On.PAIR_NODES) and not np.isin(probe.nodes, interface.contact_nodes).all():
         sides = {s for p in interface.pairs for s in (p.slave, p.master)}
         yield "this output exists only on contact surfaces", f"Contact surfaces here: {', '.join(sorted(sides))}."
 
 
-def _of_output(probe: Probe, source: _Source, values: Array, interface: Interface) -> float:
-    """The probe's value, given the array of its output."""
+def _of_output(probe: Probe, source: _Source, values: Array, interface: Interface, own: Indices) -> float:
+    """The probe's value, given the array of its output.  own : (n,) the pair nodes that tell of its place."""
     if source.on is On.NOTHING:
         return float(values.ravel()[source.column])
     column = values.reshape(len(values), -1)[:, source.column]
@@ -219,17 +240,30 @@ def _of_output(probe: Probe, source: _Source, values: Array, interface: Interfac
             return float(column[interface.node_body[probe.nodes[0]]])
         case On.CONTACT_NODES:
             return probe.of(at_nodes(column, interface.contact_nodes, len(interface.nodes)))
+        case On.PAIR_NODES:
+            return probe.of(of_pairs(column[own], interface.pair_nodes[own], len(interface.nodes), source.block.unit))
     return probe.of(column)
 
 
 def _field(quantity: str, interface: Interface, level: Level) -> Array:
-    """A quantity of the exchange at every node : (n_nodes,); contact quantities are NaN away from contact surfaces."""
+    """A quantity of the exchange that every node has : (n_nodes,)."""
     if quantity == "T":
         return level.T
     if quantity == "f_s":
         assert level.f_s is not None, "the scenario was checked for it"
         return level.f_s
-    if quantity in ("u_x", "u_y"):
-        i = ("u_x", "u_y").index(quantity)
-        return level.x[:, i] - interface.nodes[:, i]
-    return at_nodes(level.gap if quantity == "gap" else -level.t_N, interface.contact_nodes, len(interface.nodes))
+    i = ("u_x", "u_y").index(quantity)
+    return level.x[:, i] - interface.nodes[:, i]
+
+
+def contact_field(quantity: str, level: Level, at: Indices, interface: Interface) -> Array:
+    """Return gap [m] or p [Pa] at every node : (n_nodes,), told by pair nodes at : (n,); NaN elsewhere.
+
+    Where several of them tell of one node, it has the least gap and the largest pressure.
+    """
+    found, nodes = np.full(len(interface.nodes), np.nan), interface.pair_nodes[at]
+    if quantity == "gap":
+        np.fmin.at(found, nodes, level.gap[at])
+    else:
+        np.fmax.at(found, nodes, -level.t_N[at])
+    return found

@@ -17,6 +17,7 @@ from contact.half.interface import Interface
 from coupler.control.error_estimate import Estimate
 from coupler.record.finish import finish
 from coupler.record.journal import Journal, Mark
+from coupler.record.observe import contact_field
 from coupler.record.paths import check_target, drop, journal_of, take_up
 from coupler.record.tables import (
     ERROR_FIELDS,
@@ -76,7 +77,7 @@ class Recorder:
         drop(out)
         self._journal.write("run", header, {
             **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body",
-                                                  "contact_nodes")},
+                                                  "contact_nodes", "pair_nodes")},
             **{f"{n}.{line.pair}": getattr(line, n) for line in self._lines for n in ("s", "X")}})
 
     @property
@@ -92,7 +93,7 @@ class Recorder:
               conditions: Array = NONE) -> None:
         """Write the values before the first window.
 
-        probes : (n_probes,) in SI.  friction : (n_s,) each of t_T [Pa] and slip_share [1], those that are told.
+        probes : (n_probes,) in SI.  friction : (n_q,) each of t_T [Pa] and slip_share [1], those that are told.
         conditions : (k,) as ConditionReader has them.
         """
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
@@ -137,9 +138,9 @@ class Recorder:
         more : shape and unit of its output each, HALF/LABEL -> what else they give out, as ExtraOutputs.read has it.
         """
         started = time.perf_counter()
-        n, s = len(level.T), self._interface.contact_nodes
-        p, gap = np.zeros(n), np.full(n, np.nan)
-        p[s], gap[s] = -level.t_N, level.gap
+        every = np.arange(len(level.t_N))
+        p, gap = (contact_field(name, level, every, self._interface) for name in ("p", "gap"))
+        p[np.isnan(p)] = 0.0
         self._journal.write("frame", {"t_now": level.t}, {
             "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **more})
         self._seconds += time.perf_counter() - started

@@ -61,7 +61,6 @@ class Along:
     s : (n,) [m] length from the surface's start to each node, X : (n, 2) [m] the node, both in the mesh's own shape.
     t_N : (n_t, n) [Pa], <= 0.  gap : (n_t, n) [m], gap_max where nothing is faced.  t_T : (n_t, n) [Pa] shear, or None.
     slip_share : (n_t, n) of what a node touches the share at Coulomb's bound, 0 to 1, or None.
-    A node of two pairs' surfaces has what it has of both.
     """
 
     s: Array

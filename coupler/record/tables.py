@@ -24,7 +24,7 @@ FIELDS = {"t_N": "Pa", "gap": "m", **FRICTION}
 class ContactLine:
     """The slave surface of a pair, unrolled.
 
-    nodes : (n,) node numbers along it.  at : (n,) their places among the contact nodes.
+    nodes : (n,) node numbers along it.  at : (n,) their pair nodes.
     s : (n,) [m] length along the surface from its start, in the mesh's own shape.  X : (n, 2) [m] where they are in it.
     """
 
@@ -40,7 +40,8 @@ def contact_lines(interface: Interface) -> tuple[ContactLine, ...]:
     found = []
     for pair in interface.pairs:
         nodes, s = unrolled(interface.surfaces[pair.slave], interface.nodes)
-        at = np.searchsorted(interface.contact_nodes, nodes)
+        side = interface.side_of(pair.name, pair.slave)
+        at = side.at.start + np.searchsorted(side.nodes, nodes)
         found.append(ContactLine(pair.name, nodes, at, s, interface.nodes[nodes]))
     return tuple(found)
 
@@ -88,7 +89,7 @@ def contact_row(found: Sequence[ContactLine], now: Level,
                 friction: Mapping[str, Array]) -> dict[str, NDArray[np.float32]]:
     """Return t_N [Pa], gap [m] and what there is of FRICTION, (n,) each, at the n nodes of the lines, line after line.
 
-    friction : (n_s,) each of t_T [Pa] and slip_share [1], those that are told.  Single precision will do.
+    friction : (n_q,) each of t_T [Pa] and slip_share [1], those that are told.  Single precision will do.
     """
     if not found:
         return {}

@@ -163,11 +163,7 @@ def _caption(results: Results, pair: Mapping[str, Any], along: Along, near: tupl
     def at(place: Array) -> str:
         return f"{x} {number(float(unit(place[0])))}, {y} {number(float(unit(place[1])))} {unit.unit}"
 
-    # A node has one pressure and one gap, whatever it faces.
-    against = [pair["master"]] + [f"{p['master'] if p['slave'] == pair['slave'] else p['slave']} (pair {p['name']})"
-                                  for p in results.header["pairs"]
-                                  if p["name"] != pair["name"] and pair["slave"] in (p["slave"], p["master"])]
-    text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {' or '.join(against)}, as found "
+    text = (f"Pair {pair['name']}: what each place of {pair['slave']} does against {pair['master']}, as found "
             f"at the end of each window; lengths in the mesh's own shape, from ({at(a)}) up to ({at(b)}).")
     if (code >= STICKS).any():
         bound = f"Coulomb's bound, {number(float(pair['mu']))} times the pressure"

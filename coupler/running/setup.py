@@ -65,7 +65,7 @@ def first_state(launched: Launched, halves: Halves, interface: Interface, end: f
     Raises HalfError where a half refuses to start.
     """
     thermal, mechanical = launched.thermal, launched.mechanical
-    n_s = len(interface.contact_nodes)
+    n_q = len(interface.pair_nodes)
     link = {"contact.link": launched.link}
     own = {side: {n: np.array(v) for n, v in (loads or {}).get(side, {}).items()} for side in ("thermal", "mechanical")}
     first = thermal.initialise(0.0, end, link, {"x": interface.nodes} | own["thermal"], [
@@ -75,8 +75,8 @@ def first_state(launched: Launched, halves: Halves, interface: Interface, end: f
     #   scenarios/test_superplastic_bulge
     out = mechanical.initialise(0.0, end, link, given | own["mechanical"], [
         n for n in halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
-    now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_s)),
-                out.get("contact.gap", np.full(n_s, np.nan)), out.get("contact.covered", np.zeros(n_s)),
+    now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_q)),
+                out.get("contact.gap", np.full(n_q, np.nan)), out.get("contact.covered", np.zeros(n_q)),
                 first.get("f_s"))
     return CoupledState(now, (), 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
 

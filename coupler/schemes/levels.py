@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 class Level:
     """The exchanged fields at one time.
 
-    t [s].  T : (n_nodes,) [K].  x : (n_nodes, 2) [m].  t_N : (n_s,) [Pa], <= 0.
-    gap : (n_s,) [m], covered : (n_s,) in [0, 1]; for records.
+    t [s].  T : (n_nodes,) [K].  x : (n_nodes, 2) [m].  t_N : (n_q,) [Pa], <= 0.
+    gap : (n_q,) [m], covered : (n_q,) in [0, 1]; for records.
     f_s : (n_nodes,) solid fraction, where the thermal half has it: something melts.
     heat : (n_bodies,) [J] stored since the start of the run, bodies in the order of their names; None: not told yet.
     """
@@ -36,7 +36,7 @@ Slope = tuple[Level, Level]  # two levels, the earlier first, between which x an
 
 
 def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array]:
-    """Return x (n_nodes, 2) [m] and t_N (n_s,) [Pa] that the thermal half is given for a substep with its middle at t.
+    """Return x (n_nodes, 2) [m] and t_N (n_q,) [Pa] that the thermal half is given for a substep with its middle at t.
 
     t : time [s].  slope : x and t_N go along a line from `now`; None holds them as they are now.
     t_N stays <= 0: an extrapolated tension means "open".

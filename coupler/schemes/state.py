@@ -59,7 +59,7 @@ AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first su
 
 @dataclass(frozen=True)
 class EnergyAccount:
-    """Energies [J].  carry : (n_cells,) or (n_s,) made but not yet delivered.  made, delivered : totals over the run.
+    """Energies [J].  carry : (n_cells,) or (n_q,) made but not yet delivered.  made, delivered : totals over the run.
 
     Energies cross the border, not rates: a rate of one window used over a window of another length loses heat.
     """
@@ -92,7 +92,7 @@ Accounts = Mapping[str, EnergyAccount]
 
 
 def share_of(accounts: Accounts, share: float, first: bool) -> dict[str, Array]:
-    """Return what a thermal substep is given of each carry [J], by block, (n_cells,) or (n_s,).
+    """Return what a thermal substep is given of each carry [J], by block, (n_cells,) or (n_q,).
 
     That is its share of the window, or, of what is due at once, all of it in the first substep.
     """

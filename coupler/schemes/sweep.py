@@ -84,7 +84,7 @@ class Leading(Protocol):
     """What tells x and t_N of a substep from the heat stored so far (coupler.schemes.schemes)."""
 
     def seen(self, t0: float, t1: float, stored: Array, rate: Array | None) -> tuple[Array, Array]:
-        """Return x (n_nodes, 2) [m] and t_N (n_s,) [Pa] for the substep from t0 to t1 [s].
+        """Return x (n_nodes, 2) [m] and t_N (n_q,) [Pa] for the substep from t0 to t1 [s].
 
         stored : (n_bodies,) [J] since the start of the window, at t0; one 0 in the first substep.
         rate : (n_bodies,) [W] of the substep before; None in the first one.

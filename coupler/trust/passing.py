@@ -83,10 +83,11 @@ class Sides:
         return log
 
     def _told(self, side: Side, now: Level, nodes: Indices) -> Array:
-        """Return the penetration (n,) [m] that is told at nodes (n,), or by a node of the pair within two edges."""
+        """Return the penetration (n,) [m] told at nodes (n,), or within two edges by any pair of the same bodies.
+        """
         found = np.zeros(len(nodes))
         for other in self._sides:
-            if other.pair == side.pair:
+            if other.bodies == side.bodies:
                 told = np.nan_to_num(np.maximum(-now.gap[other.at], 0.0))
                 far = np.linalg.norm(now.x[nodes][:, None] - now.x[other.nodes][None], axis=2)
                 found = np.maximum(found, np.where(far <= 2.0 * max(side.edge, other.edge), told, 0.0).max(axis=1))

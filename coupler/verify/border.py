@@ -139,7 +139,8 @@ _FAMILIES: Mapping[str, Face] = {
 }
 # Blocks that count the same things; the first index of each.
 SAME_LENGTH = (("T", "x", "f_s"),
-               ("contact.t_N", "contact.gap", "contact.covered", "contact.E_friction", "surface.T", "surface.E"),
+               ("contact.t_N", "contact.gap", "contact.covered", "contact.t_T", "contact.slip_share",
+                "contact.E_friction"), ("surface.T", "surface.E"),
                ("E_M", "E_S", "q", "sigma", "sigma_v"))
 NEEDED: Mapping[str, tuple[str, ...]] = {THERMAL: ("T", "x"), MECHANICAL: ("x",)}
 
@@ -248,7 +249,7 @@ def _shapes(blocks: Mapping[str, Block]) -> Finding:
         lengths = {name: blocks[name].shape[0] for name in group if name in blocks and blocks[name].shape}
         if len(set(lengths.values())) > 1:
             wrong.append("of different length: " + ", ".join(f"{name} {n}" for name, n in lengths.items()))
-    return _of("shapes", wrong, "", "T[i], x[i,j] by node; contact.NAME[s] by surface node; E_M[e] by cell; from 1")
+    return _of("shapes", wrong, "", "T[i], x[i,j] by node; contact.NAME[q] by pair node; E_M[e] by cell; from 1")
 
 
 def _whole(blocks: Mapping[str, Block]) -> Finding:

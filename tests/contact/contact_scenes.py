@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from contact.messages import Facing, Floats, Ints, Passes, Project, Register, Registered, Traction, Tractions
+from contact.pair_nodes import pair_layout_of
 from contact.service import ContactService
 from contact.surfaces import RegisteredSurfaces, surfaces_of
 
@@ -76,7 +77,7 @@ def push(register: Register, x: Floats, multipliers: Floats | None = None, x_bef
     service = ContactService()
     registered = service.handle(register)
     assert isinstance(registered, Registered), registered
-    zeros = np.zeros(len(x))
+    zeros = np.zeros(pair_layout_of(register).size)
     given = zeros if multipliers is None else multipliers
     reply = service.handle(Traction(registered.surfaces, x, given, x if x_before is None else x_before,
                                     given if multipliers_before is None else multipliers_before,

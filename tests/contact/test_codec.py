@@ -38,7 +38,7 @@ MESSAGES = [
     Tractions(F8, I4, I4[:0], np.zeros((0, 2, 2)), F8, F8, F8, np.array([np.nan, np.inf, -0.0]), F8, F8, F8, F8, 3, 2),
     Refused("busy", "grüß"),
     Coupling("h", rng.random((7, 2)), -rng.random(7), rng.random((7, 2)), -rng.random(7), rng.random(7)),
-    Couplings(F8, F8, I4.reshape(1, -1), rng.random((1, 6, 4, 5))),
+    Couplings(F8, F8, I4.reshape(1, -1), I4.reshape(1, -1), rng.random((1, 6, 4, 5))),
 ]
 
 

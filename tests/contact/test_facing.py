@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import GAP_MAX, ask, curved, flat, mirrored, passes, renumbered, scene
 
 from contact.messages import Facing, Floats, Register
+from contact.pair_nodes import pair_layout_of
 
 ROUND_OFF = 1e-12  # relative to numbers of order 1: a few hundred operations
 MESHES = [(3, 4), (5, 7), (24, 31), (4, 4), (1, 1), (1, 9), (9, 1)]
@@ -168,8 +169,11 @@ class TestInvariance:
         register_new, x_new, node, edge = renumbered(register, x)
         one, other = ask(register, x), ask(register_new, x_new)
         self.compare(one, other, edge)
-        np.testing.assert_allclose(other.node_gap[node], one.node_gap, rtol=0, atol=ROUND_OFF)
-        np.testing.assert_allclose(other.node_covered[node], one.node_covered, rtol=0, atol=ROUND_OFF)
+        # One pair, which has every node once: its pair nodes are its nodes in another order.
+        told = [np.full((2, len(x)), np.nan) for _ in range(2)]
+        for at, asked, of in zip(told, (one, other), (register, register_new), strict=True):
+            at[:, pair_layout_of(of).node] = asked.node_gap, asked.node_covered
+        np.testing.assert_allclose(told[1][:, node], told[0], rtol=0, atol=ROUND_OFF)
 
     def test_same_input_same_bits(self, make: object) -> None:
         register, x = make()
@@ -252,7 +256,8 @@ def test_a_corner_keeps_its_faces_normals() -> None:
 
 
 def test_two_pairs_on_one_surface() -> None:
-    """A slave between two masters' ends: each pair has its own points, the node knows the nearer gap."""
+    """A slave between two masters' ends: each pair has its own points, and its own gap and share at the slave's nodes.
+    """
     register, x = flat(4, 4)
     half = np.array([[0.5, 0.0], [0.0, 0.0], [1.0, -0.1], [0.5, -0.1]])
     x = np.concatenate([x[:5], half])
@@ -263,8 +268,13 @@ def test_two_pairs_on_one_surface() -> None:
     facing = ask(register, x)
     np.testing.assert_allclose(facing.gap, np.where(facing.pair == 0, 0.01, 0.11), atol=ROUND_OFF)
     np.testing.assert_allclose(np.bincount(facing.pair, facing.area), 0.5, atol=ROUND_OFF)
-    np.testing.assert_allclose(facing.node_covered, 1.0, atol=ROUND_OFF)
-    np.testing.assert_allclose(facing.node_gap[[0, 4]], [0.01, 0.11], atol=ROUND_OFF)
+    # Pair nodes: slave 0 to 4 and master of the first pair, then of the second.
+    covered, gap = facing.node_covered, facing.node_gap
+    np.testing.assert_allclose(covered[:5] + covered[7:12], 1.0, atol=ROUND_OFF)
+    np.testing.assert_allclose(covered[[5, 6, 12, 13]], 1.0, atol=ROUND_OFF)
+    assert 0.0 < covered[2] < 1.0
+    assert covered[4] == covered[7] == 0.0
+    np.testing.assert_allclose(gap[[0, 4, 7, 11]], [0.01, 0.5, 0.4, 0.11], atol=ROUND_OFF)
 
 
 def test_many_edges_cost_little_more_each() -> None:

@@ -72,7 +72,7 @@ def level(scene: Interface, t: float) -> Level:
     warm = np.interp(t, [0, 2500, 9900, 12500, 15000, 17500], [0, 18, 80, 488, 75, 18])
     height = scene.nodes[:, 1]
     T = 273.15 + np.where(upper, 1000 - warm * (1 - (height - height[upper].min()) / L), warm * height / L)
-    s = scene.contact_nodes
+    s = scene.pair_nodes
     p = np.full(len(s), np.interp(t, [10000, 12500, 14772, 15000], [0, 1e7, 1e7, 0]))
     return Level(t, T, x, -p, np.full(len(s), GAP - fall), np.ones(len(s)))
 

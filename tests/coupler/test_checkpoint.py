@@ -105,3 +105,10 @@ def test_a_file_takes_the_place_of_the_older_one_whole_or_not_at_all(tmp_path: P
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="none: cannot be read"):
         read_checkpoint(tmp_path / "none", {})
+
+
+def test_one_of_the_layout_before_is_refused_by_name() -> None:
+    """It keeps one value of contact a node; read as pair nodes it would be another state."""
+    data = module.MAGIC.replace(b"-2\n", b"-1\n") + b"0" * 100
+    with pytest.raises(ResultsError, match=r"c: not a checkpoint of this version .* pair by pair; no resume from it"):
+        from_bytes(data, ORIGIN.versions, "c")

@@ -216,7 +216,7 @@ def test_what_is_seen_of_pairs():
     assert changed(slips, part) == [2]
 
 
-def test_a_node_of_two_pairs_tells_of_neither():
+def test_a_node_of_two_pairs_tells_of_each_by_itself():
     nodes = np.arange(18, dtype=float).reshape(9, 2)
     edges = {n: np.array(e, dtype=np.int32) for n, e in (
         ("wall", [[0, 1]]), ("base", [[1, 2]]), ("can wall", [[3, 4]]), ("can base", [[5, 6]]))}
@@ -224,8 +224,8 @@ def test_a_node_of_two_pairs_tells_of_neither():
     pairs = (Pair("wall", "wall", "can wall", 0.1, 1e9), Pair("base", "base", "can base", 0.1, 0.0))
     wall, base = pair_nodes_of(Interface("plane", nodes, none, none[:, :3], none[:, 0], none[:, 0], (), (), edges,
                                      pairs=pairs))
-    assert wall.nodes.tolist() == [0, 3, 4]
-    assert base.nodes.tolist() == [2, 5, 6]
+    assert wall.nodes.tolist() == [0, 1, 2, 3]
+    assert base.nodes.tolist() == [4, 5, 6, 7]
     assert (wall.floor, base.floor) == (pytest.approx(1e9 * 1e-13 * 16.0), 0.0)
 
 

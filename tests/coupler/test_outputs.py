@@ -90,7 +90,7 @@ def test_what_is_recorded_is_what_the_description_says(run: Results) -> None:
     found = {name: (f.on.value, f.unit, f.components, f.description) for name, f in run.fields.items()}
     assert found["thermal.q_node"] == ("nodes", "W/m2", 2, "heat flux at nodes")
     assert found["thermal.damage"] == ("cells", "1", 1, "damage of cells")
-    assert found["thermal.contact.wear"] == ("contact_nodes", "m", 1, "depth worn off")
+    assert found["thermal.contact.wear"] == ("pair_nodes", "m", 1, "depth worn off")
     assert found["thermal.stretch"][:3] == ("nodes", "1", 4)
     assert found["thermal.lost"][:2] == ("bodies", "J")
     assert found["thermal.thrust"][:2] == ("none", "N")
@@ -213,7 +213,7 @@ def test_halves_are_asked_for_nothing_beside_what_probes_need(scenario: Scenario
             return {n: np.zeros(self.blocks[n].shape) for n in names}
 
     i = scenario.interface
-    level = Level(0.0, np.zeros(len(i.nodes)), i.nodes, *(np.zeros(len(i.contact_nodes)) for _ in range(3)))
+    level = Level(0.0, np.zeros(len(i.nodes)), i.nodes, *(np.zeros(len(i.pair_nodes)) for _ in range(3)))
     half = flux_like(scenario)
     half = Watching("flux", half.blocks, None, np.zeros(1))
     warm = {"warm": scenario.probes["warm"]}
@@ -248,7 +248,8 @@ def test_as_many_nodes_as_cells_are_not_confused() -> None:
     i = ring(8)
     assert len(i.nodes) == len(i.triangles) == len(i.contact_nodes) == 16
     assert place_of(output("a", 16), i) is On.NOTHING
-    assert place_of(output("contact.a", 16), i) is On.CONTACT_NODES
+    assert place_of(output("contact.a", 16), i) is On.PAIR_NODES
+    assert place_of(output("surface.a", 16), i) is On.CONTACT_NODES
     assert place_of(output("contact.a", 16, on="cells"), i) is On.CELLS
     assert place_of(output("a", 16, 2, on="nodes"), i) is On.NODES
     assert place_of(output("a", 15, on="nodes"), i) is On.NOTHING, "a half that is wrong about its own mesh"

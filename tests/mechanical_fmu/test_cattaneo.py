@@ -50,7 +50,7 @@ def test_what_sticks_shrinks_to_the_middle():
                             "materials": {"m": {"E": expected["E"], "nu": expected["nu"]}},
                             "bodies": {b: {"material": "m"} for b in interface.bodies}, "boundary": boundary})
     nodes = np.unique(interface.surfaces["upper.bottom"])
-    at = np.searchsorted(interface.contact_nodes, nodes)
+    at = next(side.at for side in interface.pair_sides if side.surface == "upper.bottom")
     outputs = []
     with closing(open_link("direct")) as link:
         state, _ = half.start(inputs_of(half), 0.0, link)

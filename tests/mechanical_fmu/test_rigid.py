@@ -50,7 +50,7 @@ def test_t_n_is_the_prescribed_pressure_wherever_the_pair_touches():
     assert outputs["contact.gap"] == pytest.approx(0.05)
     for t0, t1, p in ((0.0, 0.999, 0.0), (0.999, 1.5, 5.5e6), (1.5, 2.5, 1e7), (2.5, 2.99, 0.0)):
         state, outputs = done(half.step(state, {}, t0, t1 - t0, link))
-        assert outputs["contact.t_N"] == pytest.approx(np.full(interface.contact_nodes.size, -p), rel=1e-12), t1
+        assert outputs["contact.t_N"] == pytest.approx(np.full(interface.pair_nodes.size, -p), rel=1e-12), t1
         assert (outputs["contact.touching"] > 0) == (p > 0)
     assert outputs["contact.gap"].min() > 0.04  # slipped off: nothing is faced
     assert not outputs["contact.covered"].any()

@@ -139,7 +139,9 @@ def all_differences(old: Story, changed: Changed, new: Story) -> Iterator[Differ
                  + ROUND_OFF * far, old.t[a])
     # Pressures: what round-off of a place does, its penalty makes a pressure of
     if old.t_N.size:
-        place = np.searchsorted(new.interface.contact_nodes, number[old.interface.contact_nodes])
+        there = [new.interface.side_of(side.pair, side.surface) for side in old.interface.pair_sides]
+        place = np.concatenate([to.at.start + np.searchsorted(to.nodes, number[side.nodes])
+                                for side, to in zip(old.interface.pair_sides, there, strict=True)])
         eps_N = max((p.eps_N for p in old.interface.pairs), default=0.0)
         yield _worst("t_N", "Pa", old.t_N[a], new.t_N[b][:, place] * changed.length,
                      allowed.t_N * float(np.abs(old.t_N).max()) + eps_N * (allowed.m + ROUND_OFF * far), old.t[a])

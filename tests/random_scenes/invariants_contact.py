@@ -41,13 +41,10 @@ def size_of(story: Story) -> float:
 def told_depth(story: Story, pair: Pair, k: int) -> float:
     """What a run says the sides of a pair overlap at level k [m]: by pressure, or by the gap where no force acts."""
     assert story.scenario is not None
-    s = np.searchsorted(story.interface.contact_nodes,
-                        np.unique([*story.interface.surfaces[pair.slave].ravel(),
-                                   *story.interface.surfaces[pair.master].ravel()]))
-    level = story.levels[k]
+    sides, level = [side for side in story.interface.pair_sides if side.pair == pair.name], story.levels[k]
     if story.scenario.mechanical_half == "elastic":
-        return float(-level.t_N[s].min()) / pair.eps_N
-    return max(float(-level.gap[s].min()), 0.0)
+        return max(float(-level.t_N[side.at].min()) for side in sides) / pair.eps_N
+    return max(0.0, *(float(-level.gap[side.at].min()) for side in sides))
 
 
 def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints, told_m: float) -> Floats:
@@ -130,16 +127,8 @@ the crossing number of polygons.
 # LONGER: the same scene in long windows.
 
 def presses(story: Story) -> dict[str, NDArray[np.bool_]]:
-    """Pair -> whether (n,) it presses at each level; a pair whose nodes are all another's too is left out."""
-    interface = story.interface
-    found = {}
-    for pair in interface.pairs:
-        taken = {n for p in interface.pairs if p.name != pair.name
-                 for n in np.unique([*interface.surfaces[p.slave].ravel(), *interface.surfaces[p.master].ravel()])}
-        own = [n for n in np.unique(interface.surfaces[pair.slave]) if n not in taken]
-        if own:
-            found[pair.name] = (story.t_N[:, np.searchsorted(interface.contact_nodes, own)] < 0.0).any(axis=1)
-    return found
+    """Pair -> whether (n,) it presses at each level."""
+    return {side.pair: (story.t_N[:, side.at] < 0.0).any(axis=1) for side in story.interface.pair_sides if side.own}
 
 
 def longer(scene: Scene, factor: float = LONGER) -> Scene:

@@ -43,10 +43,11 @@ class Swing:
 
 
 def quantities(story: Story) -> Mapping[str, Floats]:
-    """Temperature (n, n_nodes) [K], gap and pressure (n, n_s) [m], [Pa] at every level; a gap of gap_max is 0."""
+    """Temperature (n, n_nodes) [K], gap and pressure (n, n_q) [m], [Pa] at every level; a gap of gap_max is 0."""
     gap = np.array([level.gap for level in story.levels])
     if gap.size:
-        reach = max(pair.gap_max for pair in story.interface.pairs)
+        gap_max = {pair.name: pair.gap_max for pair in story.interface.pairs}
+        reach = np.concatenate([np.full(side.nodes.size, gap_max[side.pair]) for side in story.interface.pair_sides])
         gap = np.where((gap >= reach).any(axis=0), 0.0, gap)
     return {"temperature": story.T, "gap": gap, "pressure": -story.t_N}
 

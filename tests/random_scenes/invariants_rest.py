@@ -146,8 +146,8 @@ def stress_of_nothing(story: Story) -> list[Finding]:
     for number, body in enumerate(interface.bodies):
         if not _moved_as_whole(model, body, interface.axisymmetric):
             continue
-        s = np.flatnonzero(interface.node_body[interface.contact_nodes] == number)
-        pressed = (story.t_N[:, s] < 0.0).any(axis=1)
+        q = np.flatnonzero(interface.node_body[interface.pair_nodes] == number)
+        pressed = (story.t_N[:, q] < 0.0).any(axis=1)
         until = int(pressed.argmax()) if pressed.any() else len(pressed)
         most = np.abs(sigma[:until, of_cell == number]).max(initial=0.0)
         if most > STRESS * E:

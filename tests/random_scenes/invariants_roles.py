@@ -18,7 +18,7 @@ from random_scenes.declared import NotApplicable
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.refine import finer_mesh
 from random_scenes.scene import Scene
-from random_scenes.shapes import Floats, Ints
+from random_scenes.shapes import Floats
 from random_scenes.story import COMPLETED, Story, told
 
 MOST_NODES = 2500  # of the refined meshes
@@ -40,18 +40,20 @@ def totals(story: Story, swapped: bool = False) -> dict[str, float]:
             parts = [float(story.ledger[f"{k}.{own}"][-1]) for k in kind if f"{k}.{own}" in story.ledger]
             found[f"{' and '.join(kind)}, into the {side}"] = sum(parts)
     found["friction, into both"] = sum(found.pop(f"friction, into the {side}") for side in OTHER)
-    return found | {f"force of {pair.name}": force_on(story, pair.slave) for pair in story.interface.pairs}
+    return found | {f"force of {pair.name}": force_on(story, pair.name, pair.slave) for pair in story.interface.pairs}
 
 
-def force_on(story: Story, surface: str) -> float:
-    """The integral of the pressure over what a surface faces at the end [N]; a node's is its mean over that."""
+def force_on(story: Story, pair: str, surface: str) -> float:
+    """The integral of a pair's pressure over what a surface of it faces at the end [N]; a node's is its mean over that.
+    """
     edges = story.interface.surfaces[surface]
     x = story.x[-1][edges]
     areas = np.repeat(0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1)[:, None], 2, axis=1)
     if story.scene.axisymmetric:
         r = x[:, :, 0]
         areas *= 2.0 * np.pi * (2.0 * r + r[:, ::-1]) / 3.0
-    at = np.searchsorted(story.interface.contact_nodes, edges)
+    side = story.interface.side_of(pair, surface)
+    at = side.at.start + np.searchsorted(side.nodes, edges)
     return float(-(areas * story.levels[-1].covered[at] * story.t_N[-1][at]).sum())
 
 
@@ -61,11 +63,10 @@ def tilt_of(story: Story) -> float:
     Across a wedge heat has no one area: that of either side is as good, and they differ by so much.
     """
     worst, x = 0.0, story.x[-1]
-    covered = np.zeros(len(x))
-    covered[story.interface.contact_nodes] = story.levels[-1].covered
     for pair in story.interface.pairs:
         slave, master = (story.interface.surfaces[name] for name in (pair.slave, pair.master))
-        slave = slave[covered[slave].min(axis=1) > 0.0]
+        side = story.interface.side_of(pair.name, pair.slave)
+        slave = slave[story.levels[-1].covered[side.at][np.searchsorted(side.nodes, slave)].min(axis=1) > 0.0]
         if len(slave):
             along_s, along_m = (x[edges[:, 1]] - x[edges[:, 0]] for edges in (slave, master))
             _, faced = cKDTree(x[master].mean(axis=1)).query(x[slave].mean(axis=1))
@@ -143,16 +144,13 @@ refined.  Sides that stand aslant to each other have no one area and no one norm
 
 def even_gaps(story: Story) -> bool:
     """Whether all pairs are open throughout, over the same gap to 1 % wherever they face each other, on whole sides."""
-    contact = story.interface.contact_nodes
     if story.t_N.any() or not len(story.interface.pairs):
         return False
-    for pair in story.interface.pairs:
-        for surface in (pair.slave, pair.master):
-            at: Ints = np.searchsorted(contact, np.unique(story.interface.surfaces[surface]))
-            for level in story.levels:
-                gap: Floats = level.gap[at]
-                if level.covered[at].min() < 1.0 - 1e-6 or np.ptp(gap) > EVEN * gap.mean():
-                    return False
+    for side in story.interface.pair_sides:
+        for level in story.levels:
+            gap: Floats = level.gap[side.at]
+            if level.covered[side.at].min() < 1.0 - 1e-6 or np.ptp(gap) > EVEN * gap.mean():
+                return False
     return True
 
 

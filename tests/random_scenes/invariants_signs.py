@@ -43,7 +43,7 @@ def _worst(story: Story, what: str, unit: str, beyond: Floats, allowed: float,
 # Contact presses, friction brakes, work heats.
 
 def _pressing(scene: Scene, story: Story, rng: np.random.Generator) -> list[Finding]:
-    return _worst(story, "contact pulls at contact node", "Pa", story.t_N, 0.0, ("pulls", "tension"))
+    return _worst(story, "contact pulls at pair node", "Pa", story.t_N, 0.0, ("pulls", "tension"))
 
 
 PRESSURE = Invariant("contact presses", lambda scene: bool(scene.pairs), _pressing, runs=0)
@@ -59,7 +59,8 @@ def friction_excess(story: Story, pair: Pair) -> Floats:
     """
     interface, surface = story.interface, story.interface.surfaces[pair.slave]
     nodes = np.unique(surface)
-    s = {int(n): int(np.searchsorted(interface.contact_nodes, n)) for n in nodes}
+    s = dict(zip(nodes.tolist(), range(*interface.side_of(pair.name, pair.slave).at.indices(story.t_N.shape[1])),
+                 strict=True))
     t_T = np.array(story.extra["mechanical.contact.t_T"])
     gap, covered = (np.array([getattr(level, name) for level in story.levels]) for name in ("gap", "covered"))
     beyond = np.zeros((len(story.t), len(nodes)))
@@ -98,13 +99,10 @@ def bends(story: Story, pair: Pair, node: int) -> Floats:
 
 def _coulomb(scene: Scene, story: Story, rng: np.random.Generator) -> list[Finding]:
     findings = []
-    shared = {n for p in story.interface.pairs for q in story.interface.pairs if p.name != q.name
-              for n in np.intersect1d(story.interface.surfaces[p.slave], story.interface.surfaces[q.slave])}
     whole = scene.doc["coupling"].get("substeps", {}).get("mechanical", 1) == 1
     cut = any(float(c) > 0.0 for c in story.extra.get("mechanical.cuts", ()))
     for pair in story.interface.pairs:
-        if "mechanical.contact.t_T" in story.extra and whole and not cut and not pair.two_pass and not pair.by_node \
-                and not shared & set(story.interface.surfaces[pair.slave].ravel().tolist()):
+        if "mechanical.contact.t_T" in story.extra and whole and not cut and not pair.two_pass and not pair.by_node:
             allowed = ROUND_OFF * max(pair.mu * float(-story.t_N.min()), 1.0)
             findings += _worst(story, f"pair {pair.name}: shear exceeds mu p at slave node", "Pa",
                                friction_excess(story, pair), allowed, ("coulomb", "shear"))
@@ -188,8 +186,7 @@ def joined(story: Story, k: int) -> list[list[str]]:
     interface = story.interface
     group = {b: b for b in interface.bodies}
     for pair in interface.pairs:
-        nodes = np.unique([*interface.surfaces[pair.slave].ravel(), *interface.surfaces[pair.master].ravel()])
-        if (story.levels[k].t_N[np.searchsorted(interface.contact_nodes, nodes)] < 0.0).any():
+        if any((story.levels[k].t_N[side.at] < 0.0).any() for side in interface.pair_sides if side.pair == pair.name):
             old, new = group[body_of(pair.master)], group[body_of(pair.slave)]
             group = {b: new if g == old else g for b, g in group.items()}
     return [[b for b in group if group[b] == g] for g in dict.fromkeys(group.values())]

@@ -31,7 +31,7 @@ class NoAnswerError(Exception):
 
 @dataclass(frozen=True)
 class End:
-    """A window's end: T (n,) [K], f_s (n,) or None, x (n, 2) [m], t_N (n_s,) [Pa]."""
+    """A window's end: T (n,) [K], f_s (n,) or None, x (n, 2) [m], t_N (n_q,) [Pa]."""
 
     T: Floats
     x: Floats

@@ -77,7 +77,7 @@ class Story:
 
     @cached_property
     def t_N(self) -> Floats:
-        """(n, n_s) [Pa]"""
+        """(n, n_q) [Pa]"""
         return np.array([level.t_N for level in self.levels])
 
     def nodes_of(self, body: str) -> NDArray[np.intp]:

@@ -35,9 +35,9 @@ def test_the_lid_is_lifted_and_the_gap_is_widest_after_the_fire(coupled: Results
     t, gap = coupled.probe("seat.gap")
     assert np.abs(gap[t <= 480]).max() < 1e-5  # closed but for the tilt of the rim, 2 um
     assert 480 < t[np.flatnonzero(gap > 5e-5)[0]] <= 600
-    # Windows of a quarter of the size: 1.3639 mm at 1200 s, 1.6556 mm at 1350 s; half a per cent for what they differ.
-    assert at(coupled, "seat.gap", OUT) == pytest.approx(1.3639e-3, rel=0.005)
-    assert gap.max() == pytest.approx(1.6556e-3, rel=0.005)
+    # Windows of a quarter of the size: 1.3403 mm at 1200 s, 1.6374 mm at 1350 s; half a per cent for what they differ.
+    assert at(coupled, "seat.gap", OUT) == pytest.approx(1.3403e-3, rel=0.005)
+    assert gap.max() == pytest.approx(1.6374e-3, rel=0.005)
     assert OUT + 60 < t[gap.argmax()] < OUT + 240
     lift = coupled.probe("lid.lift")[1] - coupled.probe("rim.lift")[1]
     # Of the lid's middle and of its seat: they differ by the lid's own bow, a tenth of a millimetre.
@@ -57,11 +57,13 @@ def test_without_motion_there_is_no_leak_and_heat_takes_another_way(coupled: Res
     c = compare(coupled, rigid)
     by = {d.curves.name: d for d in c.differences}
     # Of windows of a quarter of the size; 5 % for what they change.
-    assert by["salt.side.T"].by == pytest.approx(-42.85, rel=0.05)
-    assert by["seat.gap"].by == pytest.approx(-1.6556e-3, rel=0.005)
+    assert by["salt.side.T"].by == pytest.approx(-44.32, rel=0.05)
+    # A lid that stays on the hot rim is heated by it.
+    assert by["lid.edge.T"].by == pytest.approx(104.9, rel=0.05)
+    assert by["seat.gap"].by == pytest.approx(-1.6374e-3, rel=0.005)
     told = sentence(c, ("coupled.h5", "rigid.h5"), "degC")
-    assert told.startswith("rigid.h5 differs from coupled.h5 by up to 4")
-    assert "1.66 mm in gap (seat.gap at vessel at (0.043, 0.1265), t = 13" in told
+    assert told.startswith("rigid.h5 differs from coupled.h5 by up to 10")
+    assert "1.64 mm in gap (seat.gap at vessel at (0.043, 0.1265), t = 13" in told
 
 
 def test_no_heat_is_lost(coupled: Results, rigid: Results) -> None:

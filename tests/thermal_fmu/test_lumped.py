@@ -95,8 +95,7 @@ def test_two_bodies_in_contact_share_their_heat() -> None:
     model["materials"]["n"] = {"rho": 2600.0, "c": 1000.0, "k": 1.0}
     model["bodies"]["b"] = {"material": "n", "T0": 300.0}
     interface = two()
-    n_s = interface.contact_nodes.size
-    out = drive(interface, model, np.full(64, 1.0), t_N=np.full(n_s, -2e6))
+    out = drive(interface, model, np.full(64, 1.0), t_N=np.full(interface.pair_nodes.size, -2e6))
     T_a, T_b = out[-1]["T"][0], out[-1]["T"][-1]
     rate = 700.0 * (1 / 39000.0 + 1 / 78000.0)
     assert pytest.approx(200.0 * np.exp(-rate * 64.0), rel=1e-4) == T_a - T_b

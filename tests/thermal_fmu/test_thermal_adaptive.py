@@ -47,7 +47,7 @@ def warm_pair(**more):
 
 
 def pressed(mesh):
-    return np.full(len(mesh.contact_nodes), -1e6)
+    return np.full(len(mesh.pair_nodes), -1e6)
 
 
 @cache

@@ -124,7 +124,7 @@ def test_the_jacobian_is_the_derivative(latent, chosen):
         model["materials"]["m"]["latent"] = latent
     half, link = load(mesh, model), FlatContact()
     x = mesh.nodes @ np.array([[1.0, 0.0], [0.0, 1.1]])
-    given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
+    given = inputs_of(mesh, half, t_N=np.full(len(mesh.pair_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
     held = freeze(sc, sc.masses(mesh.nodes), x @ turn(0.0), np.zeros(20), contact_at(sc.surfaces, x, given, link))
@@ -151,7 +151,7 @@ def test_surfaces_tell_what_they_gave_off():
                  method="sdirk2", pairs={"p": {"conduction": {"closed": {"law": "constant", "h": 50.0}, "open": None}}})
     model["bodies"] |= {"a": {"material": "m", "T0": 300.0, "Q_T": 200.0}, "b": {"material": "m", "T0": 600.0}}
     half, link = load(mesh, model), FlatContact()
-    given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6), E_M=np.full(24, 3.0))
+    given = inputs_of(mesh, half, t_N=np.full(len(mesh.pair_nodes), -1e6), E_M=np.full(24, 3.0))
     state, _ = half.start(given, 0.0, link)
     for i in range(3):
         done = half.step(state, given, 0.2 * i, 0.2, link)

@@ -49,7 +49,7 @@ def ends(T_a, T_b):
 
 
 def pressed(mesh, p=1e6):
-    return np.full(len(mesh.contact_nodes), -p)
+    return np.full(len(mesh.pair_nodes), -p)
 
 
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
@@ -101,7 +101,7 @@ def test_d3_what_leaves_one_side_enters_the_other(link):
     mesh = stacked(nx=(24, 31), slide=0.0337, gap=1e-4)
     laws = {"p": {"conduction": {"closed": {"law": "constant", "h": 3000.0},
                                  "open": {"law": "gas", "k_g": 0.05, "g_m": 2e-5}}}}
-    t_N = np.where(mesh.nodes[mesh.contact_nodes, 0] < 0.08, -1e6, 0.0)
+    t_N = np.where(mesh.nodes[mesh.pair_nodes, 0] < 0.08, -1e6, 0.0)
     ran = run(mesh, two_bodies(ends(500.0, 300.0), pairs=laws), 1.0, 5, link, t_N=t_N)
     for out in ran.outputs:
         for mechanism in ("contact", "gap"):
@@ -223,20 +223,43 @@ def test_balance_over_a_long_slide(link):
 
 
 def test_a_corner_that_stands_below_closes_nothing_beside():
-    """One node, two pairs: its pressure is that of the face it stands on, not of the wall a millimetre away."""
+    """One node, two pairs: it stands on the floor, and presses neither a wall a millimetre away nor one in touch."""
     pairs = Pair("wall", "a.right", "b.left", 0.01, 1e9), Pair("floor", "a.bottom", "c.top", 0.01, 1e9)
     interface = scene(Box(0.0, 0.1, 0.0, 0.05, 2, 2), Box(0.101, 0.15, 0.0, 0.05, 2, 2),
                       Box(0.0, 0.15, -0.05, 0.0, 3, 2), pairs=pairs, names=("a", "b", "c"))
     surfaces = ContactSurfaces(interface)
     facing = surfaces.facing(DirectLink(ContactService().handle), interface.nodes)
-    below = np.isin(interface.contact_nodes, interface.surfaces["a.bottom"])
-    points = contact_points(surfaces, facing, np.where(below, -1e6, 0.0), interface.nodes)
+    floor, beside = interface.side_of("floor", "a.bottom"), interface.side_of("wall", "a.right")
+    t_N = np.zeros(interface.pair_nodes.size)
+    t_N[floor.at] = -1e6
+    points = contact_points(surfaces, facing, t_N, interface.nodes)
     wall = points.pair == 0
     assert points.p[~wall] == pytest.approx(1e6)
     assert (points.p[wall] == 0.0).all()
     assert points.gap[wall] == pytest.approx(1e-3)
-    # Where it touches both, both are pressed.
     moved = interface.nodes - np.where(interface.node_body == 1, 1e-3, 0.0)[:, None] * np.array([1.0, 0.0])
     facing = surfaces.facing(DirectLink(ContactService().handle), moved)
-    points = contact_points(surfaces, facing, np.where(below, -1e6, 0.0), moved)
-    assert points.p[points.pair == 0].max() > 1e5
+    points = contact_points(surfaces, facing, t_N, moved)
+    assert points.p[points.pair == 1] == pytest.approx(1e6)
+    assert (points.p[points.pair == 0] == 0.0).all()
+    # Pressed against the wall, it is the wall's own pressure that closes it.
+    t_N[beside.at] = -2e5
+    points = contact_points(surfaces, facing, t_N, moved)
+    assert points.p[points.pair == 1] == pytest.approx(1e6)
+    assert points.p[points.pair == 0] == pytest.approx(2e5)
+
+
+def test_what_presses_a_surface_as_a_master_closes_nothing_it_faces_as_a_slave():
+    """A lid on its contents, a millimetre off its seat: the node between the two is pressed from below by one only."""
+    pairs = Pair("seat", "a.bottom", "b.top", 0.01, 1e9), Pair("top", "c.top", "a.bottom", 0.01, 1e9)
+    interface = scene(Box(0.0, 0.1, 0.0, 0.05, 3, 1), Box(0.05, 0.1, -0.05, -0.001, 2, 1),
+                      Box(0.0, 0.05, -0.05, 0.0, 2, 1), pairs=pairs, names=("a", "b", "c"))
+    surfaces = ContactSurfaces(interface)
+    facing = surfaces.facing(DirectLink(ContactService().handle), interface.nodes)
+    t_N = np.zeros(interface.pair_nodes.size)
+    for surface in ("c.top", "a.bottom"):
+        t_N[interface.side_of("top", surface).at] = -1e6
+    points = contact_points(surfaces, facing, t_N, interface.nodes)
+    assert points.p[points.pair == 1] == pytest.approx(1e6)
+    assert (points.p[points.pair == 0] == 0.0).all()
+    assert points.gap[points.pair == 0] == pytest.approx(1e-3)

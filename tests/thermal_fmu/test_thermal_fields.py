@@ -170,7 +170,7 @@ def test_derivatives_are_exact(which):
     mesh = scene(Box(0, 0.1, 0, 0.1, 3, 2, triangles=True), Box(0.01, 0.11, 0.1002, 0.2, 4, 2), geometry="axisymmetric",
                  pairs=(Pair("p", "b.bottom", "a.top", 0.1, 0.0),))
     half, link = load(mesh, every_term(which)), DirectLink(ContactService().handle)
-    t_N = np.where(mesh.nodes[mesh.contact_nodes, 0] < 0.04, -1e6, 0.0)
+    t_N = np.where(mesh.nodes[mesh.pair_nodes, 0] < 0.04, -1e6, 0.0)
     given = inputs_of(mesh, half, t_N=t_N)
     half.start(given, 0.0, link)
     sc = half._scene

@@ -37,11 +37,11 @@ def two_metals(pair=None, T0=300.0, boundary=(), **more):
 
 
 def on_slave(mesh, Q):
-    """(n_s,) energies on the slave's nodes, Q [J/m2], by their areas (edges along x)."""
+    """(n_q,) energies on the slave's nodes, Q [J/m2], by their areas (edges along x)."""
     E = np.zeros(len(mesh.nodes))
     for i, j in mesh.surfaces["b.bottom"]:
         E[[i, j]] += 0.5 * Q * abs(mesh.nodes[i, 0] - mesh.nodes[j, 0])
-    return E[mesh.contact_nodes]
+    return E[mesh.pair_nodes]
 
 
 def test_d10_two_half_spaces_that_slide():
@@ -53,7 +53,7 @@ def test_d10_two_half_spaces_that_slide():
     mesh = scene(Box(0, 0.01, 0, 0.4, 1, 170), Box(0, 0.01, 0.4, 0.6, 1, 170), pairs=PAIRS, move=graded)
     half, link = load(mesh, two_metals()), service()
     for t_end, dT in zip(case["t"], case["dT"], strict=True):
-        given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
+        given = inputs_of(mesh, half, t_N=np.full(len(mesh.pair_nodes), -1e6))
         state, _ = half.start(given, 0.0, link)
         steps = 1.06 ** np.arange(80)
         t, made = 0.0, []
@@ -72,7 +72,7 @@ def test_d10_two_half_spaces_that_slide():
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
 def test_a_given_share(share):
     mesh = scene(Box(0, 0.1, 0, 0.1, 3, 3), Box(0, 0.1, 0.1, 0.2, 4, 3), pairs=PAIRS)
-    given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.contact_nodes), -1e6)}
+    given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.pair_nodes), -1e6)}
     out = run(mesh, two_metals({"friction": {"share": share}}), 2.0, 1, service(), **given).outputs[-1]
     assert abs(out["heat.friction.slave"] - share * 5.0) < 1e-13 * 5.0
     assert abs(out["heat.friction.master"] - (1.0 - share) * 5.0) < 1e-13 * 5.0
@@ -83,7 +83,7 @@ def test_effusivities_at_the_temperature_of_the_start():
     mesh = scene(Box(0, 0.1, 0, 0.1, 3, 1), Box(0, 0.1, 0.1, 0.2, 4, 1), pairs=PAIRS)
     model = two_metals()
     model["materials"]["st"] = ALUMINIUM | {"k": {"T": [300.0, 400.0], "value": [210.0, 52.5]}}
-    given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.contact_nodes), -1e6)}
+    given = {"contact.E_friction": on_slave(mesh, 50.0), "t_N": np.full(len(mesh.pair_nodes), -1e6)}
     for T0, share in ((300.0, 0.5), (400.0, 1.0 / 3.0)):
         model["bodies"] = {b: m | {"T0": T0} for b, m in model["bodies"].items()}
         out = run(mesh, model, 1e-3, 1, service(), **given).outputs[-1]
@@ -126,7 +126,7 @@ def test_d3_no_joule_is_lost_between_curved_surfaces(geometry):
     """Partly overlapping, partly touching, radiating and rubbing: each side of every mechanism to 1e-13."""
     mesh = curved(geometry, lift=2e-4)
     rng = np.random.default_rng(3)
-    nodes = mesh.contact_nodes
+    nodes = mesh.pair_nodes
     E = rng.uniform(0.5, 1.5, nodes.size)  # on nodes of both sides, also where nothing is faced
     t_N = np.where(mesh.nodes[nodes, 0] < 0.11, -1e6, 0.0)
     far = [{"on": s, "radiation": {"emissivity": 0.7, "T": 300.0, "gap": {"d_near": 1e-4, "d_far": 1e-3}}}
@@ -157,12 +157,12 @@ def test_a16_with_every_term_of_the_surface(method):
     model = two_metals(LAWS, boundary=[film, *far], method=method) | ({"theta": 0.7} if method == "theta" else {})
     model["bodies"]["b"] |= {"T0": 700.0, "Q_T": hot, "Q_T_factor": {"T": [300, 900], "value": [1.0, 0.2]}}
     half, link = load(mesh, model), service()
-    given = inputs_of(mesh, half, **{"contact.E_friction": np.full(len(mesh.contact_nodes), 40.0)})
+    given = inputs_of(mesh, half, **{"contact.E_friction": np.full(len(mesh.pair_nodes), 40.0)})
     state, _ = half.start(given, 0.0, link)
     outputs = []
     for i in range(6):
         x = mesh.nodes + np.where(mesh.node_body == 1, 0.003 * i, 0.0)[:, None] * np.array([1.0, 0.03])
-        t_N = np.full(len(mesh.contact_nodes), -1e6 if i % 2 else 0.0)
+        t_N = np.full(len(mesh.pair_nodes), -1e6 if i % 2 else 0.0)
         done = half.step(state, given | {"x": x, "contact.t_N": t_N}, 0.5 * i, 0.5, link)
         state = done.state
         outputs.append(dict(done.outputs))
@@ -176,8 +176,8 @@ def test_a16_with_every_term_of_the_surface(method):
 def test_who_takes_what_faces_nothing():
     """b hangs over by half: its free nodes keep their joules; a node that only serves as master keeps them too."""
     mesh = scene(Box(0, 0.1, 0, 0.1, 4, 2), Box(0.05, 0.15, 0.1, 0.2, 4, 2), pairs=PAIRS)
-    x, s = mesh.nodes[mesh.contact_nodes, 0], np.isin(mesh.contact_nodes, mesh.surfaces["b.bottom"])
-    given = {"t_N": np.full(len(mesh.contact_nodes), -1e6)}
+    x, s = mesh.nodes[mesh.pair_nodes, 0], np.isin(mesh.pair_nodes, mesh.surfaces["b.bottom"])
+    given = {"t_N": np.full(len(mesh.pair_nodes), -1e6)}
     for where, slave in ((s & (x > 0.13), 1.0), (~s, 0.0), (s & (x < 0.09), EXPECTED["D10"]["share"])):
         E = np.where(where, 2.0, 0.0)
         out = run(mesh, two_metals(), 1.0, 1, service(), **given, **{"contact.E_friction": E}).outputs[-1]
@@ -203,7 +203,7 @@ def test_two_passes_keep_the_sides_of_their_pair(share):
     on_master = np.zeros(len(once.nodes))
     for i, j in once.surfaces["a.top"]:
         on_master[[i, j]] += 25.0 * abs(once.nodes[i, 0] - once.nodes[j, 0]) * 0.5
-    halves = 0.5 * E + on_master[once.contact_nodes]
+    halves = 0.5 * E + on_master[once.pair_nodes]
     for p in (0.0, 1e6):
         one, two = (run(mesh, model, 1.0, 1, service(), t_N=np.full(E.size, -p), **{"contact.E_friction": given})
                     for mesh, given in ((once, E), (twice, halves)))
@@ -218,7 +218,7 @@ def test_a_body_warms_where_it_is_rubbed():
     """All to the slave, nothing conducts: the joules are in the cells along its face."""
     mesh = scene(Box(0, 0.1, 0, 0.1, 2, 2), Box(0, 0.1, 0.1, 0.2, 2, 2), pairs=PAIRS)
     model = two_metals({"friction": {"share": 1.0}})
-    ran = run(mesh, model, 1e-6, 1, service(), t_N=np.full(len(mesh.contact_nodes), -1e6),
+    ran = run(mesh, model, 1e-6, 1, service(), t_N=np.full(len(mesh.pair_nodes), -1e6),
               **{"contact.E_friction": on_slave(mesh, 1000.0)})
     T = ran.T[-1]
     assert (T[np.unique(mesh.surfaces["b.bottom"])] > 300.0).all()
@@ -247,7 +247,7 @@ def test_a_surface_that_folds_is_as_two(p):
         model = two_metals(pair, boundary=film)
         model["bodies"]["b"]["T0"] = 700.0
         # Only the faces of b carry heat; where they face nothing they keep it.
-        E = np.where(mesh.node_body[mesh.contact_nodes] == 1, 3.0, 0.0)
+        E = np.where(mesh.node_body[mesh.pair_nodes] == 1, 3.0, 0.0)
         found.append(run(mesh, model, 1.0, 1, service(), t_N=np.full(E.size, -p), **{"contact.E_friction": E}))
     assert np.abs(found[0].T - found[1].T).max() < 1e-9
     assert found[1].imbalance() < EXPECTED["A16"]["tolerance"]

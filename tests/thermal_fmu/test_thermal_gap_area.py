@@ -160,7 +160,7 @@ def test_closed_contact_keeps_the_area_it_is_searched_from():
     mesh = between(0.1, 0.2, "in", "axisymmetric", _cells("axisymmetric"))
     surfaces = ContactSurfaces(mesh)
     facing = surfaces.facing(DirectLink(ContactService().handle), mesh.nodes)
-    pressed = contact_points(surfaces, facing, np.full(len(mesh.contact_nodes), -1e6), mesh.nodes)
+    pressed = contact_points(surfaces, facing, np.full(len(mesh.pair_nodes), -1e6), mesh.nodes)
     assert (pressed.p > 0.0).all()
     for area in (pressed.area, pressed.open_area, pressed.end_s, pressed.end_m):
         assert (area == facing.area).all()

@@ -38,7 +38,7 @@ def trail(half, mesh, state, link, first, last):
     bits = []
     for i in range(first, last):
         x = mesh.nodes + np.where(mesh.node_body == 1, 0.01 * i, 0.0)[:, None] * np.array([1.0, 0.0])
-        given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.contact_nodes), -1e5), load_floor=1.0 + 0.01 * i)
+        given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.pair_nodes), -1e5), load_floor=1.0 + 0.01 * i)
         given |= {"control.method": i % 4, "control.event": i // 5}
         done = half.step(state, given, 0.02 * i, 0.02, link)
         assert isinstance(done, Done), done

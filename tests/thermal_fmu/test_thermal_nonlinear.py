@@ -83,7 +83,7 @@ def test_a16_heat_balance_on_a_moving_mesh(c, method, geometry):
     for i in range(n):
         x = mesh.nodes * np.array([1.0 + 0.02 * i, 1.0 - 0.01 * i])
         x[mesh.node_body == 1, 1] += 0.002 * (i % 3)
-        t_N = np.full(len(mesh.contact_nodes), -1e6 if i % 3 == 0 else 0.0)
+        t_N = np.full(len(mesh.pair_nodes), -1e6 if i % 3 == 0 else 0.0)
         done = half.step(state, given | {"x": x, "contact.t_N": t_N}, 0.5 * i, 0.5, link)
         state = done.state
         outputs.append(dict(done.outputs))
@@ -122,7 +122,7 @@ def test_the_jacobian_is_the_derivative(stage):
                  pairs={"p": {"conduction": {"closed": table, "open": None}}})
     model["bodies"]["b"] = {"material": "m", "T0": 420.0}
     half, link = load(mesh, model), FlatContact()
-    given = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
+    given = inputs_of(mesh, half, t_N=np.full(len(mesh.pair_nodes), -1e6))
     half.start(given, 0.0, link)
     sc = half._scene
     held = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(20), contact_at(sc.surfaces, mesh.nodes, given, link))

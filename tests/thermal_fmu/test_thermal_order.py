@@ -75,7 +75,7 @@ def two_bodies():
                  pairs={"p": {"conduction": {"closed": law, "open": None},
                               "radiation": {"emissivity_slave": eps, "emissivity_master": 0.9}}})
     model["bodies"]["b"] = {"material": "m", "T0": 700.0}
-    context = the_context(mesh, model, t_N=np.full(len(mesh.contact_nodes), -1e6))
+    context = the_context(mesh, model, t_N=np.full(len(mesh.pair_nodes), -1e6))
     s = np.where(mesh.node_body == 0, 300.0, 700.0)
     return context, taken(context, METHODS["backward_euler"], s, 0.05, 10)
 

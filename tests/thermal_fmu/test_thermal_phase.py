@@ -144,7 +144,7 @@ def test_a16_latent_heat_on_a_moving_mesh(method, geometry):
     for i in range(8):
         x = mesh.nodes * np.array([1.0 + 0.02 * i, 1.0 - 0.01 * i])
         x[mesh.node_body == 1, 1] += 0.002 * (i % 3)
-        t_N = np.full(len(mesh.contact_nodes), -1e6 if i % 3 == 0 else 0.0)
+        t_N = np.full(len(mesh.pair_nodes), -1e6 if i % 3 == 0 else 0.0)
         done = half.step(state, given | {"x": x, "contact.t_N": t_N}, 2.0 * i, 2.0, link)
         assert isinstance(done, Done), done
         state = done.state

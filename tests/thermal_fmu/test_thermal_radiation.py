@@ -84,7 +84,7 @@ def held_plates(T_a, T_b, boundary=(), **near):
 def test_d8_parallel_plates(p):
     """Apart and touching alike: radiation does not jump at touch."""
     mesh = plates()
-    t_N = np.full(len(mesh.contact_nodes), -p)
+    t_N = np.full(len(mesh.pair_nodes), -p)
     out = run(mesh, held_plates(600.0, 900.0), 1.0, 1, t_N=t_N).outputs[-1]
     assert abs(out["heat.near_radiation.slave"] / (-0.1 * EXPECTED["D8"]["q"]) - 1.0) < 2e-7  # the printed digits
     assert abs(out["heat.near_radiation.master"] / (0.1 * EXPECTED["D8"]["q"]) - 1.0) < 2e-7
@@ -100,7 +100,7 @@ def blended(gap, slide=0.0, p=0.0):
     mesh = plates(gap, slide)
     far = [radiation("a.top", 300.0, 0.8, **LIMITS), radiation("b.bottom", 300.0, 0.1, **LIMITS)]
     out = run(mesh, held_plates(600.0, 900.0, far, **LIMITS), 1.0, 1, DirectLink(ContactService().handle),
-              t_N=np.full(len(mesh.contact_nodes), -p)).outputs[-1]
+              t_N=np.full(len(mesh.pair_nodes), -p)).outputs[-1]
     assert abs(out["heat.near_radiation.slave"] + out["heat.near_radiation.master"]) < 1e-12 * 0.1 * Q_FAR
     return out["heat.near_radiation.master"], -out["heat.radiation"]
 

@@ -86,8 +86,8 @@ def test_it_is_the_plane_half_on_one_row(method: str, material: dict[str, Any]) 
 
 
 def test_theta_many_rows_and_pressure() -> None:
-    n_s = two(3).contact_nodes.size
-    same(two(3, 0.0), model(METAL, method="theta", theta=0.7), t_N=np.full(n_s, -2e6), load_q=0.3)
+    n_q = two(3).pair_nodes.size
+    same(two(3, 0.0), model(METAL, method="theta", theta=0.7), t_N=np.full(n_q, -2e6), load_q=0.3)
 
 
 def test_around_an_axis() -> None:
@@ -106,7 +106,7 @@ def test_heat_of_the_other_half_and_a_mesh_that_moved() -> None:
     n = len(interface.quads)
     x = interface.nodes * np.array([1.01, 1.1])
     same(interface, model(METAL), x=x, E_M=np.linspace(0, 500, n), E_S=np.linspace(300, 0, n),
-         **{"contact.E_friction": np.full(interface.contact_nodes.size, 50.0)})
+         **{"contact.E_friction": np.full(interface.pair_nodes.size, 50.0)})
 
 
 def test_a_fin() -> None:

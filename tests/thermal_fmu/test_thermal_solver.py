@@ -33,7 +33,7 @@ def slide(half, mesh, state, first, last):
     link, done = FlatContact(), []
     for i in range(first, last):
         x = mesh.nodes + np.where(mesh.node_body == 1, 4e-4 * i, 0.0)[:, None] * np.array([1.0, 0.0])
-        given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.contact_nodes), -1e6))
+        given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.pair_nodes), -1e6))
         done.append(half.step(state, given, 5.0 * i, 5.0 * 1.01**i, link))
         state = done[-1].state
     return done

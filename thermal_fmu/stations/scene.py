@@ -20,13 +20,11 @@ from thermal_fmu.stations.stations import StationGeometry, StationMesh, Stations
 from thermal_fmu.surface_terms import (
     ExposedPoints,
     FrictionHeat,
-    FrictionNodes,
     SurfaceGeometry,
     at_nodes,
     conduction_groups,
     freeze_film,
     freeze_radiator,
-    friction_nodes,
     friction_power,
     radiation_groups,
     slave_fraction,
@@ -73,11 +71,6 @@ class StationScene:
         return owners(self.fixed, [self.mapped(b.nodes) for b in self.model.prescribed])
 
     @cached_property
-    def friction_nodes(self) -> FrictionNodes:
-        """Where friction heat comes from, by nodes of the mesh."""
-        return friction_nodes(self.interface)
-
-    @cached_property
     def fixed_places(self) -> tuple[Ints, Ints]:
         """Flat places of the band in rows or columns of fixed stations, and their diagonal ones."""
         s = self.stations
@@ -120,15 +113,13 @@ def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M:
 
 def stations_with_friction(substep: SubstepData, scene: StationScene, points: ContactPoints, E: Floats, at: NodalFields,
                            h: float) -> SubstepData:
-    """Add the friction heat E : (n_s,) [J] of surface nodes, spread evenly over h [s]; at : (n,) at its start."""
+    """Add the friction heat E : (n_q,) [J] of pair nodes, spread evenly over h [s]; at : (n,) at its start."""
     if not E.any():
         return substep
     interface, of_node = scene.interface, scene.stations.of_node
-    whole = np.zeros(len(interface.nodes))
-    whole[interface.contact_nodes] = E
     nodal = NodalFields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
     fraction = slave_fraction(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
-    power = friction_power(points, fraction, whole, scene.friction_nodes, h)
+    power = friction_power(points, fraction, E, interface, h)
     gather = scene.stations.gather
     # fault: friction heat of rods lost -> return replace(substep, friction=FrictionHeat(gather(power.slave), 0.0 *
     #   gather(power.master), power.pairs)) | thermal_fmu/test_thermal_rod

@@ -25,15 +25,15 @@ class FluxHalf:
 
     def __init__(self, interface: Interface) -> None:
         self.interface = interface
-        n, n_s = len(interface.nodes), len(interface.contact_nodes)
+        n, n_q = len(interface.nodes), len(interface.pair_nodes)
         self.n_cells = len(interface.quads) + len(interface.triangles)
         self.variables = (
             Variable("x", (n, 2), "input", "m", start=interface.nodes),
-            Variable("contact.t_N", (n_s,), "input", "Pa"),
+            Variable("contact.t_N", (n_q,), "input", "Pa"),
             Variable("T", (n,), "output", "K"),
             Variable("q_node", (n, 2), "output", "W/m2", description="heat flux at nodes"),
             Variable("damage", (self.n_cells,), "output", "1", description="damage of cells"),
-            Variable("contact.wear", (n_s,), "output", "m", description="depth worn off"),
+            Variable("contact.wear", (n_q,), "output", "m", description="depth worn off"),
             Variable("stretch", (n, 4), "output", "1", description="a tensor", on="nodes"),
             Variable("lost", (len(interface.bodies),), "output", "J", on="bodies"),
             Variable("thrust", (2,), "output", "N", on="none"),
@@ -49,7 +49,7 @@ class FluxHalf:
     def _outputs(self, t: float) -> dict[str, Any]:
         X = self.interface.nodes
         return {"T": np.full(len(X), 300.0 + t), "q_node": flux(X, t), "damage": t * np.arange(self.n_cells),
-                "contact.wear": wear(X[self.interface.contact_nodes], t), "stretch": stretch(X, t),
+                "contact.wear": wear(X[self.interface.pair_nodes], t), "stretch": stretch(X, t),
                 "lost": t * (1.0 + np.arange(len(self.interface.bodies))), "thrust": np.array([t, -2.0 * t]),
                 "clock": t}
 
