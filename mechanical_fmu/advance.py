@@ -32,12 +32,13 @@ NOT_GIVEN = -1.0
 
 @dataclass(frozen=True)
 class StepDrive:
-    """target : (n_fixed,) [m].  pressure : (n_pressures,) [Pa].  dead : (n_dead,) size of each dead load.
+    """levels : (n_levels,) of prescribed displacements [m], [rad] (motions.py).  pressure : (n_pressures,) [Pa].
 
+    dead : (n_dead,) size of each dead load.
     T : (n_nodes,) [K].  f_s : (n_nodes,) solid fraction; (0,) where nobody gave it, and T says it.
     """
 
-    target: Floats
+    levels: Floats
     pressure: Floats
     dead: Floats
     T: Floats
@@ -50,7 +51,8 @@ def drive_of(system: System, inputs: Values, t: float, side: int) -> StepDrive:
     pressure = [driven(p.value, p.name, t, side, inputs) for p in spec.pressures]
     dead = [driven(d.value, d.name, t, side, inputs) for d in spec.dead]
     T = np.array(inputs["T"], dtype=np.float64, order="C")
-    return StepDrive(system.constraints.values(t, side, inputs), np.array(pressure), np.array(dead), T, _given(inputs))
+    levels = system.constraints.motions.levels(t, side, inputs)
+    return StepDrive(levels, np.array(pressure), np.array(dead), T, _given(inputs))
 
 
 def between(a: StepDrive, b: StepDrive, share: float) -> StepDrive:
@@ -58,7 +60,7 @@ def between(a: StepDrive, b: StepDrive, share: float) -> StepDrive:
     if share == 1.0:
         return b
     return StepDrive(*(x + share * (y - x) for x, y in
-                       ((a.target, b.target), (a.pressure, b.pressure), (a.dead, b.dead), (a.T, b.T),
+                       ((a.levels, b.levels), (a.pressure, b.pressure), (a.dead, b.dead), (a.T, b.T),
                         (a.f_s if a.f_s.size == b.f_s.size else b.f_s, b.f_s))))
 
 
@@ -82,7 +84,8 @@ def may_skip(system: System) -> bool:
 
 def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats) -> float:
     """Estimate max|du| [m] from the inputs last solved for to those of now, about u : (n_nodes, 2) [m]."""
-    moved = np.abs(now.target - solved.target).max(initial=0.0)
+    motions = system.constraints.motions
+    moved = np.abs(motions.target(now.levels) - motions.target(solved.levels)).max(initial=0.0)
     L = np.array([np.ptp(system.interface.nodes[system.interface.node_body == b], axis=0).max()
                   for b in range(len(system.interface.bodies))])
     largest, E = float(np.abs(u).max()), np.full(len(L), np.inf)
@@ -174,7 +177,8 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
     dead = system.masses.dead.at(drive.dead) if drive.dead.size else None
-    return Loading(moduli, drive.target, drive.pressure, task.query, PointStep(dt, history), dead)
+    target = system.constraints.motions.target(drive.levels)
+    return Loading(moduli, target, drive.pressure, task.query, PointStep(dt, history), dead)
 
 
 def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> ForceBalance:
@@ -182,7 +186,7 @@ def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> For
 
     u : (n_nodes, 2) [m] before they move.
     """
-    moved = system.constraints.moved(u, loading.target)
+    moved = system.constraints.moved(u, loading.target, system.interface.nodes)
     fixed = system.constraints.fixed
     off = np.abs(moved.ravel()[fixed] - loading.target)
     if off.size and off.max() <= TARGET_ROUND_OFF * float(system.size.max()):
@@ -251,7 +255,8 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
     else:
         inertia = inertia_of(system.masses, dynamics, motion, dt)
         loading = replace(loading, inertia=inertia)
-        start = _carried(system, free_flight(dynamics, motion, dt), system.constraints.moved(motion.u, loading.target))
+        moved = system.constraints.moved(motion.u, loading.target, system.interface.nodes)
+        start = _carried(system, free_flight(dynamics, motion, dt), moved)
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
@@ -259,8 +264,11 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
-    """A first guess: free components fly on, driven bodies have moved."""
-    guess = np.where(system.constraints.free.reshape(-1, 2) > 0.0, flown, moved)
+    """A first guess: free components fly on, driven bodies have moved; one that turns does so with all its nodes."""
+    flies = system.constraints.free.reshape(-1, 2) > 0.0
+    if system.constraints.turned_bodies.size:
+        flies &= ~np.isin(system.constraints.node_body, system.constraints.turned_bodies)[:, None]
+    guess = np.where(flies, flown, moved)
     return guess if system.rigid is None else system.rigid.placed(guess)
 
 

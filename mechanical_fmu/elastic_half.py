@@ -213,6 +213,8 @@ def _unit(system: System, name: str) -> str:
     """Unit of the condition(s) of a name: what bc.<name> is given in."""
     spec = system.spec
     for d in spec.displacements:
+        if d.turn is not None and d.turn.name == name:
+            return "rad"
         if d.name == name:
             return "rad" if d.component == 2 else "m"
     if any(p.name == name for p in spec.pressures):
@@ -277,8 +279,8 @@ class ElasticHalf:
         loading = self._loading(inputs, t, 1, history, link)
         motion = BodyMotion(u, none, none, none)
         if system.spec.stated.inert:
-            at = system.constraints.moved(u, drive.target)
-            at.ravel()[system.constraints.fixed] = drive.target
+            at = system.constraints.moved(u, loading.target, system.interface.nodes)
+            at.ravel()[system.constraints.fixed] = loading.target
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
