@@ -15,6 +15,7 @@ from coupler.fmu.half import Half
 from coupler.scenario.options import Iteration, Scheme, WindowRange
 from coupler.schemes.acceleration import Memory
 from coupler.schemes.levels import Level
+from coupler.schemes.paths import Bodies
 
 Array = NDArray[np.float64]
 
@@ -329,6 +330,7 @@ class Halves:
     """The two halves of a run and what is asked of each after a substep.
 
     inputs : side -> name -> value, given to a half in every substep besides what is exchanged (Settings.inputs).
+    bodies : (n_nodes,) body of each node, -1 for none, by which x goes along arcs; None: not known.
     """
 
     thermal: Half
@@ -336,6 +338,7 @@ class Halves:
     thermal_outputs: tuple[str, ...]
     mechanical_outputs: tuple[str, ...]
     inputs: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    bodies: Bodies | None = None
 
 
 def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = ()) -> Halves:

@@ -186,7 +186,7 @@ def test_a_mirrored_scene_mirrors():
 
 
 def test_moment_times_angle_is_the_work():
-    """A block twisted by its top stores half of moment times angle; triangles have one stress each, so energy is a sum."""
+    """A block twisted by its top stores half of moment times angle; with one stress a triangle energy is a sum."""
     interface = block(GRID, GRID, "triangles")
     angle, about = 1e-6, np.array([0.4, 1.0])
     half = elastic(interface, [{"on": "block.bottom", "u_x": 0.0, "u_y": 0.0},
