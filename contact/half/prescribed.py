@@ -85,7 +85,7 @@ def conflicts(problem: ElasticProblem, interface: Interface) -> Iterator[Wrong]:
     owner = np.full((len(interface.nodes), 2), -1)
     known: dict[int, _Prescription] = {}
     for i, b in enumerate(problem.boundary):
-        nodes = _nodes_of(b, problem, interface)
+        nodes = nodes_of(b, problem, interface)
         if nodes is None or all(getattr(b, key) is None for key in HELD):
             continue
         new = _Prescription(i, b, (None if b.u_x is None else field_from(b.u_x),
@@ -105,8 +105,8 @@ def conflicts(problem: ElasticProblem, interface: Interface) -> Iterator[Wrong]:
     yield from _rigid_conflicts(problem)
 
 
-def _nodes_of(b: ElasticBoundary, problem: ElasticProblem, interface: Interface) -> NDArray[np.intp] | None:
-    """The nodes of a place; None of rigid bodies, and where there is no such place."""
+def nodes_of(b: ElasticBoundary, problem: ElasticProblem, interface: Interface) -> NDArray[np.intp] | None:
+    """Return the nodes (n,) of a place; None of rigid bodies, and where there is no such place."""
     if b.body is not None:
         if b.body not in interface.bodies or b.body not in problem.bodies or problem.bodies[b.body].rigid:
             return None

@@ -12,6 +12,7 @@ import numpy as np
 
 from contact.half import checks
 from contact.half.functions import property_from
+from contact.half.held import unheld
 from contact.half.interface import Interface
 from contact.problem.boundary import FORMAT, Supported
 from contact.problem.curves import FieldSum, Phases
@@ -317,6 +318,7 @@ def _of_elastic(s: Stated, problem: ElasticProblem) -> Iterator[Wrong]:
                     "Say how the bodies are held: mechanical: {elastic: {boundary: [...]}}.")
         return
     yield from checks.elastic_wrongs(problem, s.interface)
+    yield from unheld(problem, s.interface)
     for name in s.file.mechanical.elastic.bodies:
         if name not in s.file.bodies:
             for wrong in checks.known(name, s.file.bodies, (), "body"):
