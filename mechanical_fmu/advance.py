@@ -17,8 +17,9 @@ from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.newton import Equilibrium, SolverSettings
 from mechanical_fmu.passing import refuse_passing
+from mechanical_fmu.stabilisation import stabilised
 from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import StiffnessAnchor
+from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 from mechanical_fmu.volume import CellError, PointStep
 
 Floats = NDArray[np.float64]
@@ -147,7 +148,8 @@ class StepResult:
     """Where pieces of a step ended.  heat : (n_cells,) [J] of all of them, empty where none can be made.
 
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
-    last : what the points remembered when the last piece began, and its length.
+    last : what the points remembered when the last piece began, and its length.  work : [J] of all, of what damped
+    bodies that contact did not hold yet.
     """
 
     balance: ForceBalance
@@ -158,6 +160,7 @@ class StepResult:
     cuts: int = 0
     dt_stable: float = 0.0
     last: PointStep = field(default_factory=PointStep)
+    work: float = 0.0
 
 
 class PartWayError(ArithmeticError):
@@ -198,9 +201,14 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
            settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to `first`, the prediction of a step from u : (n_nodes, 2) [m].
 
+    Where contact alone could hold a body and does not yet, the body is damped until it does.
     Raises PassingError where a body would go through another, and what solve_step does.
     """
-    found = solve_step(system, loading, first, anchor, settings)
+    try:
+        found = solve_step(system, loading, first, anchor, settings)
+    except LooseBodyError:
+        # fault: first contact under a force refused -> raise | mechanical_fmu/test_first_contact
+        found = stabilised(system, loading, first, settings)
     refuse_passing(system, u, found.balance)
     return found
 
@@ -260,7 +268,8 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
-    return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)
+    return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
+                      work=equilibrium.work)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
@@ -277,4 +286,5 @@ def _joined(first: StepResult, then: StepResult) -> StepResult:
     #   mechanical_fmu/test_solution_methods
     heat = first.heat + then.heat if first.heat.size else then.heat
     return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
-                      max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last)
+                      max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last,
+                      first.work + then.work)

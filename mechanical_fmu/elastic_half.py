@@ -56,6 +56,7 @@ class ElasticState:
     history : (n_history,) of points and cells (System.start_history).
     v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
     skipped : steps left out in a row, all_skipped : since the start.
+    damped : [J] of what damped bodies that contact did not hold yet, since the start.
     """
 
     t: float
@@ -72,6 +73,7 @@ class ElasticState:
     f: Floats
     skipped: int = 0
     all_skipped: int = 0
+    damped: float = 0.0
 
 
 # What the elastic half says of itself: its variables, and its outputs after a step.
@@ -129,11 +131,19 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                                description="0 isothermal, 1 adiabatic"))
     if spec.stated.skip is not None:
         outputs.append(Variable("skipped", description="steps skipped since the start"))
+    if damps(system):
+        outputs.append(Variable("work.stabilisation", unit="J", description="work of what damped bodies until contact "
+                                                                            "held them, since the start"))
     if system.rigid is not None:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
                     for b in system.rigid.body]
     return (*inputs, *outputs, *(contact_variables(n_s, system.contact.slips) if n_s else ()))
+
+
+def damps(system: System) -> bool:
+    """Say whether a body may have to be damped until contact holds it."""
+    return system.can_be_loose and bool(system.interface.pairs) and not system.spec.stated.inert
 
 
 def mesh_nodes(system: System) -> int:
@@ -160,6 +170,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
             outputs[f"reaction.{name}"] = held[point]
     if system.spec.stated.skip is not None:
         outputs["skipped"] = float(state.all_skipped)
+    if damps(system):
+        outputs["work.stabilisation"] = state.damped
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
@@ -294,7 +306,7 @@ class ElasticHalf:
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
         state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
-                             now.history, motion.v, motion.a, motion.f)
+                             now.history, motion.v, motion.a, motion.f, damped=found.work)
         return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -333,7 +345,8 @@ class ElasticHalf:
         motion = found.motion
         contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
-                        history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0)
+                        history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0,
+                        damped=state.damped + found.work)
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
         return Done(after, outputs_of(system, found, moved, after), found.dt_stable)
 
@@ -425,6 +438,7 @@ class ElasticHalf:
                                  "max_strain_increment": 0.0}
         made: dict[str, Value] = {v.name: np.zeros(v.shape) for v in self.variables if v.name in ("E_M", "E_S")}
         made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
+        made |= {v.name: state.damped for v in self.variables if v.name == "work.stabilisation"}
         return out | made
 
     def _anchor(self, state: ElasticState) -> StiffnessAnchor:
@@ -447,7 +461,7 @@ def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
 
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:
-    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual)
+    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual, work=solved.work)
 
 
 def _array(value: Any) -> Floats:

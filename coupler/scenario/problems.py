@@ -317,8 +317,9 @@ def _of_elastic(s: Stated, problem: ElasticProblem) -> Iterator[Wrong]:
         yield Wrong(("mechanical",), "the half `elastic` is chosen, but mechanical.elastic is missing",
                     "Say how the bodies are held: mechanical: {elastic: {boundary: [...]}}.")
         return
-    yield from checks.elastic_wrongs(problem, s.interface)
-    yield from unheld(problem, s.interface)
+    wrongs = list(checks.elastic_wrongs(problem, s.interface))
+    # What is held can be said only where every condition stands somewhere.
+    yield from wrongs or unheld(problem, s.interface)
     for name in s.file.mechanical.elastic.bodies:
         if name not in s.file.bodies:
             for wrong in checks.known(name, s.file.bodies, (), "body"):

@@ -55,6 +55,8 @@ def clock_with_marks(end: float, times: Iterable[float]) -> Clock:
 
 # Block that crosses -> plain name.  Each has an account of its own.
 HEATS = {"E_M": "mechanical heat", "E_S": "entropy part", "contact.E_friction": "friction heat"}
+# Work of what damped bodies until contact held them [J], since the start; of the half elastic, where a body is loose.
+DAMPED = "work.stabilisation"
 AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first substep; the others are spread in time
 
 
@@ -350,7 +352,8 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
          and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching")
               or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
-    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching")
+    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching",
+              DAMPED)
     has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
     m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]
     return Halves(thermal, mechanical, tuple(t), tuple(m))
