@@ -126,6 +126,7 @@ class Task:
 
     start : the drive at its beginning.  end : at its end.  dt : [s].  query : contact, None where nothing can touch.
     frozen : (n, 2) [m] displacement at which the entropy is frozen, None for a given temperature.
+    handed : (n, 2) [N] what held components that are released now, and goes to nothing within the step; None of none.
     """
 
     start: StepDrive
@@ -133,6 +134,7 @@ class Task:
     dt: float
     query: Callable[[Floats], Tractions] | None
     frozen: Floats | None
+    handed: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,9 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
     dead = system.masses.dead.at(drive.dead) if drive.dead.size else None
+    if task.handed is not None and share < 1.0:
+        # fault: a released condition lets go at once -> pass | mechanical_fmu/test_release
+        dead = (1.0 - share) * task.handed + (0.0 if dead is None else dead)
     target = system.constraints.motions.target(drive.levels)
     return Loading(moduli, target, drive.pressure, task.query, PointStep(dt, history), dead)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -328,8 +328,8 @@ class Constraints:
 
 
 def constraints_of(interface: Interface, displacements: Sequence[Displacement],
-                   rigid: RigidBodies | None = None) -> Constraints:
-    """Collect the prescribed components.
+                   rigid: RigidBodies | None = None, released: Collection[int] = ()) -> Constraints:
+    """Collect the prescribed components, but those of `released` displacements, by number.
 
     On the axis u_r = 0; a node no cell uses stays.  interface : with the reference rows of rigid bodies.
     Two prescriptions of one component are the same (contact.half.prescribed).
@@ -337,6 +337,8 @@ def constraints_of(interface: Interface, displacements: Sequence[Displacement],
     """
     given: dict[int, int] = {}
     for i, d in enumerate(displacements):
+        if i in released:
+            continue
         for dof in _dofs(d, rigid):
             given.setdefault(int(dof), i)
     for dof in np.flatnonzero(_still(interface, rigid)):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.contact_client import History
+from contact.half.functions import SNAP
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
@@ -57,6 +58,8 @@ class ElasticState:
     v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
     skipped : steps left out in a row, all_skipped : since the start.
     damped : [J] of what damped bodies that contact did not hold yet, since the start.
+    released : numbers of the displacements that prescribe nothing any more.  handed : (n, 2) [N] what held those that
+    were released last, (0, 2) where none were.
     """
 
     t: float
@@ -74,6 +77,8 @@ class ElasticState:
     skipped: int = 0
     all_skipped: int = 0
     damped: float = 0.0
+    released: tuple[int, ...] = ()
+    handed: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
 
 # What the elastic half says of itself: its variables, and its outputs after a step.
@@ -143,7 +148,8 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
 
 def damps(system: System) -> bool:
     """Say whether a body may have to be damped until contact holds it."""
-    return system.can_be_loose and bool(system.interface.pairs) and not system.spec.stated.inert
+    let_go = any(d.until is not None for d in system.spec.displacements)
+    return (system.can_be_loose or let_go) and bool(system.interface.pairs) and not system.spec.stated.inert
 
 
 def mesh_nodes(system: System) -> int:
@@ -264,6 +270,30 @@ def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
     return first
 
 
+# Conditions that end.
+
+def after_release(system: System, state: ElasticState, found: ForceBalance) -> ElasticState:
+    """Return the state with what is released from here on: at a time that has come, or by a pair that has closed."""
+    going = [i for i, d in enumerate(system.spec.displacements) if d.until is not None and i not in state.released
+             and _has_come(system, d.until, state.t, found)]
+    if not going:
+        return state if not len(state.handed) else replace(state, handed=np.empty((0, 2)))
+    released = tuple(sorted({*state.released, *going}))
+    free = system.without(released).constraints.free - system.constraints.free
+    return replace(state, released=released, handed=(found.r.ravel() * free).reshape(found.r.shape), anchored=False)
+
+
+def _has_come(system: System, until: float | str, t: float, found: ForceBalance) -> bool:
+    if isinstance(until, float):
+        return t >= until * (1.0 - SNAP)
+    if found.tractions is None:
+        return False
+    # fault: any pair that closes releases -> slaves = system.contact.on_slaves([p.name for p in
+    #   system.interface.pairs]) | mechanical_fmu/test_release
+    slaves = system.contact.on_slaves([until])
+    return bool((found.tractions.t_N[slaves] < 0.0).any())
+
+
 # An old factor that needs more iterations than this in a step has had its time.
 MAX_ANCHORED_ITERATIONS = 8
 # Anchors kept: one in use, one that a rollback may return to.
@@ -278,6 +308,7 @@ class ElasticHalf:
         self.system, self.settings = system, settings
         self.variables = elastic_variables(system)
         self._anchors: dict[bytes, StiffnessAnchor] = {}
+        self._without: dict[tuple[int, ...], ElasticHalf] = {}
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ElasticState, Mapping[str, Value]]:
         """Find the equilibrium at t from the reference at once; with inertia, the reference itself and its velocity.
@@ -307,7 +338,8 @@ class ElasticHalf:
         now = found.balance
         state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
                              now.history, motion.v, motion.a, motion.f, damped=found.work)
-        return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
+        outputs = outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
+        return after_release(system, state, found.balance), outputs
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Find the equilibrium, or the motion, at t + h."""
@@ -315,7 +347,7 @@ class ElasticHalf:
         if refusal := self._refusal(method, mode):
             return Discard(refusal)
         try:
-            return self._step(state, inputs, t, h, link)
+            return self._of(state)._step(state, inputs, t, h, link)
         except PartWayError as exc:
             return self._discard(exc.cause, exc.share, h)
         except ArithmeticError as exc:
@@ -335,7 +367,8 @@ class ElasticHalf:
         method = self._method(int(inputs.get("control.method", 0)))
         u = _array(state.u)
         frozen = u if int(inputs.get("control.mode", ISOTHERMAL)) == ADIABATIC else None
-        task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen)
+        task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen,
+                    _array(state.handed) if len(state.handed) else None)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
@@ -348,7 +381,16 @@ class ElasticHalf:
                         history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0,
                         damped=state.damped + found.work)
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
-        return Done(after, outputs_of(system, found, moved, after), found.dt_stable)
+        outputs = outputs_of(system, found, moved, after)
+        return Done(after_release(system, after, found.balance), outputs, found.dt_stable)
+
+    def _of(self, state: ElasticState) -> ElasticHalf:
+        """The half in which what the state has released prescribes nothing."""
+        if not state.released:
+            return self
+        if state.released not in self._without:
+            self._without[state.released] = ElasticHalf(self.system.without(state.released), self.settings)
+        return self._without[state.released]
 
     def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:
         """The loading at t of points without a past."""
@@ -430,7 +472,7 @@ class ElasticHalf:
 
     def _skips(self, state: ElasticState, drive: StepDrive) -> bool:
         skip = self.system.spec.stated.skip
-        return (skip is not None and state.skipped < skip.most and may_skip(self.system)
+        return (skip is not None and not len(state.handed) and state.skipped < skip.most and may_skip(self.system)
                 and expected_change(self.system, state.drive, drive, _array(state.u)) < skip.u)
 
     def _skipped_outputs(self, state: ElasticState) -> dict[str, Value]:

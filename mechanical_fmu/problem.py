@@ -40,6 +40,7 @@ class Displacement:
 
     on : the name they go by.  name : of its inputs, or "".  rigid : number among the rigid bodies, else -1.
     turn : what follows on the displacement of both components, one object for all components of an entry.
+    until : [s] when it is released, or the name of the pair that releases it by closing; None: never.
     """
 
     on: str
@@ -49,6 +50,7 @@ class Displacement:
     name: str
     rigid: int = -1
     turn: Turn | None = None
+    until: float | str | None = None
 
 
 @dataclass(frozen=True)
@@ -188,14 +190,16 @@ def _displacements(interface: Interface, b: mechanical.ElasticBoundary, number: 
     else:
         nodes = np.unique((interface.surfaces if b.on is not None else interface.node_sets)[on]).astype(np.int32)
     turn = turn_from(b.rotation, name)
+    until = next(iter(b.until)) if isinstance(b.until, dict) else b.until
     for i, key in enumerate(MOTIONS):
         value = getattr(b, key)
         if b.rotation is not None and i < 2:
-            yield Displacement(on, nodes, i, field_from(0.0 if value is None else value), "", number, turn)
+            yield Displacement(on, nodes, i, field_from(0.0 if value is None else value), "", number, turn,
+                               until)
         elif b.rotation is not None and number >= 0:
-            yield Displacement(on, nodes, i, field_from(b.rotation.angle), name, number)
+            yield Displacement(on, nodes, i, field_from(b.rotation.angle), name, number, None, until)
         elif value is not None:
-            yield Displacement(on, nodes, i, field_from(value), name, number)
+            yield Displacement(on, nodes, i, field_from(value), name, number, None, until)
 
 
 def _gravity(interface: Interface, gravity: mechanical.Gravity | None) -> list[Condition]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,12 +43,16 @@ def name_of(motion: Floats) -> str:
     return MOTIONS[2 if size[2] > 0.1 * size.max() else int(np.argmax(size[:2]))]
 
 
-def unheld(problem: ElasticProblem, interface: Interface) -> Iterator[Wrong]:
-    """Bodies, and then groups of them, that can move rigidly without end.  With inertia everything may move."""
+def unheld(problem: ElasticProblem, interface: Interface, end: float = inf) -> Iterator[Wrong]:
+    """Bodies, and then groups of them, that can move rigidly without end.  With inertia everything may move.
+
+    end : of the run [s].  A condition that is released before it holds nothing for good.
+    """
     if problem.inert:
         return
     frames = [_frame(interface, body) for body in range(len(interface.bodies))]
-    held = _held_by_conditions(problem, interface, frames)
+    lasting = [b for b in problem.boundary if b.until is None or (isinstance(b.until, float) and b.until >= end)]
+    held = _held_by_conditions(lasting, problem, interface, frames)
     pairs = [(pair, *(_rows_of(pair, interface, frames))) for pair in interface.pairs
              if pair.slave.partition(".")[0] != pair.master.partition(".")[0]]
     n, found = len(frames), False
@@ -85,14 +90,14 @@ def _frame(interface: Interface, body: int) -> tuple[Floats, float]:
     return middle, max(float(np.abs(x - middle).max()), float(np.finfo(float).tiny))
 
 
-def _held_by_conditions(problem: ElasticProblem, interface: Interface, frames: list[tuple[Floats, float]]
-                        ) -> list[Floats]:
+def _held_by_conditions(boundary: Iterable[ElasticBoundary], problem: ElasticProblem, interface: Interface,
+                        frames: list[tuple[Floats, float]]) -> list[Floats]:
     """C'C : (3, 3) of each body."""
     held = [np.zeros((3, 3)) for _ in frames]
     for body, (middle, size) in enumerate(frames):
         if interface.axisymmetric:
             held[body] += np.diag([1.0, 0.0, 1.0])
-        for b in problem.boundary:
+        for b in boundary:
             for row in _rows_held(b, problem, interface, body, (middle, size)):
                 held[body] += row.T @ row
     return held

@@ -13,6 +13,7 @@ from contact.half.functions import Field, Signal, field_from, signal_from
 from contact.half.interface import Interface
 from contact.problem.boundary import HELD
 from contact.problem.errors import Wrong
+from contact.problem.values import did_you_mean
 
 if TYPE_CHECKING:
     # The thermal half has no such conditions.
@@ -85,6 +86,11 @@ def conflicts(problem: ElasticProblem, interface: Interface) -> Iterator[Wrong]:
     owner = np.full((len(interface.nodes), 2), -1)
     known: dict[int, _Prescription] = {}
     for i, b in enumerate(problem.boundary):
+        if isinstance(b.until, dict):
+            for name in b.until:
+                if name not in [pair.name for pair in interface.pairs]:
+                    yield Wrong(("boundary", i, "until", name), f"there is no contact pair {name!r}",
+                                did_you_mean(name, [pair.name for pair in interface.pairs]))
         nodes = nodes_of(b, problem, interface)
         if nodes is None or all(getattr(b, key) is None for key in HELD):
             continue
@@ -133,6 +139,9 @@ def _differs(a: _Prescription, b: _Prescription, c: int, nodes: NDArray[np.intp]
                     f"{v[when, k]:.6g} m here, for node {nodes[k] + 1} at ({x:.6g}, {y:.6g}) m at t = "
                     f"{instants[when][0]:.6g} s",
                     "Let one of them hold the node, or make both the same there.")
+    elif a.spec.until != b.spec.until:
+        yield Wrong(where, f"{place} is prescribed by {first} already, which ends another time",
+                    "Give both the same `until`, or let one of them hold the node.")
     elif a.spec.name != b.spec.name:
         yield Wrong(where, f"{place} is prescribed by {first} already, which goes by another input",
                     "A rule may drive the two apart: let one of them hold the node.")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from contact.problem.boundary import FORCES, HELD, TRACTIONS, WEIGHTS, Supported
 from contact.problem.curves import FieldSpec, SignalSpec
@@ -54,6 +55,20 @@ class Rotation(Part):
     angle: Annotated[SignalSpec, Entry("anticlockwise, of any size; 1.5708 is a quarter turn", "rad")]
 
 
+class Closing(StrEnum):
+    """What of a pair releases a condition."""
+
+    CLOSES = "closes"
+
+
+def _release_form(value: Any) -> str:
+    return "<pair>" if isinstance(value, Mapping) else "<time>"
+
+
+Release = Annotated[Annotated[Positive, Tag("<time>")] | Annotated[dict[Name, Closing], Tag("<pair>")],
+                    Discriminator(_release_form)]
+
+
 class ElasticBoundary(Supported):
     """One kind of condition, its components together, on a surface, at a point or of a body."""
 
@@ -65,6 +80,9 @@ class ElasticBoundary(Supported):
     rotation: Annotated[Rotation | None, Entry("holds the place at x = about + R(angle) (X + u - about), u from u_x "
                                                "and u_y: these turn along", default="any (plane)")] = None
     angle: Annotated[SignalSpec | None, Entry("prescribed angle, anticlockwise", "rad", default="`body`, rigid")] = None
+    until: Annotated[Release | None, Entry(
+        "releases a displacement at a time, or after the window in which a pair closes; what held it goes within the "
+        "next window", "s", default="where displacements are", kind="number > 0, or {PAIR: closes}")] = None
     pressure: Annotated[SignalSpec | None, Entry("positive pushes on the body and follows it", "Pa",
                                                  default="`on`")] = None
     t_x: Annotated[SignalSpec | None, Entry("traction on the reference surface, of fixed direction", "Pa",
@@ -94,6 +112,10 @@ class ElasticBoundary(Supported):
         if kinds[0] == FORCES and place == "on":
             raise problem("a force acts at a point or on a rigid body", "Use `at: body.point`, `body: NAME`, or a "
                           "traction t_x, t_y [Pa].", at=("on",))
+        if self.until is not None and kinds[0] != HELD:
+            raise problem("only a displacement is released; a load ends by its signal", at=("until",))
+        if isinstance(self.until, dict) and len(self.until) != 1:
+            raise problem("one pair is needed", "Write {PAIR: closes}.", at=("until",))
         if self.rotation is not None and self.angle is not None:
             raise problem("the rotation has the angle of the body already", "Keep one of the two.", at=("angle",))
         for key in ("angle", "moment"):

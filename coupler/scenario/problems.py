@@ -319,7 +319,7 @@ def _of_elastic(s: Stated, problem: ElasticProblem) -> Iterator[Wrong]:
         return
     wrongs = list(checks.elastic_wrongs(problem, s.interface))
     # What is held can be said only where every condition stands somewhere.
-    yield from wrongs or unheld(problem, s.interface)
+    yield from wrongs or unheld(problem, s.interface, s.file.coupling.end)
     for name in s.file.mechanical.elastic.bodies:
         if name not in s.file.bodies:
             for wrong in checks.known(name, s.file.bodies, (), "body"):
