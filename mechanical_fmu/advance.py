@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.model import Values
 from contact.messages import Tractions
+from mechanical_fmu.carrying import carried
 from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
@@ -192,9 +193,9 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
 def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> ForceBalance:
     """Compute the balance where driven bodies have moved by their mean prescribed increment, with tangent if asked for.
 
-    u : (n_nodes, 2) [m] before they move.
+    u : (n_nodes, 2) [m] before they move.  Bodies that only contact holds go along with what they lie on.
     """
-    moved = system.constraints.moved(u, loading.target, system.interface.nodes)
+    moved = carried(system, u, system.constraints.moved(u, loading.target, system.interface.nodes), loading)
     fixed = system.constraints.fixed
     off = np.abs(moved.ravel()[fixed] - loading.target)
     if off.size and off.max() <= TARGET_ROUND_OFF * float(system.size.max()):

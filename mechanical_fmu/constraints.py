@@ -218,7 +218,8 @@ class Constraints:
     """Degrees of freedom (2 node + component) whose value is given.
 
     fixed : (n_fixed,) degrees of freedom, ascending.  source : (n_fixed,) index into the displacements of the spec, -1
-    for a plain 0.  motions : how they move.  turned : (n_fixed,) whether a rotation has them.
+    for a plain 0.  motions : how they move.  turned : (n_fixed,) whether a rotation or a
+    field over place has them.
     free : (2 n_nodes,) 1.0 where free, else 0.0 (nodes of rigid bodies are neither free nor fixed: they
     follow).
     node_body : (n_nodes,), -1 where no cell is.  n_bodies.  axisymmetric : then a body can only move along y.
@@ -269,6 +270,8 @@ class Constraints:
         for body in self.turned_bodies:
             here = self.node_body == body
             held = here & whole.all(axis=1)
+            if np.count_nonzero(held) < 2:
+                continue
             x, to = (X + u)[held], (X + goal)[held]
             middle, middle_to = x.mean(axis=0), to.mean(axis=0)
             turn = turn_between(x - middle, to - middle_to)
@@ -277,7 +280,7 @@ class Constraints:
 
     @cached_property
     def turned_bodies(self) -> NDArray[np.int32]:
-        """Return the deformable bodies that a rotation has nodes of."""
+        """Return the deformable bodies that a rotation, or a field over place, has nodes of."""
         bodies = np.unique(self.node_body[self.fixed[self.turned] // 2])
         return bodies[bodies >= 0]
 
@@ -350,7 +353,8 @@ def constraints_of(interface: Interface, displacements: Sequence[Displacement],
         free[rigid.slaves] = 0.0
     scale = [1.0 if rigid is None or d.component < 2 else float(rigid.size[d.rigid]) for d in displacements]
     source = np.array([given[int(d)] for d in fixed], dtype=np.intp)
-    turned = np.array([i >= 0 and displacements[i].turn is not None for i in source], dtype=bool)
+    turned = np.array([i >= 0 and (displacements[i].turn is not None or not displacements[i].value.is_uniform)
+                       for i in source], dtype=bool)
     return Constraints(fixed, source, motions_of(displacements, source, fixed, scale, interface.nodes), turned, free,
                        interface.node_body, len(interface.bodies), interface.axisymmetric, rigid)
 
