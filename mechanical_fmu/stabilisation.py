@@ -83,7 +83,7 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
         loading = _with_pressures(system, loading, step.balance)
         found = system.balance(step.balance.u, loading, True)
         error = float(system.error(found, forces).max())
-        # fault: a body that nothing pushes is sent on its way -> unpushed = False | mechanical_fmu/test_first_contact
+        # fault: a body that nothing pushes is sent on its way -> if False: | mechanical_fmu/test_first_contact
         if unpushed and error <= settings.tolerance:
             # Wherever it is would be an equilibrium: it stays.
             return Equilibrium(found, error, tuple(history), True, work)
