@@ -10,6 +10,8 @@ Bodies = NDArray[np.int32]
 
 # Bodies that turn by less than this [rad] between two levels go straight: off the arc by 1e-11 of their size.
 STRAIGHT = 1e-5
+# By half a turn, to round-off, all bodies go the same way round.
+HALF_TURN = np.pi + 1e-6
 
 
 def carried_along(x: Array, earlier: Array, later: Array, w: float, bodies: Bodies | None) -> Array:
@@ -31,6 +33,8 @@ def carried_along(x: Array, earlier: Array, later: Array, w: float, bodies: Bodi
         angle = float(np.arctan2((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum(), (p * q).sum()))
         if abs(angle) < STRAIGHT:
             continue
+        if angle < HALF_TURN - 2.0 * np.pi:
+            angle += 2.0 * np.pi
         # The pole stays: pole + R (middle - pole) = to.
         way, half = to - middle, 0.5 * angle
         pole = middle + 0.5 * way + 0.5 * np.array([-way[1], way[0]]) * (np.cos(half) / np.sin(half))

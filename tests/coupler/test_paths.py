@@ -27,6 +27,14 @@ def test_a_turned_body_is_on_its_arc_and_goes_on_along_it(angle, pole):
         np.testing.assert_allclose(beyond, turned(SQUARE, (1 + w) * angle, pole), atol=1e-11)
 
 
+def test_by_half_a_turn_all_bodies_go_the_same_way_round():
+    bodies = np.repeat(np.arange(2, dtype=np.int32), len(SQUARE))
+    start = np.concatenate([SQUARE, SQUARE + [0.0, 1.0]])
+    for angle in (np.pi, -np.pi):
+        middle = carried_along(start, start, turned(start, angle, (0.3, 0.1)), 0.5, bodies)
+        np.testing.assert_allclose(middle, turned(start, 0.5 * np.pi, (0.3, 0.1)), atol=1e-12)
+
+
 def test_what_it_deforms_goes_straight_in_the_frame_that_turns():
     end = turned(SQUARE * [1.2, 1.0], 1.0, (0.0, 0.0))
     middle = carried_along(SQUARE, SQUARE, end, 0.5, ONE)
