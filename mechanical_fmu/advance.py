@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contact.half.model import Values
 from contact.messages import Tractions
+from mechanical_fmu.carrying import carried
 from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
@@ -17,8 +18,9 @@ from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.newton import Equilibrium, SolverSettings
 from mechanical_fmu.passing import refuse_passing
+from mechanical_fmu.stabilisation import stabilised
 from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import StiffnessAnchor
+from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
 from mechanical_fmu.volume import CellError, PointStep
 
 Floats = NDArray[np.float64]
@@ -32,12 +34,13 @@ NOT_GIVEN = -1.0
 
 @dataclass(frozen=True)
 class StepDrive:
-    """target : (n_fixed,) [m].  pressure : (n_pressures,) [Pa].  dead : (n_dead,) size of each dead load.
+    """levels : (n_levels,) of prescribed displacements [m], [rad] (motions.py).  pressure : (n_pressures,) [Pa].
 
+    dead : (n_dead,) size of each dead load.
     T : (n_nodes,) [K].  f_s : (n_nodes,) solid fraction; (0,) where nobody gave it, and T says it.
     """
 
-    target: Floats
+    levels: Floats
     pressure: Floats
     dead: Floats
     T: Floats
@@ -50,7 +53,8 @@ def drive_of(system: System, inputs: Values, t: float, side: int) -> StepDrive:
     pressure = [driven(p.value, p.name, t, side, inputs) for p in spec.pressures]
     dead = [driven(d.value, d.name, t, side, inputs) for d in spec.dead]
     T = np.array(inputs["T"], dtype=np.float64, order="C")
-    return StepDrive(system.constraints.values(t, side, inputs), np.array(pressure), np.array(dead), T, _given(inputs))
+    levels = system.constraints.motions.levels(t, side, inputs)
+    return StepDrive(levels, np.array(pressure), np.array(dead), T, _given(inputs))
 
 
 def between(a: StepDrive, b: StepDrive, share: float) -> StepDrive:
@@ -58,7 +62,7 @@ def between(a: StepDrive, b: StepDrive, share: float) -> StepDrive:
     if share == 1.0:
         return b
     return StepDrive(*(x + share * (y - x) for x, y in
-                       ((a.target, b.target), (a.pressure, b.pressure), (a.dead, b.dead), (a.T, b.T),
+                       ((a.levels, b.levels), (a.pressure, b.pressure), (a.dead, b.dead), (a.T, b.T),
                         (a.f_s if a.f_s.size == b.f_s.size else b.f_s, b.f_s))))
 
 
@@ -82,7 +86,8 @@ def may_skip(system: System) -> bool:
 
 def expected_change(system: System, solved: StepDrive, now: StepDrive, u: Floats) -> float:
     """Estimate max|du| [m] from the inputs last solved for to those of now, about u : (n_nodes, 2) [m]."""
-    moved = np.abs(now.target - solved.target).max(initial=0.0)
+    motions = system.constraints.motions
+    moved = np.abs(motions.target(now.levels) - motions.target(solved.levels)).max(initial=0.0)
     L = np.array([np.ptp(system.interface.nodes[system.interface.node_body == b], axis=0).max()
                   for b in range(len(system.interface.bodies))])
     largest, E = float(np.abs(u).max()), np.full(len(L), np.inf)
@@ -122,6 +127,7 @@ class Task:
 
     start : the drive at its beginning.  end : at its end.  dt : [s].  query : contact, None where nothing can touch.
     frozen : (n, 2) [m] displacement at which the entropy is frozen, None for a given temperature.
+    handed : (n, 2) [N] what held components that are released now, and goes to nothing within the step; None of none.
     """
 
     start: StepDrive
@@ -129,6 +135,7 @@ class Task:
     dt: float
     query: Callable[[Floats], Tractions] | None
     frozen: Floats | None
+    handed: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -144,7 +151,8 @@ class StepResult:
     """Where pieces of a step ended.  heat : (n_cells,) [J] of all of them, empty where none can be made.
 
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
-    last : what the points remembered when the last piece began, and its length.
+    last : what the points remembered when the last piece began, and its length.  work : [J] of all, of what damped
+    bodies that contact did not hold yet.
     """
 
     balance: ForceBalance
@@ -155,6 +163,7 @@ class StepResult:
     cuts: int = 0
     dt_stable: float = 0.0
     last: PointStep = field(default_factory=PointStep)
+    work: float = 0.0
 
 
 class PartWayError(ArithmeticError):
@@ -174,15 +183,19 @@ def loading_of(system: System, task: Task, share: float, dt: float, history: Flo
     if task.frozen is not None:
         moduli = at_frozen_entropy(system, moduli, drive.T, task.frozen)
     dead = system.masses.dead.at(drive.dead) if drive.dead.size else None
-    return Loading(moduli, drive.target, drive.pressure, task.query, PointStep(dt, history), dead)
+    if task.handed is not None and share < 1.0:
+        # fault: a released condition lets go at once -> pass | mechanical_fmu/test_release
+        dead = (1.0 - share) * task.handed + (0.0 if dead is None else dead)
+    target = system.constraints.motions.target(drive.levels)
+    return Loading(moduli, target, drive.pressure, task.query, PointStep(dt, history), dead)
 
 
 def predicted(system: System, u: Floats, loading: Loading, tangent: bool) -> ForceBalance:
     """Compute the balance where driven bodies have moved by their mean prescribed increment, with tangent if asked for.
 
-    u : (n_nodes, 2) [m] before they move.
+    u : (n_nodes, 2) [m] before they move.  Bodies that only contact holds go along with what they lie on.
     """
-    moved = system.constraints.moved(u, loading.target)
+    moved = carried(system, u, system.constraints.moved(u, loading.target, system.interface.nodes), loading)
     fixed = system.constraints.fixed
     off = np.abs(moved.ravel()[fixed] - loading.target)
     if off.size and off.max() <= TARGET_ROUND_OFF * float(system.size.max()):
@@ -194,9 +207,14 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
            settings: SolverSettings) -> Equilibrium:
     """Find the equilibrium nearest to `first`, the prediction of a step from u : (n_nodes, 2) [m].
 
+    Where contact alone could hold a body and does not yet, the body is damped until it does.
     Raises PassingError where a body would go through another, and what solve_step does.
     """
-    found = solve_step(system, loading, first, anchor, settings)
+    try:
+        found = solve_step(system, loading, first, anchor, settings)
+    except LooseBodyError:
+        # fault: first contact under a force refused -> raise | mechanical_fmu/test_first_contact
+        found = stabilised(system, loading, first, settings)
     refuse_passing(system, u, found.balance)
     return found
 
@@ -251,16 +269,21 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
     else:
         inertia = inertia_of(system.masses, dynamics, motion, dt)
         loading = replace(loading, inertia=inertia)
-        start = _carried(system, free_flight(dynamics, motion, dt), system.constraints.moved(motion.u, loading.target))
+        moved = system.constraints.moved(motion.u, loading.target, system.interface.nodes)
+        start = _carried(system, free_flight(dynamics, motion, dt), moved)
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
         after = motion_after(dynamics, motion, found, inertia, dt)
-    return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step)
+    return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
+                      work=equilibrium.work)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
-    """A first guess: free components fly on, driven bodies have moved."""
-    guess = np.where(system.constraints.free.reshape(-1, 2) > 0.0, flown, moved)
+    """A first guess: free components fly on, driven bodies have moved; one that turns does so with all its nodes."""
+    flies = system.constraints.free.reshape(-1, 2) > 0.0
+    if system.constraints.turned_bodies.size:
+        flies &= ~np.isin(system.constraints.node_body, system.constraints.turned_bodies)[:, None]
+    guess = np.where(flies, flown, moved)
     return guess if system.rigid is None else system.rigid.placed(guess)
 
 
@@ -269,4 +292,5 @@ def _joined(first: StepResult, then: StepResult) -> StepResult:
     #   mechanical_fmu/test_solution_methods
     heat = first.heat + then.heat if first.heat.size else then.heat
     return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
-                      max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last)
+                      max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last,
+                      first.work + then.work)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.contact_client import History
+from contact.half.functions import SNAP
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
@@ -57,6 +58,9 @@ class ElasticState:
     history : (n_history,) of points and cells (System.start_history).
     v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
     skipped : steps left out in a row, all_skipped : since the start.
+    damped : [J] of what damped bodies that contact did not hold yet, since the start.
+    released : numbers of the displacements that prescribe nothing any more.  handed : (n, 2) [N] what held those that
+    were released last, (0, 2) where none were.
     """
 
     t: float
@@ -73,6 +77,9 @@ class ElasticState:
     f: Floats
     skipped: int = 0
     all_skipped: int = 0
+    damped: float = 0.0
+    released: tuple[int, ...] = ()
+    handed: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
 
 # What the elastic half says of itself: its variables, and its outputs after a step.
@@ -131,11 +138,20 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                                description="0 isothermal, 1 adiabatic"))
     if spec.stated.skip is not None:
         outputs.append(Variable("skipped", description="steps skipped since the start"))
+    if damps(system):
+        outputs.append(Variable("work.stabilisation", unit="J", description="work of what damped bodies until contact "
+                                                                            "held them, since the start"))
     if system.rigid is not None:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
                     for b in system.rigid.body]
     return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips) if n_q else ()))
+
+
+def damps(system: System) -> bool:
+    """Say whether a body may have to be damped until contact holds it."""
+    let_go = any(d.until is not None for d in system.spec.displacements)
+    return (system.can_be_loose or let_go) and bool(system.interface.pairs) and not system.spec.stated.inert
 
 
 def mesh_nodes(system: System) -> int:
@@ -166,6 +182,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     outputs |= system.named.outputs(at)
     if system.spec.stated.skip is not None:
         outputs["skipped"] = float(state.all_skipped)
+    if damps(system):
+        outputs["work.stabilisation"] = state.damped
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
@@ -219,6 +237,8 @@ def _unit(system: System, name: str) -> str:
     """Unit of the condition(s) of a name: what bc.<name> is given in."""
     spec = system.spec
     for d in spec.displacements:
+        if d.turn is not None and d.turn.name == name:
+            return "rad"
         if d.name == name:
             return "rad" if d.component == 2 else "m"
     if any(p.name == name for p in spec.pressures):
@@ -256,6 +276,30 @@ def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
     return first
 
 
+# Conditions that end.
+
+def after_release(system: System, state: ElasticState, found: ForceBalance) -> ElasticState:
+    """Return the state with what is released from here on: at a time that has come, or by a pair that has closed."""
+    going = [i for i, d in enumerate(system.spec.displacements) if d.until is not None and i not in state.released
+             and _has_come(system, d.until, state.t, found)]
+    if not going:
+        return state if not len(state.handed) else replace(state, handed=np.empty((0, 2)))
+    released = tuple(sorted({*state.released, *going}))
+    free = system.without(released).constraints.free - system.constraints.free
+    return replace(state, released=released, handed=(found.r.ravel() * free).reshape(found.r.shape), anchored=False)
+
+
+def _has_come(system: System, until: float | str, t: float, found: ForceBalance) -> bool:
+    if isinstance(until, float):
+        return t >= until * (1.0 - SNAP)
+    if found.tractions is None:
+        return False
+    # fault: any pair that closes releases -> slaves = system.contact.on_slaves([p.name for p in
+    #   system.interface.pairs]) | mechanical_fmu/test_release
+    slaves = system.contact.on_slaves([until])
+    return bool((found.tractions.t_N[slaves] < 0.0).any())
+
+
 # An old factor that needs more iterations than this in a step has had its time.
 MAX_ANCHORED_ITERATIONS = 8
 # Anchors kept: one in use, one that a rollback may return to.
@@ -270,6 +314,7 @@ class ElasticHalf:
         self.system, self.settings = system, settings
         self.variables = elastic_variables(system)
         self._anchors: dict[bytes, StiffnessAnchor] = {}
+        self._without: dict[tuple[int, ...], ElasticHalf] = {}
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ElasticState, Mapping[str, Value]]:
         """Find the equilibrium at t from the reference at once; with inertia, the reference itself and its velocity.
@@ -283,8 +328,8 @@ class ElasticHalf:
         loading = self._loading(inputs, t, 1, history, link)
         motion = BodyMotion(u, none, none, none)
         if system.spec.stated.inert:
-            at = system.constraints.moved(u, drive.target)
-            at.ravel()[system.constraints.fixed] = drive.target
+            at = system.constraints.moved(u, loading.target, system.interface.nodes)
+            at.ravel()[system.constraints.fixed] = loading.target
             balance = system.balance(at if system.rigid is None else system.rigid.placed(at), loading)
             dynamics = system.spec.dynamics
             motion = first_motion(system, balance, dynamics is None or dynamics.lumped)
@@ -298,8 +343,9 @@ class ElasticHalf:
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
         state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
-                             now.history, motion.v, motion.a, motion.f)
-        return state, outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
+                             now.history, motion.v, motion.a, motion.f, damped=found.work)
+        outputs = outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
+        return after_release(system, state, found.balance), outputs
 
     def step(self, state: ElasticState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Find the equilibrium, or the motion, at t + h."""
@@ -307,7 +353,7 @@ class ElasticHalf:
         if refusal := self._refusal(method, mode):
             return Discard(refusal)
         try:
-            return self._step(state, inputs, t, h, link)
+            return self._of(state)._step(state, inputs, t, h, link)
         except PartWayError as exc:
             return self._discard(exc.cause, exc.share, h)
         except ArithmeticError as exc:
@@ -327,7 +373,8 @@ class ElasticHalf:
         method = self._method(int(inputs.get("control.method", 0)))
         u = _array(state.u)
         frozen = u if int(inputs.get("control.mode", ISOTHERMAL)) == ADIABATIC else None
-        task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen)
+        task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen,
+                    _array(state.handed) if len(state.handed) else None)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))
         if method == "newton" and self._anchors_serve and frozen is None:
             found, after = self._anchored(state, task, loading)
@@ -337,9 +384,19 @@ class ElasticHalf:
         motion = found.motion
         contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
-                        history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0)
+                        history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0,
+                        damped=state.damped + found.work)
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
-        return Done(after, outputs_of(system, found, moved, after), found.dt_stable)
+        outputs = outputs_of(system, found, moved, after)
+        return Done(after_release(system, after, found.balance), outputs, found.dt_stable)
+
+    def _of(self, state: ElasticState) -> ElasticHalf:
+        """The half in which what the state has released prescribes nothing."""
+        if not state.released:
+            return self
+        if state.released not in self._without:
+            self._without[state.released] = ElasticHalf(self.system.without(state.released), self.settings)
+        return self._without[state.released]
 
     def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:
         """The loading at t of points without a past."""
@@ -421,7 +478,7 @@ class ElasticHalf:
 
     def _skips(self, state: ElasticState, drive: StepDrive) -> bool:
         skip = self.system.spec.stated.skip
-        return (skip is not None and state.skipped < skip.most and may_skip(self.system)
+        return (skip is not None and not len(state.handed) and state.skipped < skip.most and may_skip(self.system)
                 and expected_change(self.system, state.drive, drive, _array(state.u)) < skip.u)
 
     def _skipped_outputs(self, state: ElasticState) -> dict[str, Value]:
@@ -429,6 +486,7 @@ class ElasticHalf:
                                  "max_strain_increment": 0.0}
         made: dict[str, Value] = {v.name: np.zeros(v.shape) for v in self.variables if v.name in ("E_M", "E_S")}
         made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
+        made |= {v.name: state.damped for v in self.variables if v.name == "work.stabilisation"}
         return out | made
 
     def _anchor(self, state: ElasticState) -> StiffnessAnchor:
@@ -451,7 +509,7 @@ def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
 
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:
-    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual)
+    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual, work=solved.work)
 
 
 def _array(value: Any) -> Floats:

@@ -189,12 +189,14 @@ class Equilibrium:
     """balance : at the solution.  residual : largest relative residual of a body.  history : of every iterate.
 
     iterations : directions computed.  fresh : whether a tangent had to be taken anew.
+    work : [J] of what damped loose bodies on the way (stabilisation.py).
     """
 
     balance: ForceBalance
     residual: float
     history: tuple[float, ...]
     fresh: bool
+    work: float = 0.0
 
     @property
     def iterations(self) -> int:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half import checks
-from contact.half.functions import Property, Signal, property_from, signal_from
+from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
 from contact.half.interface import Interface
+from contact.half.prescribed import Turn, turn_from
 from contact.problem import flow, material, mechanical
 from contact.problem.boundary import FORCES, MOTIONS, TRACTIONS, WEIGHTS
 from contact.problem.curves import Phases, PropertyTable
@@ -35,17 +36,21 @@ METHODS = tuple(method.value for method in mechanical.Solution)
 
 @dataclass(frozen=True)
 class Displacement:
-    """Eq. (15): component of u is value(t) [m] at nodes; or of a rigid body's point, component 2 its angle [rad].
+    """Eq. (15): component of u is value(X, t) [m] at nodes; or of a rigid body's point, component 2 its angle [rad].
 
     on : the name they go by.  name : of its inputs, or "".  rigid : number among the rigid bodies, else -1.
+    turn : what follows on the displacement of both components, one object for all components of an entry.
+    until : [s] when it is released, or the name of the pair that releases it by closing; None: never.
     """
 
     on: str
     nodes: Ints
     component: int
-    value: Signal
+    value: Field
     name: str
     rigid: int = -1
+    turn: Turn | None = None
+    until: float | str | None = None
 
 
 @dataclass(frozen=True)
@@ -132,7 +137,8 @@ class ElasticSpec:
     def load_names(self) -> tuple[str, ...]:
         """List the names of the inputs load.<name> and bc.<name>, each once, in the order of the file."""
         boundary: tuple[Displacement | Pressure | DeadLoad, ...] = (*self.displacements, *self.pressures, *self.dead)
-        return tuple(dict.fromkeys(b.name for b in boundary if b.name))
+        turns = [d.turn.name for d in self.displacements if d.turn is not None]
+        return tuple(dict.fromkeys(name for name in (*(b.name for b in boundary), *turns) if name))
 
     @property
     def rigid(self) -> dict[int, tuple[float, float] | None]:
@@ -166,17 +172,34 @@ def _conditions(interface: Interface, b: mechanical.ElasticBoundary, rigid: Mapp
     on, name = str(b.on or b.at or b.body), b.name or ""
     if b.pressure is not None:
         yield Pressure(on, interface.surfaces[on], signal_from(b.pressure), name)
-    for kind, keys in (("displacement", MOTIONS), ("traction", TRACTIONS), ("force", FORCES), ("body_force", WEIGHTS)):
-        number = rigid.get(on, -1) if b.body is not None and kind in ("displacement", "force") else -1
+    yield from _displacements(interface, b, rigid.get(on, -1) if b.body is not None else -1)
+    for kind, keys in (("traction", TRACTIONS), ("force", FORCES), ("body_force", WEIGHTS)):
+        number = rigid.get(on, -1) if b.body is not None and kind == "force" else -1
         for i, key in enumerate(keys):
-            if (value := getattr(b, key)) is None:
-                continue
-            if kind == "displacement":
-                sets = interface.surfaces if b.on is not None else interface.node_sets
-                nodes = np.empty(0, np.int32) if number >= 0 else np.unique(sets[on]).astype(np.int32)
-                yield Displacement(on, nodes, i, signal_from(value), name, number)
-            else:
+            if (value := getattr(b, key)) is not None:
                 yield DeadLoad(kind, on, i, signal_from(value), name, number)
+
+
+def _displacements(interface: Interface, b: mechanical.ElasticBoundary, number: int) -> Iterator[Displacement]:
+    """The components that an entry prescribes: those it states; with a rotation all.  number : of its rigid body."""
+    on, name = str(b.on or b.at or b.body), b.name or ""
+    if number >= 0:
+        nodes = np.empty(0, np.int32)
+    elif b.body is not None:
+        nodes = np.flatnonzero(interface.node_body == interface.bodies.index(on)).astype(np.int32)
+    else:
+        nodes = np.unique((interface.surfaces if b.on is not None else interface.node_sets)[on]).astype(np.int32)
+    turn = turn_from(b.rotation, name)
+    until = next(iter(b.until)) if isinstance(b.until, dict) else b.until
+    for i, key in enumerate(MOTIONS):
+        value = getattr(b, key)
+        if b.rotation is not None and i < 2:
+            yield Displacement(on, nodes, i, field_from(0.0 if value is None else value), "", number, turn,
+                               until)
+        elif b.rotation is not None and number >= 0:
+            yield Displacement(on, nodes, i, field_from(b.rotation.angle), name, number, None, until)
+        elif value is not None:
+            yield Displacement(on, nodes, i, field_from(value), name, number, None, until)
 
 
 def _gravity(interface: Interface, gravity: mechanical.Gravity | None) -> list[Condition]:

@@ -14,6 +14,7 @@ from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.functions import Property, Signal, property_from, signal_from
 from contact.half.interface import SAME, Columns, Interface, columns_of
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.prescribed import Turn, turn_from
 from contact.problem.errors import demand, read
 from contact.problem.material import Material
 from contact.problem.mechanical import Held, Motion, RigidProblem, RodProblem
@@ -37,10 +38,14 @@ class RigidState:
 
 @dataclass(frozen=True)
 class RigidSpec:
-    """motion : (u_x, u_y) of every body of the interface [m].  pressure : of every pair [Pa], >= 0, or None."""
+    """motion : (u_x, u_y) of every body of the interface [m].  pressure : of every pair [Pa], >= 0, or None.
+
+    turns : what follows on the displacement of every body, None without.
+    """
 
     motion: tuple[tuple[Signal, Signal], ...]
     pressure: tuple[Signal | None, ...]
+    turns: tuple[Turn | None, ...]
 
 
 class RigidHalf:
@@ -67,6 +72,11 @@ class RigidHalf:
     def _outputs(self, t: float, side: int, link: Link) -> dict[str, Value]:
         u = np.array([[s.at(t, side) for s in signals] for signals in self.spec.motion] + [[0.0, 0.0]])
         x = self.interface.nodes + u[self.interface.node_body]
+        for body, turn in enumerate(self.spec.turns):
+            if turn is not None:
+                here = self.interface.node_body == body
+                X = self.interface.nodes[here]
+                x[here] = X + turn.displaced(X, u[body], turn.angle.at(t, side))
         if not self.interface.pairs:
             return {"x": x}
         facing = self.contact.facing(link, x)
@@ -98,7 +108,8 @@ def parse_rigid(interface: Interface, spec: Mapping[str, Any]) -> RigidSpec:
     motions = [problem.motion.get(name, still) for name in interface.bodies]
     return RigidSpec(tuple((signal_from(m.u_x), signal_from(m.u_y)) for m in motions),
                      tuple(signal_from(problem.pressure[p.name]) if p.name in problem.pressure else None
-                           for p in interface.pairs))
+                           for p in interface.pairs),
+                     tuple(turn_from(m.rotation) for m in motions))
 
 
 # The mechanical rod: bodies along x that expand, shrink as they freeze, meet at their ends and press; quasi-static.

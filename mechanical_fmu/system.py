@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -106,6 +106,10 @@ class System:
     def start_history(self) -> Floats:
         """Return (n_history,) of virgin points, for the PointStep of a first Loading."""
         return self.volume.start_history()
+
+    def without(self, released: Collection[int]) -> System:
+        """Return the system in which these displacements of the spec, by number, prescribe nothing any more."""
+        return replace(self, constraints=constraints_of(self.interface, self.spec.displacements, self.rigid, released))
 
     @cached_property
     def can_be_loose(self) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
+from contact.half.held import name_of
 from contact.half.linalg import SingularMatrixError, Solve, factorise
 from contact.messages import Tractions
 from mechanical_fmu.material import Moduli
@@ -29,8 +30,6 @@ MAX_SURFACE_DOFS = 2000
 RIGHT_SIDES = 64
 # A rigid motion whose contact stiffness is less than this share of the stiffest one is not held by contact.
 LOOSE_RATIO = 1e-7
-
-MOTIONS = ("moving along x", "moving along y", "turning")
 
 
 def fresh_direction(system: System, balance: ForceBalance, loading: Loading, gap: Floats) -> Floats:
@@ -164,8 +163,12 @@ class StiffnessAnchor:
         return E
 
 
+class LooseBodyError(SingularMatrixError):
+    """Nothing holds a body against a rigid motion."""
+
+
 def refuse_loose(system: System, balance: ForceBalance) -> None:
-    """Raise SingularMatrixError where nothing holds a body against a rigid motion, with the body and the motion."""
+    """Raise LooseBodyError where nothing holds a body against a rigid motion, with the body and the motion."""
     if not system.can_be_loose:
         return
     x = system.interface.nodes + balance.u
@@ -177,14 +180,11 @@ def refuse_loose(system: System, balance: ForceBalance) -> None:
         values, vectors = np.linalg.eigh(0.5 * (held + held.T))
         # fault: loose bodies not looked for -> if values[0] > 1e300: | mechanical_fmu/test_elastic_patch
         if values[0] <= LOOSE_RATIO * values[-1] or values[-1] <= 0.0:
-            raise SingularMatrixError(_loose_text(system, body, Z @ vectors[:, 0]))
+            raise LooseBodyError(_loose_text(system, body, Z @ vectors[:, 0]))
 
 
 def _loose_text(system: System, body: int, motion: Floats) -> str:
-    mode = np.abs(motion)
-    # Turning about a held point moves the middle too: any turning at all is turning.
-    name = MOTIONS[2 if mode[2] > 0.1 * mode.max() else int(np.argmax(mode[:2]))]
-    return (f"nothing holds body {system.interface.bodies[body]} against {name}: "
+    return (f"nothing holds body {system.interface.bodies[body]} against {name_of(motion)}: "
             "prescribe a displacement or let it press on something")
 
 

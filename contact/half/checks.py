@@ -13,7 +13,8 @@ import numpy as np
 
 from contact.half.functions import field_from, property_from
 from contact.half.interface import Interface
-from contact.problem.boundary import MOTIONS, WEIGHTS, Supported
+from contact.half.prescribed import conflicts
+from contact.problem.boundary import FORCES, HELD, Supported
 from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
@@ -229,6 +230,10 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     yield from places(interface, problem.boundary)
     for i in range(len(problem.boundary)):
         yield from _condition(problem, i)
+        if problem.boundary[i].rotation is not None and interface.axisymmetric:
+            yield Wrong(("boundary", i, "rotation"), "a body of revolution does not turn in the plane of its section",
+                        "Write `geometry: plane`, or give u_x and u_y as fields.")
+    yield from conflicts(problem, interface)
     if problem.gravity is not None and any(b.name == problem.gravity.name for b in problem.boundary if b.name):
         yield Wrong(("gravity", "name"), f"the name {problem.gravity.name!r} is already that of a boundary condition",
                     "Each named condition is one input load.<name>.")
@@ -260,21 +265,31 @@ def _condition(problem: ElasticProblem, i: int) -> Iterator[Wrong]:
     if boundary.body is not None:
         if boundary.body not in bodies:
             yield from known(boundary.body, bodies, (*key, "body"), "body")
-        elif not bodies[boundary.body].rigid and all(getattr(boundary, w) is None for w in WEIGHTS):
+        elif bodies[boundary.body].rigid:
+            for k in ("u_x", "u_y"):
+                field = getattr(boundary, k)
+                if isinstance(field, FieldSum) and not field_from(field).is_uniform:
+                    yield Wrong((*key, k), f"body {boundary.body!r} is rigid: it moves as a whole",
+                                "Write a SIGNAL, and `rotation` or `angle` for its turn.")
+        elif any(getattr(boundary, w) is not None for w in ("angle", *FORCES)):
             yield Wrong((*key, "body"), f"body {boundary.body!r} is not rigid",
                         "Drive its surfaces (on: body.surface), or say mechanical.elastic.bodies."
                         f"{boundary.body}.rigid: true.")
         return
     owner = bodies.get(boundary.where.split(".")[0])
-    if owner is not None and owner.rigid and any(getattr(boundary, k) is not None for k in MOTIONS):
+    if owner is not None and owner.rigid and any(getattr(boundary, k) is not None for k in HELD):
         name = boundary.where.split(".")[0]
-        yield Wrong(key, f"body {name!r} is rigid: it moves as a whole", f"Write `body: {name}` with u_x, u_y, angle.")
+        yield Wrong(key, f"body {name!r} is rigid: it moves as a whole",
+                    f"Write `body: {name}` with u_x, u_y, angle or rotation.")
 
 
 def rigid_wrongs(problem: RigidProblem, interface: Interface) -> Iterator[Wrong]:
     """All that does not fit in the problem of the half `rigid`."""
-    for name in problem.motion:
+    for name, motion in problem.motion.items():
         yield from known(name, interface.bodies, ("motion", name), "body")
+        if motion.rotation is not None and interface.axisymmetric:
+            yield Wrong(("motion", name, "rotation"), "a body of revolution does not turn in the plane of its section",
+                        "Write `geometry: plane`.")
     yield from _pairs(interface, problem.pressure, "pressure")
 
 

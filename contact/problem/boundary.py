@@ -12,6 +12,8 @@ from contact.problem.values import Name, NotNegative, Positive, Text, problem
 FORMAT = 2  # of model.json
 # Keys of conditions of the elastic half, by kind; their place is the component.
 MOTIONS, TRACTIONS, FORCES, WEIGHTS = ("u_x", "u_y", "angle"), ("t_x", "t_y"), ("f_x", "f_y", "moment"), ("b_x", "b_y")
+# All that prescribes a displacement.
+HELD = (*MOTIONS, "rotation")
 
 
 class Supported(Part):

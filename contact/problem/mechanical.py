@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from contact.problem.boundary import FORCES, MOTIONS, TRACTIONS, WEIGHTS, Supported
-from contact.problem.curves import SignalSpec
+from contact.problem.boundary import FORCES, HELD, TRACTIONS, WEIGHTS, Supported
+from contact.problem.curves import FieldSpec, SignalSpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
@@ -47,15 +48,41 @@ class Mass(StrEnum):
     LUMPED = "lumped"
 
 
+class Rotation(Part):
+    """A turn in the plane about a fixed point, by a finite angle."""
+
+    about: Annotated[tuple[Number, Number], Entry("the point that stays", "m")]
+    angle: Annotated[SignalSpec, Entry("anticlockwise, of any size; 1.5708 is a quarter turn", "rad")]
+
+
+class Closing(StrEnum):
+    """What of a pair releases a condition."""
+
+    CLOSES = "closes"
+
+
+def _release_form(value: Any) -> str:
+    return "<pair>" if isinstance(value, Mapping) else "<time>"
+
+
+Release = Annotated[Annotated[Positive, Tag("<time>")] | Annotated[dict[Name, Closing], Tag("<pair>")],
+                    Discriminator(_release_form)]
+
+
 class ElasticBoundary(Supported):
     """One kind of condition, its components together, on a surface, at a point or of a body."""
 
     body: Annotated[Name | None, Entry("the place, a body", kind="name")] = None
-    u_x: Annotated[SignalSpec | None, Entry("prescribed displacement along x", "m",
-                                            default="any place; `body` if rigid")] = None
-    u_y: Annotated[SignalSpec | None, Entry("prescribed displacement along y", "m",
-                                            default="any place; `body` if rigid")] = None
+    u_x: Annotated[FieldSpec | None, Entry("prescribed displacement along x; over reference coordinates", "m",
+                                           default="any; a SIGNAL if rigid")] = None
+    u_y: Annotated[FieldSpec | None, Entry("prescribed displacement along y", "m",
+                                           default="any; a SIGNAL if rigid")] = None
+    rotation: Annotated[Rotation | None, Entry("holds the place at x = about + R(angle) (X + u - about), u from u_x "
+                                               "and u_y: these turn along", default="any (plane)")] = None
     angle: Annotated[SignalSpec | None, Entry("prescribed angle, anticlockwise", "rad", default="`body`, rigid")] = None
+    until: Annotated[Release | None, Entry(
+        "releases a displacement at a time, or after the window in which a pair closes; what held it goes within the "
+        "next window", "s", default="where displacements are", kind="number > 0, or {PAIR: closes}")] = None
     pressure: Annotated[SignalSpec | None, Entry("positive pushes on the body and follows it", "Pa",
                                                  default="`on`")] = None
     t_x: Annotated[SignalSpec | None, Entry("traction on the reference surface, of fixed direction", "Pa",
@@ -71,11 +98,12 @@ class ElasticBoundary(Supported):
     @model_validator(mode="after")
     def _one_condition(self) -> ElasticBoundary:
         place = exactly_one(self, ("on", "at", "body"))
-        kinds = [kind for kind in (MOTIONS, ("pressure",), TRACTIONS, FORCES, WEIGHTS)
+        kinds = [kind for kind in (HELD, ("pressure",), TRACTIONS, FORCES, WEIGHTS)
                  if any(getattr(self, key) is not None for key in kind)]
         if len(kinds) != 1:
-            raise problem("one kind of condition is needed: displacements (u_x, u_y, of a rigid body angle), a "
-                          "pressure, tractions (t_x, t_y), forces (f_x, f_y, moment) or body forces (b_x, b_y)")
+            raise problem("one kind of condition is needed: displacements (u_x, u_y, rotation, of a rigid body "
+                          "angle), a pressure, tractions (t_x, t_y), forces (f_x, f_y, moment) or body forces (b_x, "
+                          "b_y)")
         given = [key for key in kinds[0] if getattr(self, key) is not None]
         if kinds[0] in (("pressure",), TRACTIONS):
             self.only_on(given[0])
@@ -84,6 +112,12 @@ class ElasticBoundary(Supported):
         if kinds[0] == FORCES and place == "on":
             raise problem("a force acts at a point or on a rigid body", "Use `at: body.point`, `body: NAME`, or a "
                           "traction t_x, t_y [Pa].", at=("on",))
+        if self.until is not None and kinds[0] != HELD:
+            raise problem("only a displacement is released; a load ends by its signal", at=("until",))
+        if isinstance(self.until, dict) and len(self.until) != 1:
+            raise problem("one pair is needed", "Write {PAIR: closes}.", at=("until",))
+        if self.rotation is not None and self.angle is not None:
+            raise problem("the rotation has the angle of the body already", "Keep one of the two.", at=("angle",))
         for key in ("angle", "moment"):
             if getattr(self, key) is not None and place != "body":
                 raise problem("only a rigid body has an angle", "Use `body: NAME`.", at=(key,))
@@ -198,6 +232,7 @@ class Motion(Part):
 
     u_x: Annotated[SignalSpec, Entry("displacement along x; bodies not named stay", "m")] = 0.0
     u_y: Annotated[SignalSpec, Entry("along y", "m")] = 0.0
+    rotation: Annotated[Rotation | None, Entry("then a turn about a point (plane)", default="none")] = None
 
 
 class Rigid(Part):

@@ -39,6 +39,7 @@ from coupler.record.paths import check_target, checkpoint_of, journal_of, stoppe
 from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
+from coupler.running.damping import DampingNotes
 from coupler.running.interactive import Changes, Snapshot, Snapshots, changed
 from coupler.running.progress import Progress, RemainingTime, RunStatus, progress
 from coupler.running.setup import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
@@ -137,6 +138,7 @@ class Run:
             self._snapshots = Snapshots(self.halves)
             self._warnings = ContactWarnings(interface, self.halves.mechanical_outputs)
             self._conditions = ConditionReader(self.scenario.conditions, both)
+            self._damping = DampingNotes()
             self._outputs = ExtraOutputs(self.halves, interface)
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
@@ -208,7 +210,8 @@ class Run:
             tried = self._tried = step(self.halves, self._at, self.plan)
             notes = tried.notes
             if tried.accepted:
-                notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now))
+                notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
+                         *self._damping.after(self.state.now.t, tried.solved.monitors))
                 self._trust = self._trust_watch.after(
                     self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway)

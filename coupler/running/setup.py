@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,8 @@ def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
 def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface) -> Halves:
     """Join both halves with the outputs to ask for after every substep: exchanged, recorded, of events and rules."""
     more = status_monitors(interface) if plan.locate.on else ()
-    return wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *more})
+    halves = wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *more})
+    return replace(halves, bodies=interface.node_body)
 
 
 def first_state(launched: Launched, halves: Halves, interface: Interface, end: float,

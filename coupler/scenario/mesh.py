@@ -176,6 +176,14 @@ def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
     sets = {name: np.intersect1d(cells["vertex"][rows], used) for name, rows in groups["vertex"].items()}
     sets |= {name: np.intersect1d(np.asarray(ids), used) for name, ids in (raw.point_sets or {}).items()}
 
+    points_too = {name for name, ids in sets.items() if ids.size and name in surfaces}
+    for name in (*_given_twice(mesh_path(spec, folder)), *points_too):
+        # A group without a name goes by its number, which each dimension counts for itself.
+        # fault: a name of lines and points at once is taken -> if False: | coupler/test_scenario_mesh
+        if not name.isdecimal():
+            raise MeshError(f"{name!r} is the name of two groups, of points and of lines, or of lines and of cells",
+                            "Rename one of them in the mesh: what a name stands for must not depend on where it is "
+                            "written.", at=("file", "path"))
     for name in (*surfaces, *sets):
         if "/" in name:
             raise MeshError(f"the group name {name!r} has a slash", "Rename it in the mesh.", at=("file", "path"))
@@ -186,6 +194,22 @@ def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
     node_sets = {name: renumbered(ids) for name, ids in sets.items() if ids.size}
     return BodyMesh(points[used], renumbered(quads), renumbered(triangles),
                     {name: renumbered(edges) for name, edges in surfaces.items()}, node_sets)
+
+
+def _given_twice(path: Path) -> list[str]:
+    """Names that a gmsh file gives to groups of several dimensions: its readers keep the last of them alone."""
+    if path.suffix != ".msh":
+        return []
+    dimensions: dict[str, set[bytes]] = {}
+    inside = False
+    with path.open("rb") as f:
+        for line in f:
+            if line.startswith((b"$Nodes", b"$EndPhysicalNames")):
+                break
+            if inside and len(parts := line.split(b'"')) == 3:
+                dimensions.setdefault(parts[1].decode(errors="replace"), set()).add(parts[0].split()[0])
+            inside = inside or line.startswith(b"$PhysicalNames")
+    return sorted(name for name, found in dimensions.items() if len(found) > 1)
 
 
 def mesh_path(spec: MeshFile, folder: Path) -> Path:

@@ -12,6 +12,7 @@ import numpy as np
 
 from contact.half import checks
 from contact.half.functions import property_from
+from contact.half.held import unheld
 from contact.half.interface import Interface
 from contact.problem.boundary import FORMAT, Supported
 from contact.problem.curves import FieldSum, Phases
@@ -316,7 +317,9 @@ def _of_elastic(s: Stated, problem: ElasticProblem) -> Iterator[Wrong]:
         yield Wrong(("mechanical",), "the half `elastic` is chosen, but mechanical.elastic is missing",
                     "Say how the bodies are held: mechanical: {elastic: {boundary: [...]}}.")
         return
-    yield from checks.elastic_wrongs(problem, s.interface)
+    wrongs = list(checks.elastic_wrongs(problem, s.interface))
+    # What is held can be said only where every condition stands somewhere.
+    yield from wrongs or unheld(problem, s.interface, s.file.coupling.end)
     for name in s.file.mechanical.elastic.bodies:
         if name not in s.file.bodies:
             for wrong in checks.known(name, s.file.bodies, (), "body"):

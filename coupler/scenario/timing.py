@@ -72,9 +72,13 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
 
 
 def kinks_in(model: Any) -> Iterator[float]:
-    """Times [s] of every signal table anywhere in a model."""
+    """Times [s] of every signal table anywhere in a model, and those at which conditions are released."""
     for times in _tables_in(model):
         yield from times
+    # fault: a condition released in the middle of a window -> for part in (): | coupler/test_release_run
+    for part in (model, *model.values()):
+        if isinstance(part, Mapping):
+            yield from (b["until"] for b in part.get("boundary", ()) if isinstance(b.get("until"), float))
 
 
 def jumps_in(model: Any) -> Iterator[float]:

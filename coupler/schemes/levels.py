@@ -9,6 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from coupler.schemes.paths import Bodies, carried_along
+
 Array = NDArray[np.float64]
 
 
@@ -35,10 +37,11 @@ class Level:
 Slope = tuple[Level, Level]  # two levels, the earlier first, between which x and t_N change as over the window
 
 
-def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array]:
+def geometry_at(now: Level, slope: Slope | None, t: float, bodies: Bodies | None = None) -> tuple[Array, Array]:
     """Return x (n_nodes, 2) [m] and t_N (n_q,) [Pa] that the thermal half is given for a substep with its middle at t.
 
     t : time [s].  slope : x and t_N go along a line from `now`; None holds them as they are now.
+    bodies : (n_nodes,) of each node, -1 for none: those that turn go along their arcs; None: all along straight lines.
     t_N stays <= 0: an extrapolated tension means "open".
     """
     if slope is None:
@@ -46,7 +49,8 @@ def geometry_at(now: Level, slope: Slope | None, t: float) -> tuple[Array, Array
     earlier, later = slope
     # fault: extrapolation switched off -> w = 0.0 | coupler/test_coupling
     w = (t - now.t) / (later.t - earlier.t)
-    return now.x + w * (later.x - earlier.x), np.minimum(now.t_N + w * (later.t_N - earlier.t_N), 0.0)
+    x = carried_along(now.x, earlier.x, later.x, w, bodies)
+    return x, np.minimum(now.t_N + w * (later.t_N - earlier.t_N), 0.0)
 
 
 def predicted(now: Level, before: Level | None, t: float) -> Level:

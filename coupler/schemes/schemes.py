@@ -17,6 +17,7 @@ from coupler.fmu.half import Half
 from coupler.scenario.options import Scheme, Seen
 from coupler.schemes.iterate import ITERATED
 from coupler.schemes.levels import Level, exchanged, extrapolated_slope
+from coupler.schemes.paths import Bodies, carried_along
 from coupler.schemes.scheme import BOTH_ENDS, EXTRAPOLATED, HELD, CouplingScheme, Exchange, Exchanged, Sees, WindowTask
 from coupler.schemes.state import Solved
 from coupler.schemes.sweep import Swept, at_once, mechanical_first, thermal_first
@@ -87,12 +88,14 @@ class Lead:
     """Where x and t_N go with heat.  start : of the window.  earlier, later : levels that tell how far for how much.
 
     rate : heat stored by each body a second (n_bodies,) [W], before the window tells its own.
+    bodies : (n_nodes,) of each node.
     """
 
     start: Level
     earlier: Level
     later: Level
     rate: Array
+    bodies: Bodies | None
 
     def seen(self, t0: float, t1: float, stored: Array, rate: Array | None) -> tuple[Array, Array]:
         """Return x (n_nodes, 2) [m] and t_N (n_q,) [Pa] for the substep from t0 to t1 [s].
@@ -105,7 +108,7 @@ class Lead:
         size = float(along @ along)
         # fault: geometry held where it should go along with the heat -> w = 0.0 | stability/test_freezing
         w = float(there @ along) / size if size > 0.0 else 0.0
-        x = self.start.x + w * (self.later.x - self.earlier.x)
+        x = carried_along(self.start.x, self.earlier.x, self.later.x, w, self.bodies)
         return x, np.minimum(self.start.t_N + w * (self.later.t_N - self.earlier.t_N), 0.0)
 
 
@@ -115,7 +118,8 @@ def solve_along_heat(w: WindowTask) -> Solved:
     if state.before is not None and now.heat is not None:
         before = replace(state.before, heat=_heat_stored(state.before, len(now.heat)))
         rate = (now.heat - _heat_stored(before)) / (now.t - before.t)
-        return thermal_first(halves, state, span, Lead(now, before, now, rate)).solved(state, Scheme.ALONG_HEAT)
+        return thermal_first(halves, state, span, Lead(now, before, now, rate, halves.bodies)).solved(
+            state, Scheme.ALONG_HEAT)
     swept = thermal_first(halves, state, span, None)
     for _ in range(1, FIRST_PASSES):
         w.roll_back("a first window is solved again")
@@ -130,7 +134,7 @@ def _again(w: WindowTask, last: Swept) -> Swept:
     now = w.state.now
     rate = (_heat_stored(last.level) - _heat_stored(now, len(last.level.heat))) / (w.span.end - now.t)
     start = replace(now, heat=_heat_stored(now, len(last.level.heat)))
-    swept = thermal_first(w.halves, w.state, w.span, Lead(start, start, last.level, rate))
+    swept = thermal_first(w.halves, w.state, w.span, Lead(start, start, last.level, rate, w.halves.bodies))
     return replace(swept, work=last.work.plus(swept.work))
 
 

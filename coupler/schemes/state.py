@@ -15,6 +15,7 @@ from coupler.fmu.half import Half
 from coupler.scenario.options import Iteration, Scheme, WindowRange
 from coupler.schemes.acceleration import Memory
 from coupler.schemes.levels import Level
+from coupler.schemes.paths import Bodies
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,8 @@ def clock_with_marks(end: float, times: Iterable[float]) -> Clock:
 
 # Block that crosses -> plain name.  Each has an account of its own.
 HEATS = {"E_M": "mechanical heat", "E_S": "entropy part", "contact.E_friction": "friction heat"}
+# Work of what damped bodies until contact held them [J], since the start; of the half elastic, where a body is loose.
+DAMPED = "work.stabilisation"
 AT_ONCE = frozenset(("E_S",))  # a temperature jump at the start of the first substep; the others are spread in time
 
 
@@ -329,6 +332,7 @@ class Halves:
     """The two halves of a run and what is asked of each after a substep.
 
     inputs : side -> name -> value, given to a half in every substep besides what is exchanged (Settings.inputs).
+    bodies : (n_nodes,) body of each node, -1 for none, by which x goes along arcs; None: not known.
     """
 
     thermal: Half
@@ -336,6 +340,7 @@ class Halves:
     thermal_outputs: tuple[str, ...]
     mechanical_outputs: tuple[str, ...]
     inputs: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    bodies: Bodies | None = None
 
 
 def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = ()) -> Halves:
@@ -347,7 +352,8 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
          and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching")
               or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
-    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching")
+    wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching",
+              DAMPED)
     has = {n for n, b in mechanical.blocks.items() if b.causality == "output"}
     m = [n for n in dict.fromkeys((*wanted, *more)) if n in has]
     return Halves(thermal, mechanical, tuple(t), tuple(m))

@@ -107,7 +107,7 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
         if slope is None or isinstance(slope, tuple):
             # fault: window-time lag: extrapolation to the end instead of the middle -> x, t_N = geometry_at(state.now,
             #   slope, t1) | coupler/test_coupling
-            x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1))
+            x, t_N = geometry_at(state.now, slope, t1 if at_end else 0.5 * (t0 + t1), halves.bodies)
         else:
             x, t_N = slope.seen(t0, t1, *_stored(terms, times))
         # fault: a rule's inputs do not reach the thermal half -> inputs = { | coupler/test_rules

@@ -137,7 +137,7 @@ def test_materials_that_flow_arrive_in_kelvin(tmp_path):
     ("{on: upper.top, u_y: push}", "{on: upper.top, f_y: push}", "a force acts at a point"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, b_y: push}", "a body force acts on a body"),
     ("{on: upper.top, u_y: push}", "{on: upper.top, angle: push}", "only a rigid body has an angle"),
-    ("{on: upper.top, u_y: push}", "{body: upper, u_y: push}", "body 'upper' is not rigid"),
+    ("{on: upper.top, u_y: push}", "{body: upper, angle: push}", "body 'upper' is not rigid"),
     ("{on: upper.top, u_y: push}", "{body: uper, b_y: 1}", "there is no body 'uper'"),
     (ENTRIES, ENTRIES + "    bodies: {upper: {rigid: true}}\n", "moves as a whole"),
     (ENTRIES, ENTRIES + "    bodies: {upper: {v0: [1, 0]}}\n", "without dynamics a body has no velocity"),

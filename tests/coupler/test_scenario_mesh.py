@@ -11,7 +11,7 @@ import pytest
 
 from contact.half.interface import Interface
 from coupler.errors import ScenarioError
-from coupler.scenario.mesh import MeshError, anticlockwise
+from coupler.scenario.mesh import MeshError, MeshFile, anticlockwise, file_mesh
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, load_text
@@ -156,6 +156,52 @@ def test_a_broken_mesh_file_is_one_error(data: bytes | None, tmp_path: Path) -> 
     with pytest.raises(ScenarioError) as caught:
         load_text(tmp_path, WITH_FILE)
     assert caught.value.key == "bodies.lower.mesh.file.path"
+
+
+GMSH = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 1 "foot"
+0 {tag} "{name}"
+2 3 "all"
+$EndPhysicalNames
+$Nodes
+4
+1 0 0 0
+2 1 0 0
+3 1 1 0
+4 0 1 0
+$EndNodes
+$Elements
+3
+1 1 2 1 1 1 2
+2 15 2 {tag} 1 1
+3 3 2 3 1 1 2 3 4
+$EndElements
+"""
+
+
+@pytest.mark.parametrize("tag", [1, 2])
+def test_one_name_for_lines_and_points_is_an_error(tag: int, tmp_path: Path) -> None:
+    """gmsh's readers would forget the one of the two."""
+    (tmp_path / "m.msh").write_text(GMSH.format(tag=tag, name="corner"))
+    mesh = file_mesh(MeshFile(path="m.msh"), tmp_path)
+    assert (list(mesh.surfaces), list(mesh.node_sets)) == (["foot"], ["corner"])
+    (tmp_path / "m.msh").write_text(GMSH.format(tag=tag, name="foot"))
+    with pytest.raises(MeshError, match="'foot' is the name of two groups, of points and of lines"):
+        file_mesh(MeshFile(path="m.msh"), tmp_path)
+
+
+def test_one_name_for_a_set_of_points_and_a_set_of_lines_is_an_error(tmp_path: Path) -> None:
+    """In a format of which both come through."""
+    points, cells = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), [("quad", [[0, 1, 2, 3]]),
+                                                                                 ("line", [[0, 1]])]
+    meshio.Mesh(points, cells, point_sets={"foot": [0]},
+                cell_sets={"foot": [np.array([], int), np.array([0])]}).write(tmp_path / "m.inp")
+    with pytest.raises(MeshError, match="'foot' is the name of two groups"):
+        file_mesh(MeshFile(path="m.inp"), tmp_path)
 
 
 def test_unknown_regions_are_named_and_known_ones_taken(tmp_path: Path) -> None:

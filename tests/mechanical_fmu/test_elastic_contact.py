@@ -124,8 +124,8 @@ def test_a_body_held_by_contact_alone(link):
     interface = blocks(4, 5)
     loads = [BELOW, *SIDES, press(ABOVE, {"t": [0, 1, 2], "value": [1e5, 1e6, 2e6]})]
     apart = elastic(blocks(4, 5, gap=1e-6), loads)
-    with pytest.raises(ArithmeticError, match="nothing holds body upper against moving along y"):
-        apart.start(inputs_of(apart), 0.0, link)
+    _, outputs = apart.start(inputs_of(apart), 0.0, link)
+    assert outputs["contact.t_N"] == pytest.approx(-1e5, rel=1e-3)
     sunk = np.where(interface.node_body == 1, 1e-7, 0.0)
     interface = replace(interface, nodes=interface.nodes - sunk[:, None] * [0, 1])
     states = {}

@@ -32,7 +32,7 @@ def test_materials(material, text):
     (hold("block.lid", 0), r"boundary\.0\.on: there is no surface 'block.lid'\. .*block.bottom, block.left"),
     (hold("block.top", 2), r"boundary\.0\.angle: only a rigid body has an angle"),
     (press("corner", 1.0), r"boundary\.0\.at: pressure acts on a surface, not at points"),
-    ({"glue": 1.0, "on": "block.top"}, r"boundary\.0\.glue: unknown key, not 1.0\. .*pressure, t_x, t_y, u_x"),
+    ({"glue": 1.0, "on": "block.top"}, r"boundary\.0\.glue: unknown key, not 1.0\. .*pressure, rotation, t_x, t_y, u"),
     ({"on": "block.top"}, "one kind of condition is needed"),
     (hold("block.top", 0, {"t": [0], "value": []}), r"boundary\.0\.u_x: a signal needs"),
 ])
@@ -44,7 +44,8 @@ def test_boundaries(boundary, text):
 def test_two_prescriptions_of_one_component_must_agree():
     interface = block([0, 1], [0, 1], node_sets={"corner": [0]})
     elastic(interface, [hold("block.bottom", 1), hold("corner", 1)])
-    with pytest.raises(ValueError, match=r"on block\.bottom and on corner both prescribe component 1 of node 1"):
+    with pytest.raises(ValueError, match=r"boundary\.1\.u_y: u_y of 1 node of corner is prescribed by entry 0 "
+                       r"\(block\.bottom\) already, and differently: 0 m there, 0\.1 m here, for node 1"):
         elastic(interface, [hold("block.bottom", 1), hold("corner", 1, 0.1)])
 
 

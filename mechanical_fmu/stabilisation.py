@@ -1,0 +1,160 @@
+"""First contact under a force: a body that nothing holds yet is damped until contact holds it, and then no longer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags_array
+
+from mechanical_fmu.enforcement import ContactQuery, solve_step
+from mechanical_fmu.masses import Inertia
+from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import LooseBodyError, refuse_loose
+
+Floats = NDArray[np.float64]
+
+# Increments k = 1, 2 ... of one step, all under the load of its end:
+#     r(u_k) + W (u_k - u_{k-1}) = 0,   W = w times each node's share of its body's volume [N/m],
+# which is a viscous force over a time of one increment.  w is so large that what pushes the body carries it no farther
+# than its gap, or a share of an edge.  Once contact holds every loose body the step is solved as it stands: what is
+# found is an equilibrium of the scene itself, with no viscous force in it.  Where that fails w goes down by RELIEF.
+# The work of the viscous forces, sum of (u_k - u_{k-1}) W (u_k - u_{k-1}) [J], is what would have become motion.
+
+# A body goes as far as its gap in its first increment, but no more and no less than these shares of an edge.
+FIRST_WAY, LEAST_WAY = 0.25, 1e-5
+# As long as nothing touches, increments grow so, up to this share of the body's size: a wide gap is crossed soon.
+GROWTH, LONGEST_WAY = 2.0, 0.1
+RELIEF = 0.1
+# fault: one increment, whatever is left -> MOST_INCREMENTS = 0 | mechanical_fmu/test_first_contact
+MOST_INCREMENTS = 30
+# An increment only leads on: it need not be solved to the last digit.
+ROUGH = 1e-4
+# The least damping [N/m] of a body that nothing pushes, as a share of E L: enough for its matrix to be regular.
+LEAST = 1e-9
+
+
+@dataclass(frozen=True)
+class _Loose:
+    """Bodies that conditions leave loose.  share : (n_loose, 2 n) of each degree of freedom in its body's volume.
+
+    motions : of each, (2 n, k) [1], those that are left.  way : (n_loose,) [m] of the first increment.
+    """
+
+    bodies: tuple[int, ...]
+    share: Floats
+    motions: tuple[Floats, ...]
+    way: Floats
+
+
+def stabilised(system: System, loading: Loading, first: ForceBalance, settings: SolverSettings) -> Equilibrium:
+    """Find the equilibrium of loading in which contact holds the bodies that nothing holds at `first`.
+
+    Its work : [J] of the viscous forces.  Raises LooseBodyError where no contact comes to hold a body, and
+    what solve_step does.
+    """
+    loose, found = _loose(system, first), first
+    ways, relief = loose.way.copy(), 1.0
+    rough = replace(settings, method="newton", tolerance=max(settings.tolerance, ROUGH))
+    fine = replace(rough, tolerance=settings.tolerance)
+    forces = system.floor(loading, settings.tolerance)
+    least = LEAST * float(forces.max())
+    history, work, loosest = [0.0], 0.0, None
+    for _ in range(MOST_INCREMENTS):
+        pushes = _pushes(loose, found)
+        unpushed = bool((pushes <= settings.tolerance * forces[list(loose.bodies)]).all())
+        damping = relief * np.maximum(pushes, least) / ways
+        W = csr_matrix(diags_array(damping @ loose.share, format="csr"))
+        inertia = Inertia(W, found.u, np.zeros_like(found.u))
+        damped = replace(loading, inertia=inertia)
+        try:
+            step = solve_step(system, damped, system.balance(found.u, damped, True), None, fine if unpushed else rough)
+        except NoEquilibriumError:
+            ways *= 0.5
+            continue
+        if step.iterations == 0:
+            rough = fine  # it would stay where it is, roughly
+        history += step.history[1:]
+        du = (step.balance.u - found.u).ravel()
+        # fault: work of the last increment alone -> work = float(du @ (W @ du)) | mechanical_fmu/test_first_contact
+        work += float(du @ (W @ du))
+        loading = _with_pressures(system, loading, step.balance)
+        found = system.balance(step.balance.u, loading, True)
+        error = float(system.error(found, forces).max())
+        # fault: a body that nothing pushes is sent on its way -> if False: | mechanical_fmu/test_first_contact
+        if unpushed and error <= settings.tolerance:
+            # Wherever it is would be an equilibrium: it stays.
+            return Equilibrium(found, error, tuple(history), True, work)
+        try:
+            refuse_loose(system, found)
+            end = solve_step(system, loading, found, None, settings)
+        except LooseBodyError as exc:
+            loosest = exc
+            if not _touches(found):
+                ways = np.minimum(GROWTH * ways, LONGEST_WAY * _sizes(system, loose))
+                continue
+        except NoEquilibriumError:
+            pass
+        else:
+            return replace(end, history=(*history, *end.history[1:]), fresh=True, work=work)
+        relief *= RELIEF
+    raise LooseBodyError(f"{loosest}; damped, it went {float(np.abs(found.u - first.u).max()):.3g} m and met nothing "
+                         "that holds it" if loosest is not None else
+                         f"no equilibrium after {MOST_INCREMENTS} damped increments of a body that only contact holds")
+
+
+def _loose(system: System, first: ForceBalance) -> _Loose:
+    x, constraints = system.interface.nodes + first.u, system.constraints
+    found = constraints.loose_motions(x)
+    bodies = tuple(body for body, _ in found)
+    share, volume = np.zeros((len(bodies), 2 * len(x))), system.masses.volume
+    for k, body in enumerate(bodies):
+        share[k] = np.repeat(volume[body] / volume[body].sum(), 2)
+    if system.rigid is not None:
+        for k, body in enumerate(bodies):
+            for number in np.flatnonzero(system.rigid.body == body):
+                nodes = system.rigid.owner == number
+                weights = volume[body][system.rigid.nodes[nodes]] / volume[body].sum()
+                turning = float(weights @ (system.rigid.arm[nodes] ** 2).sum(axis=1)) / system.rigid.size[number] ** 2
+                share[k] = 0.0
+                share[k, system.rigid.dofs[number]] = [1.0, 1.0, turning]
+    share *= constraints.free
+    motions = tuple(constraints.rigid_motions(x, body) @ Z for body, Z in found)
+    ways = np.array([_first_way(system, first, body) for body in bodies])
+    return _Loose(bodies, share, motions, ways)
+
+
+def _first_way(system: System, first: ForceBalance, body: int) -> float:
+    """[m] what a body goes in its first increment."""
+    name = system.interface.bodies[body]
+    sides = [side for side in system.contact.sides if name in (side.other, side.surface.partition(".")[0])]
+    if first.tractions is None or not sides:
+        return FIRST_WAY * float(np.ptp(system.interface.nodes[system.interface.node_body == body], axis=0).max())
+    edge = min(side.edge for side in sides)
+    gap = min(float(first.tractions.node_gap[side.at].min()) for side in sides)
+    return float(np.clip(gap, LEAST_WAY * edge, FIRST_WAY * edge))
+
+
+def _pushes(loose: _Loose, balance: ForceBalance) -> Floats:
+    """(n_loose,) [N] what drives each loose body along the motions left to it."""
+    return np.array([float(np.abs(motions.T @ balance.r.ravel()).max()) for motions in loose.motions])
+
+
+def _sizes(system: System, loose: _Loose) -> Floats:
+    return np.array([np.ptp(system.interface.nodes[system.interface.node_body == body], axis=0).max()
+                     for body in loose.bodies])
+
+
+def _touches(balance: ForceBalance) -> bool:
+    return balance.tractions is not None and balance.tractions.n_touching > 0
+
+
+def _with_pressures(system: System, loading: Loading, balance: ForceBalance) -> Loading:
+    """The loading with the multipliers that an increment found, where pairs are augmented."""
+    if not isinstance(loading.query, ContactQuery) or balance.tractions is None or not system.spec.augmented:
+        return loading
+    augmented = system.contact.on_slaves(system.spec.augmented)
+    return replace(loading, query=loading.query.with_multipliers(np.where(augmented, balance.tractions.multipliers,
+                                                                          0.0)))

@@ -1,0 +1,68 @@
+"""Before a run: rigid motions that nothing will ever hold are told with body, motion and why, and no others."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from random_scenes.scene import Scene
+
+from coupler.errors import ScenarioError
+
+FOOT = {"on": "low.bottom", "u_x": 0, "u_y": 0}
+PUSH = {"on": "high.top", "t_y": -1e6}
+
+
+def scene(*boundary: dict[str, Any], mu: float = 0.0, bodies: dict[str, Any] | None = None, pair: bool = True,
+          third: bool = False, **elastic: Any) -> Scene:
+    """A block on another, and perhaps a third on top."""
+    blocks = {"low": ([0, 0], [0.1, 0.05]), "high": ([0.02, 0.05], [0.06, 0.05])}
+    contact = {"face": {"slave": "high.bottom", "master": "low.top", "gap_max": 0.02, "friction": {"mu": mu}}}
+    if third:
+        blocks["lid"] = ([0.03, 0.1], [0.04, 0.02])
+        contact["top"] = contact["face"] | {"slave": "lid.bottom", "master": "high.top"}
+    doc = {"slideline": 2, "units": {"temperature": "K"}, "geometry": "plane", "thermal": {},
+           "materials": {"al": {"rho": 2700, "c": 1000, "k": 200, "E": 7e10, "nu": 0.3, "alpha": 0}},
+           "bodies": {name: {"material": "al", "T0": 300,
+                             "mesh": {"rectangle": {"origin": at, "size": size, "cells": [4, 2]}}}
+                      for name, (at, size) in blocks.items()},
+           "mechanical": {"half": "elastic",
+                          "elastic": {"boundary": list(boundary), "bodies": bodies or {}, **elastic}},
+           "coupling": {"end": 1, "windows": [{"until": 1, "size": 1}]}}
+    return Scene(doc | ({"contact": contact} if pair else {}), {})
+
+
+@pytest.mark.parametrize(("refused", "text"), [
+    (scene(FOOT, PUSH), "nothing will ever hold body 'high' against moving along x: no condition does, and contact in "
+                        "face has no friction and faces another way"),
+    (scene(FOOT, PUSH, pair=False), "nothing will ever hold body 'high' against moving along"),
+    (scene(FOOT, {"at": "high.top.centre", "u_x": 0, "u_y": 0}, pair=False),
+     "'high' against turning: no condition does, and it is in no contact pair"),
+    (scene({"on": "low.bottom", "u_y": 0}, PUSH, mu=0.3), "bodies low and high together against moving along x"),
+    (scene(FOOT, {"body": "high", "u_x": 0}, bodies={"high": {"rigid": True}}, pair=False), "against moving along y"),
+    (scene(FOOT, {"at": "high.top.centre", "u_x": 0}, third=True), "body 'lid' against moving along x"),
+])
+def test_what_nothing_holds_is_told(refused: Scene, text: str, tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=text):
+        refused.checked(tmp_path)
+
+
+@pytest.mark.parametrize("good", [
+    scene(FOOT, PUSH, mu=0.3), scene(FOOT, {"at": "high.top.centre", "u_x": 0}), scene(FOOT, PUSH, dynamics={}),
+    scene(FOOT, PUSH, method="explicit"), scene(FOOT, PUSH, mu=0.1, third=True),
+    scene(FOOT, {"at": "high.top.centre", "rotation": {"about": [0, 0], "angle": 0.1}}),
+    scene(FOOT, {"body": "high", "u_x": 0}, bodies={"high": {"rigid": True}}),
+])
+def test_what_a_pair_may_hold_is_let_pass(good: Scene, tmp_path: Path) -> None:
+    good.checked(tmp_path)
+
+
+def test_about_an_axis_bodies_move_along_it_alone(tmp_path: Path) -> None:
+    disc = scene({"on": "low.bottom", "u_y": 0}).edited(geometry="axisymmetric")
+    disc.checked(tmp_path)
+    with pytest.raises(ScenarioError, match="'high' against moving along y"):
+        disc.edited(contact=None).checked(tmp_path)
