@@ -35,6 +35,7 @@ class NamedForce:
     held : (k,) its degrees of freedom.  pressures : numbers and edges of its follower pressures.
     dead : numbers of its dead loads and (2,) the force of each of size one.
     turned : the degree of freedom of its angle and the length that makes a moment of a force there.
+    levers : of each rotation its point (2,) [m] and the degrees of freedom (k,) it holds.
     moments : numbers of its dead moments.
     """
 
@@ -42,6 +43,7 @@ class NamedForce:
     pressures: tuple[tuple[int, Ints], ...] = ()
     dead: tuple[tuple[int, Floats], ...] = ()
     turned: tuple[tuple[int, float], ...] = ()
+    levers: tuple[tuple[Floats, NDArray[np.intp]], ...] = ()
     moments: tuple[int, ...] = ()
 
 
@@ -69,16 +71,18 @@ class NamedForces:
     @property
     def variables(self) -> list[Variable]:
         """List the outputs."""
-        return [Variable(FORCE + name, (2,), unit="N", description="force of the condition on the body", on="none")
-                for name in self.forces] + [
-                    Variable(MOMENT + name, unit="N.m", description="moment of the condition on the body about its "
-                             "reference point, anticlockwise") for name in self.moments]
+        forces = [Variable(FORCE + name, (2,), unit="N", description="force of the condition on the body", on="none")
+                  for name in self.forces]
+        about = "about the point of its rotation or the body's reference point"
+        return forces + [Variable(MOMENT + name, unit="N.m", description=f"anticlockwise moment on the body {about}")
+                         for name in self.moments]
 
     def outputs(self, at: ForcesAt) -> dict[str, Value]:
         """Compute the outputs by name."""
         found: dict[str, Value] = {FORCE + name: self._force(of, at) for name, of in self.forces.items()}
         for name, of in self.moments.items():
             found[MOMENT + name] = (sum(float(at.held.ravel()[dof]) * length for dof, length in of.turned)
+                                    + sum(_moment(about, dofs, at) for about, dofs in of.levers)
                                     + sum(float(at.dead[i]) for i in of.moments))
         return found
 
@@ -98,20 +102,33 @@ def named_forces(interface: Interface, spec: ElasticSpec, constraints: Constrain
     """Find what each name of a scene stands for.  dead : patterns of the dead loads, None without any."""
     forces, moments = {}, {}
     for name in spec.load_names:
-        motions = [i for i, d in enumerate(spec.displacements) if d.name == name]
+        motions = [i for i, d in enumerate(spec.displacements) if name in (d.name, d.turn.name if d.turn else "")]
         turning = [i for i in motions if spec.displacements[i].component == TURNS]
         dofs = constraints.fixed[np.isin(constraints.source, [i for i in motions if i not in turning])]
         loads = [i for i, d in enumerate(spec.dead) if d.name == name]
         twists = tuple(i for i in loads if spec.dead[i].component == TURNS)
+        levers = tuple((turn.about, constraints.fixed[np.isin(constraints.source, own)]) for i in motions
+                       if (turn := spec.displacements[i].turn) is not None
+                       if (own := [j for j in motions if spec.displacements[j].turn is turn])[0] == i)
         of = NamedForce(
             dofs, tuple((i, p.edges) for i, p in enumerate(spec.pressures) if p.name == name),
             tuple((i, _resultant(dead, i)) for i in loads if i not in twists),
-            tuple((int(constraints.fixed[constraints.source == i][0]), constraints.scale[i]) for i in turning), twists)
-        if of.turned or of.moments:
+            tuple((int(dof), constraints.motions.scale[i]) for i in turning
+                  for dof in constraints.fixed[constraints.source == i]), levers, twists)
+        # What is released holds nothing, and says so.
+        if turning or levers or of.moments:
             moments[name] = of
-        if of.held.size or of.pressures or of.dead:
+        if len(motions) > len(turning) or of.pressures or of.dead:
             forces[name] = of
     return NamedForces(interface.axisymmetric, forces, moments)
+
+
+def _moment(about: Floats, dofs: NDArray[np.intp], at: ForcesAt) -> float:
+    """Moment [N m] about a point of what holds some degrees of freedom."""
+    arm = at.x[dofs // 2] - about
+    # fault: the moment of a rotation about another point -> arm = at.x[dofs // 2] | mechanical_fmu/test_named_forces
+    lever = np.where(dofs % 2 == 0, -arm[:, 1], arm[:, 0])
+    return float((lever * at.held.ravel()[dofs]).sum())
 
 
 def _resultant(dead: DeadForces | None, i: int) -> Floats:

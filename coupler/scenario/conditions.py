@@ -79,11 +79,11 @@ def _forces(model: Mapping[str, Any]) -> Iterator[ConditionOutput]:
     for b in conditions:
         if "name" not in b:
             continue
-        key = next(k for k in (*MOTIONS, "pressure", *TRACTIONS, *FORCES, *WEIGHTS, "gravity") if k in b)
+        key = next(k for k in ("rotation", *MOTIONS, "pressure", *TRACTIONS, *FORCES, *WEIGHTS, "gravity") if k in b)
         place = str(b.get("on", b.get("at", b.get("body"))))
-        if key in TURNS:
+        if key in (*TURNS, "rotation"):
             yield ConditionOutput(f"reaction_moment.{b['name']}", "mechanical", key, place, ("",), "N.m")
-        else:
+        if key not in TURNS:
             yield ConditionOutput(f"reaction.{b['name']}", "mechanical", key, place, ("x", "y"), "N")
 
 

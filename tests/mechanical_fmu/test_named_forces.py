@@ -146,3 +146,32 @@ def test_what_holds_and_turns_a_rigid_body():
     assert out["condition.reaction_moment.twist"] == 300.0
     assert "condition.reaction.key" not in out
     assert "condition.reaction.twist" not in out
+
+
+@pytest.mark.fast
+def test_what_turns_an_edge():
+    """A beam whose end is turned about a point beside it: the moment there, of a tip force and of nothing else."""
+    mesh = block(np.linspace(0.0, 2.0, 9), np.linspace(-0.1, 0.1, 3))
+    about = [0.5, 0.3]
+    half = elastic(mesh, [{"on": "block.left", "rotation": {"about": about, "angle": 0.4}, "name": "grip"},
+                          {"on": "block.right", "t_y": -1e5, "name": "load"}], tolerance=1e-11)
+    out = started(half)
+    down = -1e5 * 0.2
+    tip = np.asarray(out["x"])[np.asarray(half.system.interface.surfaces["block.right"])]
+    arm = 0.5 * (tip[:, 0] + tip[:, 1]).mean(axis=0) - about  # of an even traction on edges of one length
+    assert force(out, "grip") == pytest.approx([0.0, -down], abs=1e-6 * abs(down))
+    assert out["condition.reaction_moment.grip"] == pytest.approx(-arm[0] * down, rel=1e-8)
+
+
+@pytest.mark.fast
+def test_what_is_released_tells_nothing_held():
+    """A named condition keeps its outputs when it ends."""
+    mesh = block(LINE, LINE)
+    half = elastic(mesh, [hold("block.bottom", 1), hold("block.left", 0),
+                          {"on": "block.top", "u_y": -1e-6, "until": 1.5, "name": "ram"}], tolerance=1e-11)
+    given = inputs_of(half, T=300.0)
+    state, out = half.start(given, 0.0, NoLink())
+    assert force(out, "ram")[1] < -1e4
+    for t in (0.0, 1.0, 2.0):
+        state, out = done(half.step(state, given, t, 1.0, NoLink()))
+    assert force(out, "ram") == pytest.approx([0.0, 0.0], abs=1e-6)
