@@ -29,7 +29,7 @@ def scene() -> Interface:
 
 @pytest.fixture
 def level() -> Level:
-    """The floor carries 1 Pa, the wall stands .1 m off."""
+    """The floor carries 1 Pa, the wall stands 0.1 m off."""
     t_N, gap = np.zeros(10), np.full(10, 0.1)
     t_N[:6], gap[:6] = -1.0, -1e-9
     return Level(0.0, np.zeros(9), NODES, t_N, gap, np.ones(10))

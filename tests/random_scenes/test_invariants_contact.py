@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import thermal_fmu.contact_quadrature
+import thermal_fmu.half
 from random_scenes.by_hand import HELD, box, corner, two_blocks
 from random_scenes.direct_half import DirectHalf
 from random_scenes.invariants_contact import LONGER_WINDOWS, OPEN, PASSING
@@ -83,7 +83,14 @@ def test_a_corner_that_lends_its_pressure_is_found(monkeypatch):
     story = told(scene)
     assert story.t_N.min() < 0.0
     assert not OPEN.check(scene, story, RNG)
-    monkeypatch.setattr(thermal_fmu.contact_quadrature, "_is_own_pressure", lambda *_: True)
+    right = thermal_fmu.half.contact_points
+
+    def lent(surfaces, facing, t_N, x):
+        largest = np.zeros(len(x))
+        np.minimum.at(largest, surfaces.interface.pair_nodes, t_N)
+        return right(surfaces, facing, largest[surfaces.interface.pair_nodes], x)
+
+    monkeypatch.setattr(thermal_fmu.half, "contact_points", lent)
     found = OPEN.check(scene, told(scene), RNG)
     assert len(found) == 1
     assert "pair beside" in found[0].what
