@@ -46,7 +46,9 @@ def carried(system: System, u: Floats, moved: Floats, loading: Loading) -> Float
     loose = dict(system.constraints.loose_motions(x))
     known = {body: _driven(system, body, u, loading.target) for body in range(len(system.interface.bodies))
              if body not in loose}
-    if not loose or not any(_moves(system, body, motion) for body, motion in known.items()):
+    # Contact is asked only where a body that moves could take another along.
+    if not any(_moves(system, body, _mean(system, body, x, [motion], left))
+               for motion in known.values() for body, left in loose.items()):
         return moved
     neighbours = _neighbours(system, x, loading)
     out = moved.copy()
