@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
+from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
 from mechanical_fmu.cells import Treatment, cells_of
@@ -135,22 +136,29 @@ class System:
         solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
         found = tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean, part)
                       for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
-        if not self._drawn.any():
+        if not self._drawn:
             return found
         # fault: a poured body has its mesh's shape when it is solid -> return tuple(replace(m, e_th=m.e_th - 0.0 *
-        #   self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True)) |
-        #   mechanical_fmu/test_solution_melting
-        return tuple(replace(m, e_th=m.e_th - self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True))
+        #   drawn) for drawn, m in zip(self._drawn, found, strict=True)) | mechanical_fmu/test_solution_melting
+        return tuple(replace(m, e_th=m.e_th - drawn) for drawn, m in zip(self._drawn, found, strict=True))
 
     @cached_property
-    def _drawn(self) -> Floats:
-        """(n_bodies,) e_th of each body in the shape of the mesh."""
-        e_th = np.zeros(len(self.spec.bodies))
+    def _drawn(self) -> tuple[Floats, ...]:
+        """(n_e,) e_th of the cells of each kind in the shape of the mesh; () where every body is drawn at its T_ref."""
+        if all(body.drawn_at is None for body in self.spec.bodies):
+            return ()
+        e_th = [np.zeros(len(cells.body)) for cells in self.volume.kinds]
         for b, body in enumerate(self.spec.bodies):
-            if body.drawn_at is not None:
-                own = np.array([self.spec.body_material[b]])
-                e_th[b] = moduli(self.spec.materials, own, np.array([body.drawn_at])).e_th[0]
-        return e_th
+            if body.drawn_at is None:
+                continue
+            T, nodes = np.zeros(self.volume.n_nodes), self.interface.part_nodes(b)
+            T[nodes] = start_temperature(body.drawn_at, self.interface, nodes)
+            for cells, mean, out in zip(self.volume.kinds, self.volume.means(T), e_th, strict=True):
+                own = cells.body == b
+                # A number as it is: the mean over a cell has its own round-off.
+                drawn = np.full(own.sum(), body.drawn_at) if isinstance(body.drawn_at, float) else mean[own]
+                out[own] = moduli(self.spec.materials, self.spec.body_material[cells.body[own]], drawn).e_th
+        return tuple(e_th)
 
     @cached_property
     def melts(self) -> bool:

@@ -13,6 +13,7 @@ from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.start import start_temperatures
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, names_of, no_heat
 from thermal_fmu.cells import (
@@ -183,9 +184,7 @@ class ThermalHalf:
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
         self._masses_of(X)
-        T = np.full(scene.volume.n, scene.model.bodies[0].T0)
-        for b, body in enumerate(scene.model.bodies):
-            T[scene.interface.node_body == b] = body.T0
+        T = start_temperatures(scene.interface, [body.T0 for body in scene.model.bodies])
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
         points = contact_at(scene.surfaces, X, inputs, link)

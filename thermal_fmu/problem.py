@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contact.half import checks
 from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
 from contact.half.interface import Interface
+from contact.half.start import start_temperature
 from contact.problem import boundary, material, thermal
 from contact.problem.curves import Phases
 from contact.problem.errors import demand, made, read
@@ -187,14 +188,15 @@ class ThermalPair:
 
 @dataclass(frozen=True)
 class ThermalBody:
-    """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current volume].
+    """material of the body, T0 : at the start, as contact.half.start takes it [K], Q_T : volumetric heat rate
+    [W/m3 of current volume].
 
     Q_T_factor : of the cell's own temperature; None is 1.
     """
 
     name: str
     material: ThermalMaterial
-    T0: float
+    T0: Any
     Q_T: Field
     Q_T_factor: Property | None = None
 
@@ -261,12 +263,13 @@ def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "ther
                   tuple(b for b in conditions if isinstance(b, Radiator)),
                   tuple(_pair(problem.pairs[p.name]) if p.name in problem.pairs else None for p in interface.pairs))
     if model.radiates:
-        _demand_kelvin(model)
+        _demand_kelvin(model, interface)
     return model
 
 
-def _demand_kelvin(model: Model) -> None:
-    named = [(f"bodies.{b.name}.T0", b.T0) for b in model.bodies]
+def _demand_kelvin(model: Model, interface: Interface) -> None:
+    named = [(f"bodies.{b.name}.T0", float(start_temperature(b.T0, interface, interface.part_nodes(part)).min()))
+             for part, b in enumerate(model.bodies)]
     named += [(f"T of a {kind}", value.least) for kind, values in (
         ("prescribed temperature", [b.value for b in model.prescribed]), ("convection", [f.Te for f in model.films]),
         ("radiation", [r.T_inf for r in model.radiators])) for value in values if value.least is not None]

@@ -10,14 +10,19 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact.half.functions import field_from, property_from
 from contact.half.interface import Interface
+from contact.half.start import start_temperature
 from contact.problem.boundary import MOTIONS, WEIGHTS, Supported
 from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
+from contact.problem.start import AtNodes
 from contact.problem.values import At, did_you_mean
+
+Floats = NDArray[np.float64]
 
 if TYPE_CHECKING:
     # A half reads one of the two: it need not load the other.
@@ -141,14 +146,21 @@ def _surfaces_work_at_start(problem: ThermalProblem, interface: Interface) -> It
         if not isinstance(spec, Polynomial):
             continue
         for body in sorted(_bodies_at(interface, surface) & set(problem.bodies)):
-            # fault: an emissivity is held against the first body's T0 -> value =
-            #   float(property_from(spec)(np.array([next(iter(problem.bodies.values())).T0]))[0]) |
-            #   coupler/test_scenario_thermal
-            value = float(property_from(spec)(np.array([problem.bodies[body].T0]))[0])
-            if not (0.0 < value <= most or (value == 0.0 and most == inf)):
+            # fault: an emissivity is held against the first body's T0 -> values = property_from(spec)(np.array(
+            #   [next(iter(problem.bodies.values())).T0])) | coupler/test_scenario_thermal
+            values = property_from(spec)(_at_start(problem, interface, body, surface))
+            wrong = values[~((values > 0.0) & (values <= most) | ((values == 0.0) & (most == inf)))]
+            if wrong.size:
                 must = "must not be negative" if most == inf else f"must be greater than zero and at most {most:g}"
-                yield Wrong(key, f"is {value:g} at the T0 of body {body!r}, but {must}",
+                yield Wrong(key, f"is {wrong[0]:g} at the T0 of body {body!r}, but {must}",
                             "Mind T_ref: a polynomial counts temperatures from there.")
+
+
+def _at_start(problem: ThermalProblem, interface: Interface, body: str, surface: str) -> Floats:
+    """Temperatures (n,) [K] that a body has on a surface at the start."""
+    nodes = np.unique(interface.surfaces.get(surface, interface.node_sets.get(surface)))
+    own = nodes[interface.node_body[nodes] == interface.bodies.index(body)]
+    return start_temperature(problem.bodies[body].T0, interface, own)
 
 
 def _polynomials(problem: ThermalProblem, interface: Interface) -> Iterator[tuple[object, At, str, float]]:
@@ -201,6 +213,7 @@ def station_wrongs(problem: ThermalProblem, word: str) -> Iterator[Wrong]:
         if isinstance(body.Q_T, FieldSum):
             yield Wrong(("bodies", name, "Q_T"), f"the half {word!r} takes data that depend on time alone",
                         "Write a number or a signal.")
+        yield from _start_of_stations(name, body.T0, word)
     for name, material in problem.materials.items():
         if isinstance(material.k, Axes):
             yield Wrong(("materials", name, "k"), f"k has two axes, of which the half {word!r} knows one",
@@ -211,6 +224,16 @@ def station_wrongs(problem: ThermalProblem, word: str) -> Iterator[Wrong]:
         if any(isinstance(field, FieldSum) for field in data):
             yield Wrong(("boundary", i), f"the half {word!r} takes data that depend on time alone",
                         "Write a number or a signal.")
+
+
+def _start_of_stations(name: str, T0: Any, word: str) -> Iterator[Wrong]:
+    """A start that differs where such a half has one temperature."""
+    along = isinstance(T0, FieldSum) and all(term.y is None for term in T0.terms)
+    if isinstance(T0, AtNodes) or (isinstance(T0, FieldSum) and not (along and word in ("rod", "thermal_rod"))):
+        one = "one temperature a body" if word == "lumped" else "one temperature at each x"
+        yield Wrong(("bodies", name, "T0"), f"the half {word!r} has {one}",
+                    "Write a number, or choose the half thermal." if word == "lumped" else
+                    "Write a number or terms of x, or choose the half thermal.")
 
 
 # The mechanical halves

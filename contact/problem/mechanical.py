@@ -12,6 +12,7 @@ from contact.problem.curves import SignalSpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.start import StartSpec
 from contact.problem.values import Count, Flag, Name, Number, Positive, Text, Whole, problem
 
 MOST_CUTS = 12  # 2^-12 of a step is no step any more
@@ -239,8 +240,8 @@ class ElasticBody(BodyOptions):
     """What the elastic half knows of a body beside its mesh."""
 
     material: Annotated[Name, Entry("what it is made of", kind="name")]
-    drawn_at: Annotated[Number | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
-                                           default="at T_ref, solid")] = None
+    drawn_at: Annotated[StartSpec | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
+                                              default="at T_ref, solid")] = None
 
 
 class ElasticProblem(ElasticSettings):
@@ -273,7 +274,7 @@ class RodProblem(Rod):
 class ForeignBody(ElasticBody):
     """What a mechanical half of another package is told of a body."""
 
-    T0: Annotated[Number, Entry("at time 0", "K")]
+    T0: Annotated[StartSpec, Entry("at time 0", "K")]
 
 
 class ForeignMechanical(ElasticProblem):

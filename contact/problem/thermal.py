@@ -12,6 +12,7 @@ from contact.problem.curves import FieldSpec, PropertySpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.start import StartSpec
 from contact.problem.values import Name, NotNegative, Number, Positive, Text, Whole, problem
 
 MOST_INCREMENTS = 100_000  # a count beyond this is a slip of the pen
@@ -140,7 +141,7 @@ class BodyHeat(Part):
     """What the thermal half knows of a body beside its mesh."""
 
     material: Annotated[Name, Entry("what it is made of", kind="name")]
-    T0: Annotated[Number, Entry("at time 0", "K", temperature=True)]
+    T0: Annotated[StartSpec, Entry("at time 0", "K", temperature=True)]
     Q_T: Annotated[FieldSpec, Entry("heat source per current volume", "W/m3")] = 0.0
     Q_T_factor: Annotated[PropertySpec | None, Entry("multiplies `Q_T`, at the local temperature",
                                                    default="none: 1")] = None

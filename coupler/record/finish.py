@@ -249,6 +249,7 @@ def _make(journal: Path, path: Path) -> bool:
         parts = write_field_files(scratch, meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
             _write(f, meta, told)
+            _write_mesh(f, arrays)
             _write_contact(f, meta, arrays, told)
             _write_outputs(f, meta["field_files"], loose)
         for file in (*parts, part):
@@ -296,6 +297,13 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
     for data in f["ledger"].values():
         data.attrs["unit"] = "J"
     _write_rows(f.create_group("monitors", track_order=True), told.monitors, "", np.nan)
+
+
+def _write_mesh(f: h5py.File, header: Mapping[str, NDArray[Any]]) -> None:
+    """The mesh as it was before anything moved: what another run may start from."""
+    group = f.create_group("mesh", track_order=True)
+    for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
+        group[name] = header[name]
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from coupler.scenario.document import (
 )
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
-from coupler.scenario.notes import contact_notes, thermal_notes
+from coupler.scenario.notes import contact_notes, mean_T0, thermal_notes
 from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, wrongs_of
 from coupler.scenario.rule_model import Rule
@@ -36,6 +36,7 @@ from coupler.scenario.rules import rules_of
 from coupler.scenario.scene import Context, scene_of
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.si import ToSI
+from coupler.scenario.starts import TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.versions import notice, with_old_defaults
 
@@ -49,6 +50,7 @@ class Scenario:
     temperature_unit : "degC" or "K", for display; everything here is in kelvin but resolved.
     interface : mesh, surfaces and pairs.  signals : the named ones, in the units of the file.
     models : "thermal" and "mechanical" -> model.json (docs/design.md).
+    starts : what bodies took over from other runs.
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
     """
 
@@ -67,6 +69,7 @@ class Scenario:
     output: Output
     rules: tuple[Rule, ...] = ()
     version_notes: tuple[str, ...] = ()
+    starts: Mapping[str, TakenStart] = field(default_factory=dict)
     stated: ScenarioFile | None = None
 
     @property
@@ -78,7 +81,7 @@ class Scenario:
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
         face nothing, laws that do not join, radiation that is missing or counted twice."""
-        found = [*self.version_notes]
+        found = [*self.version_notes, *(start.note for start in self.starts.values())]
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
                 name = str(boundary.get("at", ""))
@@ -88,7 +91,7 @@ class Scenario:
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
         thermal = self.models["thermal"]
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
-                     thermal_notes(thermal, self.interface.pairs))
+                     thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
 
     @property
     def thermal_half(self) -> str:
@@ -211,7 +214,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         text=document.text,
         resolved=document.tree,
         overrides=dict(overrides),
-        hash=_hash(document, file),
+        hash=_hash(document, file, scene.starts),
         title=file.title or document.path.stem,
         temperature_unit=file.units.temperature.value,
         interface=scene.interface,
@@ -222,6 +225,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         rules=rules,
         output=output,
         version_notes=tuple(notes),
+        starts=scene.starts,
         stated=stated,
     )
 
@@ -268,8 +272,11 @@ def problems_of(c: Context) -> dict[str, Part]:
     return problems
 
 
-def _hash(document: Document, file: ScenarioFile) -> str:
-    """Of the values, not the text: comments, the order of keys and a study change no result; mesh files and FMUs do."""
+def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, TakenStart]) -> str:
+    """Of the values, not the text: comments, the order of keys and a study change no result.
+
+    Mesh files, FMUs and the results that bodies start from do.
+    """
     # fault: a study makes another scenario -> values = {key: value for key, value in document.tree.items() if key} |
     #   coupler/test_study_run
     values = {key: value for key, value in document.tree.items() if key != "study"}
@@ -280,6 +287,9 @@ def _hash(document: Document, file: ScenarioFile) -> str:
             digest.update(
                 hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest()
             )
+    for start in starts.values():
+        # fault: another run to start from is the same scenario -> pass | coupler/test_starts_from_runs
+        digest.update(str(start.source["sha256"]).encode())
     for kind in (file.thermal.half, file.mechanical.half):
         if (fmu := fmu_path(kind, document.path.parent)) is not None:
             # fault: an FMU named by its path is not part of the scenario's hash -> pass | coupler/test_fmu_by_path

@@ -16,7 +16,6 @@ from pydantic import StrictBool, model_validator
 from skfem import MeshQuad
 
 from contact.problem.part import Entry, Part, exactly_one
-from contact.problem.thermal import BodyHeat
 from contact.problem.values import Number, Positive, Text, Whole, did_you_mean, problem
 
 # The part of the schema that says what there is: bodies and their meshes.
@@ -69,12 +68,6 @@ class Mesh(Part):
     def _one_way(self) -> Mesh:
         exactly_one(self, ("rectangle", "file"))
         return self
-
-
-class MeshedBody(BodyHeat):
-    """A body: its mesh, what it is made of, its temperature at the start and the heat made in it."""
-
-    mesh: Annotated[Mesh, Entry("one of `rectangle`, `file`")]
 
 
 # The mesh of one body, whatever it came from, and what makes its cells fit to be solved on.

@@ -13,6 +13,7 @@ import numpy as np
 from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.interface import Interface
+from contact.half.start import start_temperature
 from contact.problem.boundary import FORMAT, Supported
 from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
@@ -32,8 +33,10 @@ from contact.problem.mechanical import (
 )
 from contact.problem.pairs import PairData
 from contact.problem.part import Part, properties_in
+from contact.problem.start import AtNodes
 from contact.problem.thermal import BodyHeat, ForeignThermal, ThermalProblem, ThermalSettings
 from contact.problem.values import did_you_mean
+from coupler.scenario.bodies import FromRun
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import ScenarioFile
 
@@ -106,6 +109,20 @@ class Stated:
         return tuple(dict.fromkeys(b.material for b in self.file.bodies.values() if b.material in self.file.materials))
 
 
+    def start(self, name: str) -> Any:
+        """T0 of a body as a model.json has it: a number [K], a sum, or where interface.h5 has what another run left."""
+        T0 = self.file.bodies[name].T0
+        return AtNodes(dataset="start/T") if isinstance(T0, FromRun) else T0
+
+    def start_range(self, name: str) -> tuple[float, float]:
+        """The lowest and the highest temperature [K] a body has at its nodes at the start."""
+        T0 = self.start(name)
+        if isinstance(T0, float):
+            return T0, T0
+        T = start_temperature(T0, self.interface, self.interface.part_nodes(self.interface.bodies.index(name)))
+        return float(T.min()), float(T.max())
+
+
 def problem_of(s: Stated, role: str, kind: str) -> Part:
     """Make the problem of a half.  kind : the scenario's word for it."""
     own = OWN[role].get(kind)
@@ -142,7 +159,7 @@ def _thermal(s: Stated, half: str) -> ThermalProblem:
     thermal = s.file.thermal
     return _as(ThermalProblem, _as(ThermalSettings, thermal, boundary=_stood(s, thermal.boundary)), half=half,
                format=FORMAT, materials=_share(s, THERMAL),
-               bodies={n: _as(BodyHeat, b) for n, b in s.file.bodies.items()},
+               bodies={n: _as(BodyHeat, b, T0=s.start(n)) for n, b in s.file.bodies.items()},
                pairs={n: _made(PairData, conduction=p.conduction, radiation=p.radiation, friction=p.friction)
                       for n, p in s.pairs.items()})
 
@@ -185,16 +202,16 @@ def _elastic_body(s: Stated, name: str, elastic: Elastic) -> ElasticBody:
     """A body that is not all solid at the start was poured: its mesh is the shape it has then."""
     body = s.file.bodies[name]
     liquid = s.file.materials[body.material].liquid if body.material in s.file.materials else None
-    poured = liquid is not None and liquid.T_s < body.T0
+    poured = liquid is not None and liquid.T_s < s.start_range(name)[1]
     return _as(ElasticBody, elastic.bodies.get(name, BodyOptions()), material=body.material,
-               drawn_at=body.T0 if poured else None)
+               drawn_at=s.start(name) if poured else None)
 
 
 def _foreign_mechanical(s: Stated, kind: str) -> ForeignMechanical:
     mechanical = s.file.mechanical
     elastic = _elastic(s, kind)
     return _as(ForeignMechanical, elastic, materials=dict(s.file.materials), pairs=_whole_pairs(s),
-               bodies={n: _as(ForeignBody, b, T0=s.file.bodies[n].T0) for n, b in elastic.bodies.items()},
+               bodies={n: _as(ForeignBody, b, T0=s.start(n)) for n, b in elastic.bodies.items()},
                options=mechanical.options, rigid=mechanical.rigid, rod=mechanical.rod)
 
 
@@ -232,6 +249,7 @@ def wrongs_of(s: Stated, problems: Problems) -> Iterator[tuple[Key, str, str]]:
     for name, body in s.file.bodies.items():
         yield from _in_file(s, "", checks.known(body.material, s.file.materials, ("bodies", name, "material"),
                                                 "material"))
+    yield from _in_file(s, "", _starts_below_zero(s))
     yield from _in_file(s, "", _first_at_each(_positive_at_start(s)))
     for role, found in (("thermal", _of_thermal(s, problems)), ("mechanical", _of_mechanical(s, problems))):
         yield from _in_file(s, role, found)
@@ -282,6 +300,15 @@ def _sums_below_zero(s: Stated, problem: ThermalProblem) -> Iterator[Wrong]:
                 yield Wrong(("boundary", i, *key, "terms"), f"the sum reaches {T - s.offset:g} {s.unit} on {b.where}, "
                             "which is below absolute zero", "A sum of temperatures needs a constant term, such as "
                             "{t: 20}.")
+
+
+def _starts_below_zero(s: Stated) -> Iterator[Wrong]:
+    for name, body in s.file.bodies.items():
+        # fault: sums below absolute zero begin -> if False: | coupler/test_starts
+        if isinstance(body.T0, FieldSum) and (T := s.start_range(name)[0]) <= 0.0:
+            yield Wrong(("bodies", name, "T0", "terms"), f"the sum reaches {T - s.offset:g} {s.unit} in body {name!r}, "
+                        "which is not above absolute zero", "A sum of temperatures needs a constant term, such as "
+                        "{t: 20}.")
 
 
 def _rectangles(s: Stated, role: str) -> Iterator[Wrong]:
@@ -356,9 +383,10 @@ def _positive_at_start(s: Stated) -> Iterator[Wrong]:
             continue
         for datum in ("k", "c", "E"):
             for key, spec in properties_in(getattr(material, datum), (datum,)):
-                for T in _met(body.T0, material.latent, str(key[-1])):
+                starts = dict.fromkeys(s.start_range(name))
+                for T in dict.fromkeys(T for T0 in starts for T in _met(T0, material.latent, str(key[-1]))):
                     if (value := float(property_from(spec)(np.array([T]))[0])) <= 0:
-                        where = "T0" if T == body.T0 else "melting point"
+                        where = "T0" if T in starts else "melting point"
                         yield Wrong(("materials", body.material, *key),
                                     f"is {value:g} at the {where} of body {name!r}, "
                                     "but must be greater than zero")
