@@ -153,11 +153,16 @@ class System:
                 continue
             T, nodes = np.zeros(self.volume.n_nodes), self.interface.part_nodes(b)
             T[nodes] = start_temperature(body.drawn_at, self.interface, nodes)
-            for cells, mean, out in zip(self.volume.kinds, self.volume.means(T), e_th, strict=True):
+            liquid, one = self.spec.materials[self.spec.body_material[b]].flow.liquid, isinstance(body.drawn_at, float)
+            # What melts is told the solid fraction at nodes, whose mean is not that of the mean temperature.
+            # fault: a cell that is half mush is drawn at its mean temperature -> solid = None | coupler/test_starts
+            solid = None if liquid is None or one else self.volume.means(liquid.solid_fraction(T))
+            for k, (cells, mean) in enumerate(zip(self.volume.kinds, self.volume.means(T), strict=True)):
                 own = cells.body == b
                 # A number as it is: the mean over a cell has its own round-off.
-                drawn = np.full(own.sum(), body.drawn_at) if isinstance(body.drawn_at, float) else mean[own]
-                out[own] = moduli(self.spec.materials, self.spec.body_material[cells.body[own]], drawn).e_th
+                drawn = np.full(own.sum(), body.drawn_at) if one else mean[own]
+                e_th[k][own] = moduli(self.spec.materials, self.spec.body_material[cells.body[own]], drawn,
+                                      None if solid is None else solid[k][own]).e_th
         return tuple(e_th)
 
     @cached_property

@@ -158,7 +158,7 @@ def _surfaces_work_at_start(problem: ThermalProblem, interface: Interface) -> It
 
 def _at_start(problem: ThermalProblem, interface: Interface, body: str, surface: str) -> Floats:
     """Temperatures (n,) [K] that a body has on a surface at the start."""
-    nodes = np.unique(interface.surfaces.get(surface, interface.node_sets.get(surface)))
+    nodes = np.unique(interface.surfaces[surface] if surface in interface.surfaces else interface.node_sets[surface])
     own = nodes[interface.node_body[nodes] == interface.bodies.index(body)]
     return start_temperature(problem.bodies[body].T0, interface, own)
 

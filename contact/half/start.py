@@ -20,7 +20,7 @@ def start_temperature(T0: Any, interface: Interface, nodes: NDArray[np.integer])
     """Return the temperatures (n,) [K] that a start states at nodes : (n,), numbers of the mesh.
 
     T0 : a number [K]; a sum of terms, {"terms": [...]}, at the reference coordinates; or {"dataset": "start/T"}, what
-    stands in interface.h5.  Each as it is, or as a model.json has it.  Raises ValueError where that has none for a node.
+    stands in interface.h5.  Each as it is, or as a model.json has it.  Raises ValueError where a node has none there.
     """
     if isinstance(T0, int | float):
         return np.full(len(nodes), float(T0))

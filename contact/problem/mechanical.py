@@ -248,7 +248,7 @@ class ElasticProblem(ElasticSettings):
     """The model.json of the half `elastic`: SI, kelvin, signals written out."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
     materials: Annotated[dict[Name, Material], Entry("by name")]
     bodies: Annotated[dict[Name, ElasticBody], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(
@@ -259,14 +259,14 @@ class RigidProblem(Rigid):
     """The model.json of the half `rigid`."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
 
 
 class RodProblem(Rod):
     """The model.json of the half `mechanical_rod`."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
     materials: Annotated[dict[Name, Material], Entry("by name")]
     bodies: Annotated[dict[Name, BodyMaterial], Entry("by name")]
 

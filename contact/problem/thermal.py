@@ -157,7 +157,7 @@ class ThermalProblem(ThermalSettings):
     """The model.json of a thermal half: SI, kelvin, signals written out."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
     materials: Annotated[dict[Name, Material], Entry("by name")]
     bodies: Annotated[dict[Name, BodyHeat], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(

@@ -52,4 +52,4 @@ class MeshedBody(BodyHeat):
 
     mesh: Annotated[Mesh, Entry("one of `rectangle`, `file`")]
     T0: Annotated[StatedStart, Entry("at time 0: a number, a sum of terms of x and y, or what another run left",  # type: ignore[assignment]
-                                     "K", temperature=True, kind="temperature, terms or run")]
+                                     "K", temperature=True, kind="number, terms or run")]

@@ -14,7 +14,7 @@ from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.interface import Interface
 from contact.half.start import start_temperature
-from contact.problem.boundary import FORMAT, Supported
+from contact.problem.boundary import FORMAT, UNEVEN, Supported
 from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
 from contact.problem.material import Latent, Material
@@ -125,6 +125,17 @@ class Stated:
 
 def problem_of(s: Stated, role: str, kind: str) -> Part:
     """Make the problem of a half.  kind : the scenario's word for it."""
+    return _of_its_format(_problem_of(s, role, kind))
+
+
+def _of_its_format(problem: Part) -> Part:
+    """A problem that says by its format what a half must know to read it."""
+    bodies = getattr(problem, "bodies", {}).values()
+    uneven = any(isinstance(getattr(body, key, None), Part) for body in bodies for key in ("T0", "drawn_at"))
+    return problem.changed(format=UNEVEN) if uneven else problem
+
+
+def _problem_of(s: Stated, role: str, kind: str) -> Part:
     own = OWN[role].get(kind)
     if own is None:
         maker: Callable[[Stated, str], Part] = _foreign_thermal if role == "thermal" else _foreign_mechanical

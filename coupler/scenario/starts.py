@@ -74,8 +74,9 @@ def _taken(document: Document, name: str, spec: FromRun, mesh: BodyMesh, runs: d
     except (EarlierRunError, ValueError) as exc:
         raise document.error((*key, "from"), f"body {there!r} of {path.name} cannot be taken over: {exc}",
                              getattr(exc, "remedy", "")) from exc
-    source = {"body": name, "from": spec.path, "of": there, "t": t, "sha256": run.sha256, "outcome": run.outcome,
-              "worst": result.worst, "rms": result.rms}
+    source: dict[str, str | float] = {
+        "body": name, "from": spec.path, "of": there, "t": t, "sha256": run.sha256, "outcome": run.outcome,
+        "worst": result.worst, "rms": result.rms}
     return TakenStart(result.values, _sentence(name, there, spec.path, t, run, result), source)
 
 
