@@ -213,15 +213,17 @@ class Heat:
     stored : (n_bodies,) increase of enthalpy, summed over the nodes.
     temperature : (2,) through prescribed temperatures, in at some nodes and out (< 0) at others, from the residual
     there: a net sum would be round-off where as much comes in as goes out.  terms : (n_terms,) as boundary.TERMS.
+    moved : sum over the nodes of what each took up or gave off, which is not 0 where heat only runs inside a body.
     """
 
     stored: Floats
     temperature: Floats
     terms: Floats
+    moved: float = 0.0
 
     def __add__(self, other: Heat) -> Heat:
         return Heat(self.stored + other.stored, self.temperature + other.temperature,
-                    self.terms + other.terms)
+                    self.terms + other.terms, self.moved + other.moved)
 
     def outputs(self, model: Model) -> dict[str, float]:
         """Return the outputs heat.* by name: the terms that the scene can have."""

@@ -61,6 +61,7 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
         Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
+        Variable("heat_moved", unit="J", description="what nodes took up or gave off in the substep, added up"),
         Variable("contact.touching", description="contact quadrature points under pressure"),
     )
 
@@ -271,6 +272,7 @@ class ThermalHalf:
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),
             "heat_stored": state.stored,
+            "heat_moved": heat.moved,
             "contact.touching": float(touching),
         }
 

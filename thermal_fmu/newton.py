@@ -58,6 +58,7 @@ class StageBalance:
     of
     the sizes of all heats at all nodes [J].  pull : (n,) [J] what the change of prescribed values since s_n does to the
     residual of their neighbours: their columns are not in the jacobian; None where nothing changed, or without one.
+    moved : sum over the nodes of what each took up or gave off [J].
     """
 
     R: Floats
@@ -69,6 +70,7 @@ class StageBalance:
     scale: float
     jacobian: csr_matrix | None
     pull: Floats | None = None
+    moved: float = 0.0
 
     @property
     def relative_residual(self) -> float:
@@ -119,7 +121,7 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
         lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
         matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
     return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix,
-                        pull)
+                        pull, float(np.abs(S).sum()))
 
 
 def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,

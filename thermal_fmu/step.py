@@ -167,7 +167,7 @@ def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt
         # fault: reaction of the last stage only -> through += (stage.c == 1.0) * s.balance.R[scene.fixed] |
         #   thermal_fmu/test_thermal_nonlinear
         through += w / stage.a * s.balance.R[scene.fixed]
-    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))
+    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms), solved[-1].balance.moved)
 
 
 # Local error
@@ -227,5 +227,5 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)
     # fault: entropy part at fixed nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
     #   terms) | thermal_fmu/test_thermal_entropy
-    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms)
+    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, solved.balance.moved)
     return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

@@ -93,7 +93,8 @@ def read(cls: type[P], model: Mapping[str, Any], *kinds: str) -> P:
     """
     half, form = model.get("half"), model.get("format")
     if half not in kinds or form not in (FORMAT, UNEVEN):
-        raise ValueError(f"model.json: half {half!r}, format {form!r} is not {' or '.join(kinds)}, {FORMAT} or {UNEVEN}")
+        raise ValueError(f"model.json: half {half!r}, format {form!r} is not {' or '.join(kinds)}, {FORMAT} or "
+                         f"{UNEVEN}")
     try:
         return cls.model_validate(model)
     except ValidationError as exc:

@@ -10,7 +10,7 @@ from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.two_cycle import home
 from coupler.rules import engine as rules
-from coupler.schemes.state import PREFIX, CoupledState, Ledger, Settings, Solved, Span
+from coupler.schemes.state import CoupledState, Ledger, Settings, Solved, Span
 from coupler.schemes.sweep import OF_A_SUBSTEP
 
 
@@ -121,7 +121,7 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
             found |= {f"{name}.{n}": v for n, v in parts.items()}
     ledger = Ledger()
     for terms in solved.terms:
-        ledger = ledger.plus({n: v for n, v in terms.items() if n.startswith(PREFIX)})
+        ledger = ledger.plus(terms)
     return found | {"imbalance": ledger.imbalance}
 
 

@@ -60,6 +60,8 @@ def test_without_boundary_the_mean_stays_and_the_rest_decays(tmp_path):
                  bodies__bar__mesh__rectangle__cells=[40, 1])
     results = solved(tmp_path, doc)
     T, x = temperatures(results), loaded(tmp_path, doc).interface.nodes[:, 0]
+    assert results.heat_imbalance < 1e-10
+    assert not results.broken
     assert abs(results.ledger["stored.bar"]) < 1e-10 * 8000.0 * 500.0 * 0.002 * 50.0  # J, of what moves inside
     left, right = T[:, x == 0.0].mean(axis=1), T[:, x == 0.1].mean(axis=1)
     np.testing.assert_allclose(left + right, 700.0, rtol=0, atol=1e-8)

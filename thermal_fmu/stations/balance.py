@@ -83,6 +83,7 @@ class StationBalance:
     stations,
     scale : of the sizes of all heats [J].  band : (3 width + 1, n) dR/ds [J/K].
     pull : (n,) what the change of prescribed values since s_n does to the residual of their neighbours [J].
+    moved : sum over the stations of what each took up or gave off [J].
     """
 
     R: Floats
@@ -93,6 +94,7 @@ class StationBalance:
     scale: float
     band: Floats
     pull: Floats
+    moved: float
 
     @property
     def relative_residual(self) -> float:
@@ -125,9 +127,10 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     band.reshape(-1)[touched], band.reshape(-1)[diagonal] = 0.0, 1.0
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
-    scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
+    moved = float(np.abs(S).sum())
+    scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, stored,
-                          float(np.abs(R - reaction).sum()), scale, band, pull)
+                          float(np.abs(R - reaction).sum()), scale, band, pull, moved)
 
 
 def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
@@ -363,7 +366,7 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E.sum()
     held_back = inflow_outflow(solved.balance.R[context.scene.fixed])
-    return StationStep(solved.s, Heat(solved.balance.stored, held_back, terms), solved.iterations,
+    return StationStep(solved.s, Heat(solved.balance.stored, held_back, terms, solved.balance.moved), solved.iterations,
                        solved.balance.relative_residual)
 
 
@@ -410,4 +413,4 @@ def _heat(scene: StationScene, method: TimeMethod, solved: list[SolvedStations],
     through = np.zeros(np.count_nonzero(scene.fixed))
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
         through += w / stage.a * s.balance.R[scene.fixed]
-    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms))
+    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms), solved[-1].balance.moved)

@@ -140,6 +140,7 @@ class StationHalf:
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),
             "heat_stored": state.stored,
+            "heat_moved": heat.moved,
             "contact.touching": float(touching),
         }
 
