@@ -13,7 +13,6 @@ from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from contact.half.start import start_temperatures
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, names_of, no_heat
 from thermal_fmu.cells import (
@@ -123,7 +122,7 @@ def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFiel
     """Return (n_cells, 2) cell means of -k grad T [W/m2]."""
     q = np.empty((scene.volume.n_cells, 2))
     for block, shape in zip(scene.volume.blocks, shapes, strict=True):
-        K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
+        K = _conductivity(scene.model.parts[block.part].material.k, block, shape, at)
         q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dC)
     return q
 
@@ -184,8 +183,7 @@ class ThermalHalf:
         """
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
-        self._masses_of(X)
-        T = start_temperatures(scene.interface, [body.T0 for body in scene.model.bodies])
+        T = scene.start(self._masses_of(X))
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0)
         points = contact_at(scene.surfaces, X, inputs, link)

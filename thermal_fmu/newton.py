@@ -99,14 +99,14 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     slope = stage.theta * weight
     into = MatrixEntries(data, slope)
     if jacobian:
-        into = scene.matrix_cache.fill(volume, model.bodies, substep.masses, substep.shapes, into, problem.stores)
+        into = scene.matrix_cache.fill(volume, model.parts, substep.masses, substep.shapes, into, problem.stores)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
-        stored = store(volume, substep.masses, model.bodies, problem.s_n, s, S, into)
+        stored = store(volume, substep.masses, model.parts, problem.s_n, s, S, into)
     # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
     #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, substep.shapes,
-    #   model.bodies, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
-    conduct(volume, substep.shapes, model.bodies, at, f, into)
+    #   model.parts, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
+    conduct(volume, substep.shapes, model.parts, at, f, into)
     # fault: boundary terms at the start of the step -> boundary = boundary_flow(substep, problem.loads,
     #   problem.power_M, problem.s_n) | thermal_fmu/test_thermal_time
     boundary = boundary_flow(substep, problem.loads, problem.power_M, at.T)

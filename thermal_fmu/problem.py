@@ -205,16 +205,22 @@ class ThermalBody:
 class Model:
     """A scene as it is solved: what model.json states, and what of it has nodes, edges or curves.
 
+    bodies : in the order of interface.bodies.  parts : of interface.parts, the bodies and then their regions.
     pairs : in the order of interface.pairs, None where no heat is exchanged.
     """
 
     stated: ThermalProblem
-    bodies: tuple[ThermalBody, ...]
+    parts: tuple[ThermalBody, ...]
     prescribed: tuple[Prescribed, ...]
     fluxes: tuple[Flux, ...]
     films: tuple[Film, ...]
     radiators: tuple[Radiator, ...]
     pairs: tuple[ThermalPair | None, ...]
+
+    @property
+    def bodies(self) -> tuple[ThermalBody, ...]:
+        """The bodies alone."""
+        return self.parts[:len(self.stated.bodies)]
 
     def method_of(self, name: str) -> TimeMethod:
         """Return the time method of that name, `theta` with the theta that is stated, else 1/2."""
@@ -231,7 +237,7 @@ class Model:
     @property
     def fields(self) -> tuple[Field, ...]:
         """Every field of it."""
-        return (*(b.Q_T for b in self.bodies), *(b.value for b in self.prescribed), *(b.value for b in self.fluxes),
+        return (*(b.Q_T for b in self.parts), *(b.value for b in self.prescribed), *(b.value for b in self.fluxes),
                 *(s for f in self.films for s in (f.h, f.Te)), *(r.T_inf for r in self.radiators))
 
     @property
@@ -256,7 +262,7 @@ def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "ther
     materials = {name: made_material(m, name) for name, m in problem.materials.items()}
     conditions = [_condition(interface, b) for b in problem.boundary]
     model = Model(problem,
-                  tuple(_body(name, problem.bodies[name], materials) for name in interface.bodies),
+                  tuple(_body(name, problem.parts[name], materials) for name in interface.parts),
                   tuple(b for b in conditions if isinstance(b, Prescribed)),
                   tuple(b for b in conditions if isinstance(b, Flux)),
                   tuple(b for b in conditions if isinstance(b, Film)),
@@ -268,8 +274,8 @@ def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "ther
 
 
 def _demand_kelvin(model: Model, interface: Interface) -> None:
-    named = [(f"bodies.{b.name}.T0", float(start_temperature(b.T0, interface, interface.part_nodes(part)).min()))
-             for part, b in enumerate(model.bodies)]
+    named = [(f"bodies.{b.name}.T0", float(start_temperature(b.T0, interface, nodes).min()))
+             for part, b in enumerate(model.parts) if (nodes := interface.part_nodes(part)).size]
     named += [(f"T of a {kind}", value.least) for kind, values in (
         ("prescribed temperature", [b.value for b in model.prescribed]), ("convection", [f.Te for f in model.films]),
         ("radiation", [r.T_inf for r in model.radiators])) for value in values if value.least is not None]
@@ -278,7 +284,8 @@ def _demand_kelvin(model: Model, interface: Interface) -> None:
             raise ValueError(f"model.json: {what} is {T:g}: radiation needs temperatures in kelvin, 0 or more")
 
 
-def _body(name: str, body: thermal.BodyHeat, materials: Mapping[str, ThermalMaterial]) -> ThermalBody:
+def _body(name: str, body: thermal.BodyHeat | thermal.RegionHeat,
+          materials: Mapping[str, ThermalMaterial]) -> ThermalBody:
     # fault: factor of a source dropped -> factor = None | thermal_fmu/test_thermal_fields
     factor = None if body.Q_T_factor is None else property_from(body.Q_T_factor)
     return ThermalBody(name, materials[body.material], body.T0, field_from(body.Q_T), factor)

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from contact.half.functions import field_from, property_from
 from contact.half.interface import Interface
-from contact.half.start import start_temperature
+from contact.half.start import start_temperature, start_temperatures
 from contact.problem.boundary import MOTIONS, WEIGHTS, Supported
 from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
+from contact.problem.regions import regions_in
 from contact.problem.start import AtNodes
 from contact.problem.values import At, did_you_mean
 
@@ -46,6 +47,10 @@ def _bodies(interface: Interface, bodies: Mapping[str, Any], materials: Mapping[
     for name, body in bodies.items():
         yield from known(name, interface.bodies, ("bodies", name), "body")
         yield from known(body.material, materials, ("bodies", name, "material"), "material")
+        for region, part in (body.regions or {}).items():
+            yield from known(part.material, materials, ("bodies", name, "regions", region, "material"), "material")
+    if (stated := set(regions_in(bodies))) != set(interface.regions):
+        yield Wrong(("bodies",), f"the regions {sorted(stated)} are not those of the mesh, {sorted(interface.regions)}")
 
 
 def needed(half: str, materials: Mapping[str, Material], used: Iterable[str],
@@ -89,8 +94,29 @@ def thermal_wrongs(problem: ThermalProblem, interface: Interface) -> Iterator[Wr
         h = None if b.convection is None else field_from(b.convection.h)
         if h is not None and h.is_uniform and h.least is not None and h.least < 0.0:
             yield Wrong(("boundary", i, "convection", "h"), f"must not be less than 0, but reaches {h.least:g}")
-    used = (body.material for body in problem.bodies.values())
+    used = (part.material for part in problem.parts.values())
     yield from needed(problem.half, problem.materials, used, dict.fromkeys(("rho", "k", "c"), ""))
+    yield from _one_melt(problem, interface)
+
+
+def _one_melt(problem: ThermalProblem, interface: Interface) -> Iterator[Wrong]:
+    """Regions that meet and do not melt alike: one unknown a node cannot tell how far each of two has melted."""
+    melts = {name: made.latent for name, part in problem.parts.items()
+             if (made := problem.materials.get(part.material)) is not None and name in interface.parts}
+    if not any(melts.values()):
+        return
+    for name in interface.regions:
+        body, region = name.split(".", 1)
+        own = interface.part_nodes(interface.parts.index(name))
+        for k in np.flatnonzero(interface.part_body == interface.bodies.index(body)):
+            other = interface.parts[k]
+            # fault: regions that melt apart share their nodes -> if False: | coupler/test_regions
+            if (other != name and melts.get(other) != melts.get(name)
+                    and np.intersect1d(own, interface.part_nodes(int(k))).size):
+                yield Wrong(("bodies", body, "regions", region, "material"), "it melts otherwise than what it shares "
+                            f"nodes with ({other})", "Give both the same latent heat, or make it a body of its own, "
+                            "with contact.")
+                break
 
 
 def thermal_start_wrongs(problem: ThermalProblem, interface: Interface) -> Iterator[Wrong]:
@@ -122,7 +148,7 @@ def _steady_is_held(problem: ThermalProblem, interface: Interface) -> Iterator[W
     # fault: a flux taken for something that holds a steady temperature -> held = {body for b in problem.boundary for
     #   body in _bodies_at(interface, b.where)} | coupler/test_scenario_thermal
     held = {body for b in problem.boundary if b.flux is None for body in _bodies_at(interface, b.where)}
-    held |= {name for name, body in problem.bodies.items() if body.Q_T_factor is not None}
+    held |= {name.split(".")[0] for name, part in problem.parts.items() if part.Q_T_factor is not None}
     pairs = [{side.split(".")[0] for side in (p.slave, p.master)} for p in interface.pairs
              if (data := problem.pairs.get(p.name)) and (data.conduction is not None or data.radiation is not None)]
     while reached := [sides for sides in pairs if sides & held and not sides <= held]:
@@ -160,7 +186,10 @@ def _at_start(problem: ThermalProblem, interface: Interface, body: str, surface:
     """Temperatures (n,) [K] that a body has on a surface at the start."""
     nodes = np.unique(interface.surfaces[surface] if surface in interface.surfaces else interface.node_sets[surface])
     own = nodes[interface.node_body[nodes] == interface.bodies.index(body)]
-    return start_temperature(problem.bodies[body].T0, interface, own)
+    if not interface.regions:
+        return start_temperature(problem.bodies[body].T0, interface, own)
+    parts = problem.parts
+    return start_temperatures(interface, [parts[name].T0 for name in interface.parts])[own]
 
 
 def _polynomials(problem: ThermalProblem, interface: Interface) -> Iterator[tuple[object, At, str, float]]:
@@ -214,6 +243,9 @@ def station_wrongs(problem: ThermalProblem, word: str) -> Iterator[Wrong]:
             yield Wrong(("bodies", name, "Q_T"), f"the half {word!r} takes data that depend on time alone",
                         "Write a number or a signal.")
         yield from _start_of_stations(name, body.T0, word)
+        if body.regions:
+            yield Wrong(("bodies", name, "regions"), f"the half {word!r} has no regions", "Choose the half thermal, or "
+                        "make each a body, with contact.")
     for name, material in problem.materials.items():
         if isinstance(material.k, Axes):
             yield Wrong(("materials", name, "k"), f"k has two axes, of which the half {word!r} knows one",
@@ -244,7 +276,7 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     yield from _bodies(interface, problem.bodies, problem.materials)
     yield from _pairs(interface, problem.pairs, "pairs")
     soft = [pair.name for pair in interface.pairs if not pair.eps_N > 0.0]
-    if all(body.material in problem.materials for body in problem.bodies.values()):
+    if all(part.material in problem.materials for part in problem.parts.values()):
         for name in soft:
             yield Wrong(("pairs", name), "no penalty can be found, because a body has no E",
                         "State E of both bodies' materials, or the penalty [Pa/m].")
@@ -255,9 +287,16 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     if problem.gravity is not None and any(b.name == problem.gravity.name for b in problem.boundary if b.name):
         yield Wrong(("gravity", "name"), f"the name {problem.gravity.name!r} is already that of a boundary condition",
                     "Each named condition is one input load.<name>.")
+    for name, body in problem.bodies.items():
+        used_here = dict.fromkeys((body.material, *(part.material for part in (body.regions or {}).values())))
+        rho = {problem.materials[used].rho for used in used_here if used in problem.materials}
+        # fault: a rigid body of two densities moves about the middle of its volume -> if False: | coupler/test_regions
+        if problem.inert and body.rigid and len(rho) > 1:
+            yield Wrong(("bodies", name, "regions"), "a rigid body with inertia has one density",
+                        "Give its regions materials of the same rho, or let it deform.")
     if problem.state == "plane_stress" and interface.axisymmetric:
         yield Wrong(("state",), "plane stress is of plane geometry", "This scene is axisymmetric.")
-    used = (body.material for body in problem.bodies.values())
+    used = (part.material for part in problem.parts.values())
     weighed = {"inertia": problem.inert, "gravity": problem.gravity is not None, "adiabatic": problem.adiabatic}
     why = ", ".join(name for name, is_so in weighed.items() if is_so)
     needs = ({} if soft else {"E": ""}) | {"nu": ""} | ({"rho": why} if why else {})

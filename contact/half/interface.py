@@ -120,6 +120,24 @@ class Interface:
         return np.unique(np.concatenate([self.quads[self.quad_part == part].ravel(),
                                          self.triangles[self.triangle_part == part].ravel()])).astype(np.int32)
 
+    def edge_parts(self, edges: Ints) -> Ints:
+        """Return the part (m,) whose cell has each edge : (m, 2) node numbers, in the direction of its surface."""
+        if not self.regions:
+            return self.node_body[edges[:, 0]]
+        n = len(self.nodes)
+        keys, owners = self._directed_edges
+        return owners[np.searchsorted(keys, edges.astype(np.int64) @ (n, 1))]
+
+    @cached_property
+    def _directed_edges(self) -> tuple[NDArray[np.int64], Ints]:
+        """Every edge of every cell, its cell on the left, as one ascending number; and the part of that cell."""
+        edges = np.concatenate([np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2)
+                                for c in (self.quads, self.triangles)]).astype(np.int64)
+        owners = np.concatenate([np.repeat(self.quad_part, 4), np.repeat(self.triangle_part, 3)])
+        keys = edges @ (len(self.nodes), 1)
+        order = np.argsort(keys)
+        return keys[order], owners[order].astype(np.int32)
+
     @cached_property
     def mesh_hash(self) -> str:
         """Hash of geometry, nodes, cells and regions: both halves of a run must have the same."""

@@ -12,6 +12,7 @@ from contact.problem.curves import SignalSpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.regions import regions_in
 from contact.problem.start import StartSpec
 from contact.problem.values import Count, Flag, Name, Number, Positive, Text, Whole, problem
 
@@ -236,12 +237,22 @@ class BodyMaterial(Part):
     material: Annotated[Name, Entry("what it is made of", kind="name")]
 
 
+class ElasticRegion(Part):
+    """What the elastic half knows of a region of a body."""
+
+    material: Annotated[Name, Entry("what it is made of", kind="name")]
+    drawn_at: Annotated[StartSpec | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
+                                              default="at T_ref, solid")] = None
+
+
 class ElasticBody(BodyOptions):
     """What the elastic half knows of a body beside its mesh."""
 
     material: Annotated[Name, Entry("what it is made of", kind="name")]
     drawn_at: Annotated[StartSpec | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
                                               default="at T_ref, solid")] = None
+    regions: Annotated[dict[Name, ElasticRegion] | None, Entry("cells with a material of their own",
+                                                               default="none")] = None
 
 
 class ElasticProblem(ElasticSettings):
@@ -253,6 +264,12 @@ class ElasticProblem(ElasticSettings):
     bodies: Annotated[dict[Name, ElasticBody], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(
         default_factory=dict)
+
+
+    @property
+    def parts(self) -> dict[str, ElasticBody | ElasticRegion]:
+        """What has a material: the bodies, then their regions as "body.region"."""
+        return {**self.bodies, **regions_in(self.bodies)}
 
 
 class RigidProblem(Rigid):
@@ -271,10 +288,18 @@ class RodProblem(Rod):
     bodies: Annotated[dict[Name, BodyMaterial], Entry("by name")]
 
 
+class ForeignRegion(ElasticRegion):
+    """What a mechanical half of another package is told of a region."""
+
+    T0: Annotated[StartSpec, Entry("at time 0", "K")]
+
+
 class ForeignBody(ElasticBody):
     """What a mechanical half of another package is told of a body."""
 
     T0: Annotated[StartSpec, Entry("at time 0", "K")]
+    regions: Annotated[dict[Name, ForeignRegion] | None, Entry(
+        "cells with a material of their own")] = None  # type: ignore[assignment]
 
 
 class ForeignMechanical(ElasticProblem):

@@ -12,6 +12,7 @@ from contact.problem.curves import FieldSpec, PropertySpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.regions import regions_in
 from contact.problem.start import StartSpec
 from contact.problem.values import Name, NotNegative, Number, Positive, Text, Whole, problem
 
@@ -137,6 +138,15 @@ class ThermalSettings(Part):
         return self
 
 
+class RegionHeat(Part):
+    """What the thermal half knows of a region of a body, in full."""
+
+    material: Annotated[Name, Entry("what it is made of", kind="name")]
+    T0: Annotated[StartSpec, Entry("at time 0", "K", temperature=True)]
+    Q_T: Annotated[FieldSpec, Entry("heat source per current volume", "W/m3")] = 0.0
+    Q_T_factor: Annotated[PropertySpec | None, Entry("multiplies `Q_T`, at the local temperature")] = None
+
+
 class BodyHeat(Part):
     """What the thermal half knows of a body beside its mesh."""
 
@@ -145,6 +155,8 @@ class BodyHeat(Part):
     Q_T: Annotated[FieldSpec, Entry("heat source per current volume", "W/m3")] = 0.0
     Q_T_factor: Annotated[PropertySpec | None, Entry("multiplies `Q_T`, at the local temperature",
                                                    default="none: 1")] = None
+    regions: Annotated[dict[Name, RegionHeat] | None, Entry("cells with a material, a start or a source of their own",
+                                                            default="none")] = None
 
     @model_validator(mode="after")
     def _factor_has_a_source(self) -> BodyHeat:
@@ -162,6 +174,11 @@ class ThermalProblem(ThermalSettings):
     bodies: Annotated[dict[Name, BodyHeat], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(
         default_factory=dict)
+
+    @property
+    def parts(self) -> dict[str, BodyHeat | RegionHeat]:
+        """What has a material, a start and a source: the bodies, then their regions as "body.region"."""
+        return {**self.bodies, **regions_in(self.bodies)}
 
 
 class ForeignThermal(ThermalProblem):

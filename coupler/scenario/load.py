@@ -245,7 +245,8 @@ def _signals(document: Document, file: ScenarioFile, found: DocumentErrors) -> d
 def in_si(file: ScenarioFile, convert: ToSI) -> ScenarioFile:
     """What a file says of bodies, contact and halves, in SI; materials and halves not used stay as they are."""
     foreign = {role for role in ("thermal", "mechanical") if getattr(file, role).half not in OWN[role]}
-    used = set(file.materials) if foreign else {body.material for body in file.bodies.values()}
+    used = set(file.materials) if foreign else {part.material for body in file.bodies.values()
+                                                     for part in body.parts.values()}
     kind = file.mechanical.half
     chosen = ("elastic", "rigid", "rod") if "mechanical" in foreign else (kind,)
     blocks = {name: convert.part(block, ("mechanical", name)) for name in chosen

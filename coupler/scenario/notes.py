@@ -56,7 +56,7 @@ def mean_T0(model: Model, interface: Interface) -> float:
 
 def _body_start(interface: Interface, name: str, T0: Any) -> float:
     """The mean [K] over the nodes of a body at the start; the number itself where it is one."""
-    return mean_start(T0, interface, interface.part_nodes(interface.bodies.index(name)))
+    return mean_start(T0, interface, np.flatnonzero(interface.node_body == interface.bodies.index(name)))
 
 
 def _unlit(model: Model, pairs: Iterable[Pair]) -> list[str]:
@@ -133,10 +133,11 @@ def _stiffness(interface: Interface, thermal: Model, mechanical: Model) -> dict[
     """Body -> E [Pa] at its T0, of the bodies that deform."""
     found = {}
     for name, body in mechanical.get("bodies", {}).items():
-        E = mechanical.get("materials", {}).get(body.get("material"), {}).get("E")
         T0 = thermal.get("bodies", {}).get(name, {}).get("T0")
-        if E is not None and T0 is not None and not body.get("rigid", False):
-            found[name] = float(property_from(E)(np.array([_body_start(interface, name, T0)]))[0])
+        made_of = dict.fromkeys((body.get("material"), *(r["material"] for r in body.get("regions", {}).values())))
+        E = [mechanical.get("materials", {}).get(material, {}).get("E") for material in made_of]
+        if T0 is not None and None not in E and not body.get("rigid", False):
+            found[name] = min(float(property_from(e)(np.array([_body_start(interface, name, T0)]))[0]) for e in E)
     return found
 
 

@@ -17,7 +17,8 @@ from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, DocumentErrors, Key
 from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshError, file_mesh, rectangle_mesh
-from coupler.scenario.problems import NEAREST, ROOM
+from coupler.scenario.problems import NEAREST, ROOM, stated_start
+from coupler.scenario.regions import regions_of
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenStart, starts_of
@@ -57,12 +58,13 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
                 node_sets[f"{body}.{s}{NEAREST}"] = np.array([first + int(distance.argmin())], dtype=np.int32)
     nodes = np.concatenate([m.nodes for m in meshes.values()])
     _check_radius(document, file, nodes, start)
+    regions = regions_of(document, file.bodies, meshes, found)
     starts = starts_of(document, file, meshes, found)
     bare = Interface(
         geometry=file.geometry.value,
         nodes=nodes,
         bodies=tuple(meshes),
-        materials=tuple(b.material for b in file.bodies.values()),
+        materials=tuple(part.material for _, part in parts_of(file)),
         quads=_joined([m.quads for m in meshes.values()], start),
         quad_body=_owner([m.quads for m in meshes.values()]),
         triangles=_joined([m.triangles for m in meshes.values()], start),
@@ -71,12 +73,21 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
         node_sets=node_sets,
         start=_nodal(file, starts, meshes),
     )
+    if regions is not None:
+        bare = replace(bare, regions=regions.names, quad_region=regions.quads, triangle_region=regions.triangles)
     return Scene(replace(bare, pairs=_pairs(document, file, bare, found)), points, starts)
+
+
+def parts_of(file: ScenarioFile) -> list[tuple[str, MeshedBody]]:
+    """Every part (Interface.parts) by its name, in full: the bodies, then their regions."""
+    return [*file.bodies.items(), *((f"{name}.{region}", part) for name, body in file.bodies.items()
+                                    for region, part in body.parts.items() if region)]
 
 
 def _nodal(file: ScenarioFile, starts: Mapping[str, TakenStart], meshes: Mapping[str, BodyMesh]) -> dict[str, Floats]:
     """Interface.start: the temperatures of all bodies that took some over, NaN at the nodes of the others."""
-    wanted = {name for name, body in file.bodies.items() if isinstance(body.T0, FromRun)}
+    wanted = {name for name, body in file.bodies.items()
+              if any(isinstance(part.T0, FromRun) for part in body.parts.values())}
     if not wanted:
         return {}
     # What could not be taken over has a stand-in, so that all else that is wrong is found too.
@@ -97,7 +108,7 @@ def _mesh(document: Document, name: str, body: MeshedBody) -> BodyMesh:
         if body.mesh.rectangle is not None:
             return rectangle_mesh(body.mesh.rectangle)
         assert body.mesh.file is not None
-        return file_mesh(body.mesh.file, document.path.parent)
+        return file_mesh(body.mesh.file, document.path.parent, with_regions=bool(body.regions))
     except MeshError as exc:
         raise document.error(("bodies", name, "mesh", *exc.at), f"body {name!r}: {exc}", exc.remedy) from exc
 
@@ -167,13 +178,16 @@ def _penalty(document: Document, file: ScenarioFile, name: str, interface: Inter
     if pair.penalty != "auto":
         return float(pair.penalty)
     stiffness = []
+    parts = parts_of(file)
     for surface in (pair.slave, pair.master):
-        body = file.bodies[surface.split(".")[0]]
-        material = file.materials.get(body.material)
-        if material is None or material.E is None:
-            return 0.0
-        T = mean_start(body.T0, interface, np.unique(interface.surfaces[surface]))
-        stiffness.append(float(property_from(material.E)(np.array([T]))[0]))
+        edges = interface.surfaces[surface]
+        of_edge = interface.edge_parts(edges)
+        for k in np.unique(of_edge):
+            material = file.materials.get(parts[k][1].material)
+            if material is None or material.E is None:
+                return 0.0
+            T = mean_start(stated_start(parts[k][1].T0), interface, np.unique(edges[of_edge == k]))
+            stiffness.append(float(property_from(material.E)(np.array([T]))[0]))
     ends = interface.nodes[interface.surfaces[pair.slave]]
     h = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
     if min(stiffness) <= 0:

@@ -37,6 +37,10 @@ def starts_of(document: Document, file: ScenarioFile, meshes: Mapping[str, BodyM
     runs: dict[Path, EarlierRun] = {}
     taken: dict[str, TakenStart] = {}
     for name, body in file.bodies.items():
+        for region, stated in (body.regions or {}).items():
+            if isinstance(stated.T0, FromRun):
+                found.wrong(("bodies", name, "regions", region, "T0"), "a region starts from another run with its body",
+                            "Write {from: ...} at the body's T0; regions that say no T0 of their own follow it.")
         if isinstance(body.T0, FromRun):
             with found.each():
                 taken[name] = _taken(document, name, body.T0, meshes[name], runs)

@@ -122,7 +122,7 @@ def stations_with_friction(substep: SubstepData, scene: StationScene, points: Co
     whole = np.zeros(len(interface.nodes))
     whole[interface.contact_nodes] = E
     nodal = NodalFields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
-    fraction = slave_fraction(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
+    fraction = slave_fraction(points, scene.model.pairs, scene.model.parts, interface, nodal)
     power = friction_power(points, fraction, whole, scene.slave_nodes, h)
     gather = scene.stations.gather
     # fault: friction heat of rods lost -> return replace(substep, friction=FrictionHeat(gather(power.slave), 0.0 *
