@@ -325,7 +325,9 @@ def _phased(spec: Any) -> Phased:
 def _condition(interface: Interface, b: thermal.ThermalBoundary) -> Prescribed | Flux | Film | Radiator:
     name = b.name or ""
     if b.temperature is not None:
-        return Prescribed(nodes_of(interface, b), field_from(b.temperature), name)
+        nodes = nodes_of(interface, b) if b.body is None else np.flatnonzero(
+            interface.node_body == interface.bodies.index(b.body)).astype(np.int32)
+        return Prescribed(nodes, field_from(b.temperature), name)
     assert b.on is not None
     edges = interface.surfaces[b.on]
     if b.flux is not None:

@@ -47,6 +47,8 @@ def _bodies(interface: Interface, bodies: Mapping[str, Any], materials: Mapping[
     for name, body in bodies.items():
         yield from known(name, interface.bodies, ("bodies", name), "body")
         yield from known(body.material, materials, ("bodies", name, "material"), "material")
+        if not hasattr(body, "regions"):
+            return  # a half of rods: no regions reach it
         for region, part in (body.regions or {}).items():
             yield from known(part.material, materials, ("bodies", name, "regions", region, "material"), "material")
     if (stated := set(regions_in(bodies))) != set(interface.regions):
@@ -91,6 +93,8 @@ def thermal_wrongs(problem: ThermalProblem, interface: Interface) -> Iterator[Wr
     yield from places(interface, problem.boundary)
     yield from _pairs(interface, problem.pairs, "pairs")
     for i, b in enumerate(problem.boundary):
+        if b.body is not None:
+            yield from known(b.body, interface.bodies, ("boundary", i, "body"), "body")
         h = None if b.convection is None else field_from(b.convection.h)
         if h is not None and h.is_uniform and h.least is not None and h.least < 0.0:
             yield Wrong(("boundary", i, "convection", "h"), f"must not be less than 0, but reaches {h.least:g}")
@@ -131,11 +135,19 @@ def thermal_start_wrongs(problem: ThermalProblem, interface: Interface) -> Itera
 def _temperatures_once(problem: ThermalProblem) -> Iterator[Wrong]:
     """Places with two prescribed temperatures, of which one would be ignored."""
     seen: dict[str, int] = {}
+    whole = {b.body: i for i, b in enumerate(problem.boundary) if b.body is not None}
     for i, b in enumerate(problem.boundary):
+        body = b.where.split(".")[0]
+        # fault: a temperature on a body whose temperature is given, ignored -> if False: |
+        #   coupler/test_given_temperatures
+        if b.temperature is not None and b.body is None and body in whole:
+            yield Wrong(("boundary", i, "at" if b.on is None else "on"),
+                        f"the temperature of all of {body} is already prescribed by entry {whole[body]}",
+                        "Keep one of the two.")
         # fault: two temperatures on one place, the first ignored -> if b.temperature is not None and
         #   seen.setdefault(b.where, i) > i: | coupler/test_scenario_thermal
         if b.temperature is not None and seen.setdefault(b.where, i) != i:
-            yield Wrong(("boundary", i, "at" if b.on is None else "on"),
+            yield Wrong(("boundary", i, "body" if b.body else "at" if b.on is None else "on"),
                         f"the temperature of {b.where} is already prescribed by entry {seen[b.where]}",
                         "Keep one of the two; a temperature that changes in time is one SIGNAL.")
 
@@ -161,7 +173,9 @@ def _steady_is_held(problem: ThermalProblem, interface: Interface) -> Iterator[W
 
 
 def _bodies_at(interface: Interface, where: str) -> set[str]:
-    """The bodies that a surface or node set belongs to."""
+    """The bodies that a surface or node set belongs to; a body itself."""
+    if where in interface.bodies:
+        return {where}
     nodes = interface.surfaces.get(where, interface.node_sets.get(where))
     return set() if nodes is None else {interface.bodies[i] for i in np.unique(interface.node_body[nodes]) if i >= 0}
 
@@ -220,6 +234,8 @@ def least(field: Any, interface: Interface, where: str) -> float:
     """Return the smallest value of a field at the nodes of a place in the reference, at any time; inf for no place."""
     made = field_from(field)
     nodes = interface.surfaces.get(where, interface.node_sets.get(where))
+    if where in interface.bodies:
+        nodes = np.flatnonzero(interface.node_body == interface.bodies.index(where)).astype(np.int32)
     if nodes is None:
         return inf
     x = interface.nodes[np.unique(nodes)]

@@ -77,8 +77,10 @@ CONDITIONS = ("temperature", "flux", "convection", "radiation")
 
 
 class ThermalBoundary(Supported):
-    """One condition on a surface, or a temperature at a point."""
+    """One condition on a surface, or a temperature at a point or of a whole body."""
 
+    body: Annotated[Name | None, Entry("the place, all of a body: its temperature is given, not solved for",
+                                       kind="name")] = None
     temperature: Annotated[FieldSpec | None, Entry("prescribed", "K", temperature=True)] = None
     flux: Annotated[FieldSpec | None, Entry("into the body", "W/m2")] = None
     convection: Annotated[Convection | None, Entry("a film")] = None
@@ -86,10 +88,17 @@ class ThermalBoundary(Supported):
 
     @model_validator(mode="after")
     def _one_condition(self) -> ThermalBoundary:
-        exactly_one(self, ("on", "at"))
-        if (kind := exactly_one(self, CONDITIONS)) != "temperature":
+        place = exactly_one(self, ("on", "at", "body"))
+        if (kind := exactly_one(self, CONDITIONS)) != "temperature" and place == "body":
+            raise problem(f"{kind} acts on a surface, not in a body", "Use `on: body.surface`.", at=("body",))
+        if kind != "temperature":
             self.only_on(kind)
         return self
+
+    @property
+    def where(self) -> str:
+        """The surface, the node set or the body."""
+        return self.body if self.body is not None else super().where
 
 
 class InnerSteps(Part):

@@ -51,6 +51,8 @@ TABLES = {
     "liquid": Table(flow.Liquid, "liquid."),
     "body": Table(bodies.MeshedBody),
     "run": Table(bodies.FromRun, "T0."),
+    "region": Table(bodies.Region, "regions.NAME."),
+    "block": Table(bodies.Block, "regions.NAME.rectangle."),
     "rectangle": Table(mesh.Rectangle),
     "file": Table(mesh.MeshFile),
     "contact": Table(pairs.ContactPair),

@@ -14,7 +14,7 @@ from coupler import run
 from coupler.errors import ScenarioError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from start_scenes import BAR, STEEL, edited, linear, loaded, solved, temperatures, written, without_fmus
+from start_scenes import BAR, STEEL, edited, linear, loaded, solved, temperatures
 
 HELD = {"half": "elastic", "elastic": {"boundary": [{"on": "bar.left", "u_x": 0}, {"at": "bar.left.bottom", "u_y": 0}]}}
 LEFT, RIGHT = ({"origin": [x, 0.0], "size": [0.05, 0.02]} for x in (0.0, 0.05))
@@ -27,12 +27,11 @@ def errors_of(folder: Path, doc: dict[str, Any]) -> dict[str, str]:
     return {e.key: str(e) for e in (told.value, *told.value.others)}
 
 
-@pytest.mark.parametrize("triangles", [False, True])
-@pytest.mark.parametrize("mechanics", [{}, {"dynamics": {}, "gravity": {"y": -9.81}}])
+@pytest.mark.parametrize(("triangles", "mechanics"), [(False, {}), (True, {"gravity": {"y": -9.81}})])
 def test_regions_of_one_material_are_one_body(tmp_path, triangles, mechanics):
     """To round-off: the same sums in another order."""
     flows = {**STEEL, "E": {"polynomial": [2e11, -1e8], "T_ref": 300.0}, "k": {"polynomial": [40.0, 0.02]},
-             "plastic": {"s_y": 2e8, "hardening": {"law": "linear", "H": 1e9}}}
+             "plastic": {"s_y": 1e8, "hardening": {"law": "linear", "H": 1e9}}}
     held = {"half": "elastic", "elastic": {"boundary": [{"on": "bar.left", "u_x": 0, "u_y": 0},
                                                         {"on": "bar.right", "u_x": 0}], **mechanics}}
     one = edited(BAR, materials__steel=flows, thermal__boundary=WALLS, mechanical=held, bodies__bar__Q_T=1e6,
@@ -49,7 +48,7 @@ def test_regions_of_one_material_are_one_body(tmp_path, triangles, mechanics):
     for term, heat in a.ledger.items():
         assert b.ledger[term] == pytest.approx(heat, rel=1e-9, abs=1e-9 * a.ledger["source"])
     if not mechanics:
-        assert flow.max() > 2e8, "it must have flowed"
+        assert flow.max() > 1e8, "it must have flowed"
 
 
 @pytest.mark.parametrize("k", [(40.0, 4.0), (400.0, 0.1)])
@@ -109,8 +108,7 @@ def test_a_strip_of_two_metals_bends_as_timoshenko_says(tmp_path):
     inner = (x > 0.3 * L) & (x < 0.7 * L)
     curvature = 2.0 * np.polyfit(x[inner] - x[inner].mean(), v[inner], 2)[0]
     n = E[0] / E[1]
-    exact = 6.0 * (1.0 + nu) * (alpha[1] - alpha[0]) * dT * 4.0 / (h * (3.0 * 4.0 + 2.0 * (1.0 + 1.0) - 0.0
-                                                                        + n + 1.0 / n - 2.0))
+    exact = 24.0 * (1.0 + nu) * (alpha[1] - alpha[0]) * dT / (h * (14.0 + n + 1.0 / n))  # of equal thickness
     assert curvature == pytest.approx(-exact, rel=5e-3)
 
 
@@ -199,7 +197,7 @@ def test_what_is_wrong_with_regions_is_told_all_at_once(tmp_path):
     assert "there is no material 'gold'" in found[f"{key}a.material"]
     assert "1 of its cells are already those of the region 'a'" in found[f"{key}b"]
     assert "a rectangle has no named groups" in found[f"{key}named.group"]
-    assert "reaches -300" in found[f"{key}cold.T0.terms"]
+    assert "reaches -299.95" in found[f"{key}cold.T0.terms"]
     assert "with its body" in found[f"{key}run.T0"]
     for body in ({"group": "g", "rectangle": LEFT}, {}):
         assert "exactly one of group, rectangle" in str(errors_of(tmp_path, edited(
