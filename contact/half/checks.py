@@ -135,7 +135,7 @@ def thermal_start_wrongs(problem: ThermalProblem, interface: Interface) -> Itera
 def _temperatures_once(problem: ThermalProblem) -> Iterator[Wrong]:
     """Places with two prescribed temperatures, of which one would be ignored."""
     seen: dict[str, int] = {}
-    whole = {b.body: i for i, b in enumerate(problem.boundary) if b.body is not None}
+    whole = {b.body: i for i, b in reversed(list(enumerate(problem.boundary))) if b.body is not None}
     for i, b in enumerate(problem.boundary):
         body = b.where.split(".")[0]
         # fault: a temperature on a body whose temperature is given, ignored -> if False: |

@@ -130,9 +130,9 @@ def test_a_region_may_melt_beside_one_that_melts_alike(tmp_path):
     """A casting of two regions of one alloy and of two conductivities solidifies with all its latent heat."""
     latent = {"L": 4e5, "T_s": 800.0, "T_l": 820.0}
     alloy, twin = {**STEEL, "latent": latent}, {**STEEL, "latent": latent, "k": 100.0}
-    doc = edited(BAR, materials__steel=alloy, materials__twin=twin, bodies__bar__T0=900.0, bodies__bar__regions={
-        "right": {"rectangle": RIGHT, "material": "twin"}}, thermal__boundary=[{"on": "bar.left", "temperature": 500.0}],
-        coupling__end=20000.0, coupling__windows=[{"until": 20000.0, "size": 500.0}])
+    doc = edited(BAR, materials__steel=alloy, materials__twin=twin, bodies__bar__T0=900.0,
+        bodies__bar__regions={"right": {"rectangle": RIGHT, "material": "twin"}},
+        thermal__boundary=[{"on": "bar.left", "temperature": 500.0}], coupling__end=20000.0, coupling__windows=[{"until": 20000.0, "size": 500.0}])
     results = solved(tmp_path, doc)
     np.testing.assert_allclose(temperatures(results)[-1], 500.0, rtol=0, atol=0.5)
     lost = 8000.0 * 0.002 * (500.0 * (900.0 - temperatures(results)[-1].mean()) + 4e5)
@@ -207,7 +207,8 @@ def test_what_is_wrong_with_regions_is_told_all_at_once(tmp_path):
 @pytest.mark.parametrize(("doc", "words"), [
     ({"thermal__half": "lumped"}, "the half 'lumped' has no regions"),
     ({"thermal__half": "rod"}, "the half 'rod' has no regions"),
-    ({"mechanical": {"half": "rod", "rod": {"held": {"bar": {"left": 0}}}}}, "the mechanical half `rod` has no regions"),
+    ({"mechanical": {"half": "rod", "rod": {"held": {"bar": {"left": 0}}}}},
+     "the mechanical half `rod` has no regions"),
     ({"mechanical": {"half": "elastic", "elastic": {"dynamics": {}, "bodies": {"bar": {"rigid": True}}}}},
      "a rigid body with inertia has one density")])
 def test_halves_without_regions_refuse_them(tmp_path, doc, words):
