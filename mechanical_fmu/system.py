@@ -155,7 +155,8 @@ class System:
             T[nodes] = start_temperature(drawn_at, self.interface, nodes)
             liquid, one = self.spec.materials[self.spec.part_material[p]].flow.liquid, isinstance(drawn_at, float)
             # What melts is told the solid fraction at nodes, whose mean is not that of the mean temperature.
-            # fault: a cell that is half mush is drawn at its mean temperature -> solid = None | coupler/test_starts
+            # fault: a cell that is half mush is drawn at its mean temperature -> solid = None |
+            #   coupler/test_starts::test_a_poured_body_of_uneven_warmth_begins_without_stress
             solid = None if liquid is None or one else self.volume.means(liquid.solid_fraction(T))
             for k, (cells, mean) in enumerate(zip(self.volume.kinds, self.volume.means(T), strict=True)):
                 own = cells.part == p

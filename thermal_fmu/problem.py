@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half import checks
 from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
 from contact.half.interface import Interface
-from contact.half.start import start_temperature
+from contact.half.start import given_field, start_temperature
 from contact.problem import boundary, material, thermal
 from contact.problem.curves import Phases
 from contact.problem.errors import demand, made, read
@@ -327,7 +327,7 @@ def _condition(interface: Interface, b: thermal.ThermalBoundary) -> Prescribed |
     if b.temperature is not None:
         nodes = nodes_of(interface, b) if b.body is None else np.flatnonzero(
             interface.node_body == interface.bodies.index(b.body)).astype(np.int32)
-        return Prescribed(nodes, field_from(b.temperature), name)
+        return Prescribed(nodes, given_field(b.temperature, interface), name)
     assert b.on is not None
     edges = interface.surfaces[b.on]
     if b.flux is not None:

@@ -136,7 +136,8 @@ class ThermalScene:
             c = mass.nodal_mass * part.material.c.solid(own)
             heat[block.nodes] += c * own
             capacity[block.nodes] += c
-        # fault: where regions meet the last one's temperature holds -> return T | coupler/test_regions
+        # fault: where regions meet the last one's temperature holds -> return T |
+        #   coupler/test_regions::test_where_regions_of_different_warmth_meet_their_heat_is_kept
         return np.where(uneven, heat / np.where(capacity > 0.0, capacity, 1.0), T)
 
     def masses(self, X: Floats) -> tuple[ReferenceCells, ...]:

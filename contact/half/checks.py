@@ -20,7 +20,7 @@ from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
 from contact.problem.regions import regions_in
-from contact.problem.start import AtNodes
+from contact.problem.start import AtNodes, Course
 from contact.problem.values import At, did_you_mean
 
 Floats = NDArray[np.float64]
@@ -114,7 +114,8 @@ def _one_melt(problem: ThermalProblem, interface: Interface) -> Iterator[Wrong]:
         own = interface.part_nodes(interface.parts.index(name))
         for k in np.flatnonzero(interface.part_body == interface.bodies.index(body)):
             other = interface.parts[k]
-            # fault: regions that melt apart share their nodes -> if False: | coupler/test_regions
+            # fault: regions that melt apart share their nodes -> if False: |
+            #   coupler/test_regions::test_a_region_may_melt_beside_one_that_melts_alike
             if (other != name and melts.get(other) != melts.get(name)
                     and np.intersect1d(own, interface.part_nodes(int(k))).size):
                 yield Wrong(("bodies", body, "regions", region, "material"), "it melts otherwise than what it shares "
@@ -139,7 +140,7 @@ def _temperatures_once(problem: ThermalProblem) -> Iterator[Wrong]:
     for i, b in enumerate(problem.boundary):
         body = b.where.split(".")[0]
         # fault: a temperature on a body whose temperature is given, ignored -> if False: |
-        #   coupler/test_given_temperatures
+        #   coupler/test_given_temperatures::test_what_is_given_twice_or_nowhere_is_refused
         if b.temperature is not None and b.body is None and body in whole:
             yield Wrong(("boundary", i, "at" if b.on is None else "on"),
                         f"the temperature of all of {body} is already prescribed by entry {whole[body]}",
@@ -269,7 +270,7 @@ def station_wrongs(problem: ThermalProblem, word: str) -> Iterator[Wrong]:
     for i, b in enumerate(problem.boundary):
         film = b.convection
         data = (b.temperature, b.flux, film and film.h, film and film.T, b.radiation and b.radiation.T)
-        if any(isinstance(field, FieldSum) for field in data):
+        if any(isinstance(field, FieldSum | Course) for field in data):
             yield Wrong(("boundary", i), f"the half {word!r} takes data that depend on time alone",
                         "Write a number or a signal.")
 
@@ -306,7 +307,8 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     for name, body in problem.bodies.items():
         used_here = dict.fromkeys((body.material, *(part.material for part in (body.regions or {}).values())))
         rho = {problem.materials[used].rho for used in used_here if used in problem.materials}
-        # fault: a rigid body of two densities moves about the middle of its volume -> if False: | coupler/test_regions
+        # fault: a rigid body of two densities moves about the middle of its volume -> if False: |
+        #   coupler/test_regions::test_halves_without_regions_refuse_them
         if problem.inert and body.rigid and len(rho) > 1:
             yield Wrong(("bodies", name, "regions"), "a rigid body with inertia has one density",
                         "Give its regions materials of the same rho, or let it deform.")

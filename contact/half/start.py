@@ -2,18 +2,76 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.functions import field_from
+from contact.half.functions import Field, field_from
 from contact.half.interface import Interface
 from contact.problem.curves import FieldSum
+from contact.problem.start import Course
 
 Floats = NDArray[np.float64]
 START_T = "T"  # of Interface.start
+
+
+@dataclass(frozen=True)
+class CourseField(Field):
+    """What other runs left of a body, as a field at its nodes: straight lines between times.
+
+    t : (n_t,) [s], ascending.  T : (n_t, n) [K] at its nodes, ascending; constant outside the times.
+    """
+
+    t: Floats = dataclasses.field(default_factory=lambda: np.zeros(1))
+    T: Floats = dataclasses.field(default_factory=lambda: np.zeros((1, 0)))
+
+    @property
+    def is_uniform(self) -> bool:
+        """False: it differs from node to node."""
+        return False
+
+    @property
+    def is_zero(self) -> bool:
+        """False."""
+        return False
+
+    @property
+    def least(self) -> float | None:
+        """The lowest temperature [K]."""
+        return float(self.T.min())
+
+    def level(self, t: float, side: int = 1) -> Floats:
+        """The shares (n_t,) [1] of the times in what it is at t [s]."""
+        shares = np.zeros(self.t.size)
+        k = int(np.clip(np.searchsorted(self.t, t), 1, max(self.t.size - 1, 1)))
+        if self.t.size == 1:
+            return np.ones(1)
+        share = float(np.clip((t - self.t[k - 1]) / (self.t[k] - self.t[k - 1]), 0.0, 1.0))
+        # fault: a course is that of its next frame -> shares[k] = 1.0 |
+        #   coupler/test_given_temperatures::test_another_run_gives_its_frames_on_straight_lines
+        shares[k - 1], shares[k] = 1.0 - share, share
+        return shares
+
+    def shapes(self, x: Floats) -> Floats:
+        """Return the temperatures (n_t, n) [K], wherever its nodes x : (n, 2) are."""
+        return self.T
+
+
+def given_field(spec: Any, interface: Interface) -> Field:
+    """Make the Field of a prescribed temperature: as field_from, or of {"dataset": "start/T.BODY", ...}.
+
+    Raises ValueError where interface.h5 has no such course.
+    """
+    if not isinstance(spec, Course):
+        return field_from(spec)
+    body = spec.dataset.removeprefix("start/T.")
+    if f"t.{body}" not in interface.start or f"T.{body}" not in interface.start:
+        raise ValueError(f"interface.h5 has no {spec.dataset}")
+    return CourseField((), interface.start[f"t.{body}"], interface.start[f"T.{body}"])
 
 
 def start_temperature(T0: Any, interface: Interface, nodes: NDArray[np.integer]) -> Floats:

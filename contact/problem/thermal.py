@@ -13,7 +13,7 @@ from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.regions import regions_in
-from contact.problem.start import StartSpec
+from contact.problem.start import FromFrames, GivenSpec, StartSpec
 from contact.problem.values import Name, NotNegative, Number, Positive, Text, Whole, problem
 
 MOST_INCREMENTS = 100_000  # a count beyond this is a slip of the pen
@@ -81,7 +81,8 @@ class ThermalBoundary(Supported):
 
     body: Annotated[Name | None, Entry("the place, all of a body: its temperature is given, not solved for",
                                        kind="name")] = None
-    temperature: Annotated[FieldSpec | None, Entry("prescribed", "K", temperature=True)] = None
+    temperature: Annotated[GivenSpec | None, Entry("prescribed; of a body also that of another run", "K",
+                                                   temperature=True, kind="FIELD, or `{from: run.h5}`")] = None
     flux: Annotated[FieldSpec | None, Entry("into the body", "W/m2")] = None
     convection: Annotated[Convection | None, Entry("a film")] = None
     radiation: Annotated[Radiation | None, Entry("to far surroundings")] = None
@@ -93,6 +94,9 @@ class ThermalBoundary(Supported):
             raise problem(f"{kind} acts on a surface, not in a body", "Use `on: body.surface`.", at=("body",))
         if kind != "temperature":
             self.only_on(kind)
+        if isinstance(self.temperature, FromFrames) and place != "body":
+            raise problem("the temperatures of another run are those of a body", "Write `body: NAME`.",
+                          at=("temperature",))
         return self
 
     @property

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from contact.problem.curves import ANumber, FieldSpec, FieldSum, PropertySpec
 from contact.problem.part import Entry, Part, exactly_one
-from contact.problem.start import ASum
+from contact.problem.start import ASum, path_given
 from contact.problem.thermal import BodyHeat
-from contact.problem.values import Name, NotNegative, Number, Positive, Text, looks_like_number, problem
+from contact.problem.values import Name, NotNegative, Number, Positive, Text, looks_like_number
 from coupler.scenario.mesh import Mesh
 
 
@@ -33,9 +32,7 @@ class FromRun(Part):
 
     @model_validator(mode="after")
     def _has_a_path(self) -> FromRun:
-        if not PurePath(self.path).name or "\0" in self.path:
-            raise problem("not the path of a file", at=("from",))
-        return self
+        return path_given(self)
 
 
 def _start_form(value: Any) -> str:

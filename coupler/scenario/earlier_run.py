@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 
 RUN_FORMAT, RUN_VERSION = "slideline.run", 3
 MAX_NODES = 20_000_000
+MAX_COURSE = 20_000_000  # values of a body over time
 MAX_HEADER = 50_000_000  # bytes
 
 
@@ -104,6 +105,23 @@ class EarlierRun:
         return value[:, :2] if name == "u" else value
 
 
+    def course(self, body: str) -> Floats:
+        """Return the temperatures (n_t, n) [K] of a body's nodes in all frames.  Raises EarlierRunError."""
+        path, n, own = self.path.with_name(self.field_files["thermal"]), len(self.nodes), self.nodes_of(body)
+        if own.size * len(self.times) > MAX_COURSE:
+            raise EarlierRunError(f"{len(self.times)} frames of {own.size} nodes are more than {MAX_COURSE} values",
+                                  "Keep fewer frames (output.fields) in that run.")
+        with _opened(path) as f:
+            data = _dataset(f, "VTKHDF/PointData/T", "f", 1)
+            if len(data) != n * len(self.times):
+                raise EarlierRunError(f"{path.name} has {len(data)} values of T for {n} nodes and "
+                                      f"{len(self.times)} frames")
+            T = np.array([data[k * n:(k + 1) * n][own] for k in range(len(self.times))], dtype=np.float64)
+        if not np.isfinite(T).all() or not (T > 0.0).all():
+            raise EarlierRunError(f"{path.name}: T is not above absolute zero everywhere")
+        return T
+
+
 def earlier_run(path: Path) -> EarlierRun:
     """Read what a results file says of itself.  Raises EarlierRunError where it cannot be used, with what to do."""
     if not path.is_file():
@@ -158,7 +176,8 @@ def _header(f: h5py.File, path: Path) -> dict[str, Any]:
 
 def _beside(path: Path, name: object) -> str:
     """The name of a file in the same folder; nothing else may be meant."""
-    # fault: the name of a field file leads anywhere -> if not isinstance(name, str): | coupler/test_starts_from_runs
+    # fault: the name of a field file leads anywhere -> if not isinstance(name, str): |
+    #   coupler/test_starts_from_runs::test_a_file_that_cannot_be_is_refused_by_name
     if not isinstance(name, str) or Path(name).name != name or name in ("", ".", "..") or "\0" in name:
         raise EarlierRunError(f"{path.name} names no field file beside it")
     return name
@@ -183,7 +202,8 @@ def _dataset(f: h5py.File, name: str, kind: str, dim: int) -> h5py.Dataset:
 
 def _small(data: h5py.Dataset) -> NDArray[Any]:
     """What a dataset holds, unless it says to be larger than any mesh."""
-    # fault: a file says how much memory is taken -> if False: | coupler/test_starts_from_runs
+    # fault: a file says how much memory is taken -> if False: |
+    #   coupler/test_starts_from_runs::test_a_file_that_cannot_be_is_refused_by_name
     if data.size > 4 * MAX_NODES:
         raise EarlierRunError(f"{Path(data.file.filename).name}: {data.name} has {data.size} values, more than a mesh")
     return np.asarray(data[()])

@@ -33,10 +33,10 @@ from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, wrongs_of
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
-from coupler.scenario.scene import Context, scene_of
+from coupler.scenario.scene import Context, Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.si import ToSI
-from coupler.scenario.starts import TakenStart
+from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.versions import notice, with_old_defaults
 
@@ -69,7 +69,7 @@ class Scenario:
     output: Output
     rules: tuple[Rule, ...] = ()
     version_notes: tuple[str, ...] = ()
-    starts: Mapping[str, TakenStart] = field(default_factory=dict)
+    starts: Mapping[str, TakenStart | TakenCourse] = field(default_factory=dict)
     stated: ScenarioFile | None = None
 
     @property
@@ -214,7 +214,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         text=document.text,
         resolved=document.tree,
         overrides=dict(overrides),
-        hash=_hash(document, file, scene.starts),
+        hash=_hash(document, file, _taken(scene)),
         title=file.title or document.path.stem,
         temperature_unit=file.units.temperature.value,
         interface=scene.interface,
@@ -225,7 +225,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         rules=rules,
         output=output,
         version_notes=tuple(notes),
-        starts=scene.starts,
+        starts=_taken(scene),
         stated=stated,
     )
 
@@ -273,7 +273,12 @@ def problems_of(c: Context) -> dict[str, Part]:
     return problems
 
 
-def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, TakenStart]) -> str:
+def _taken(scene: Scene) -> dict[str, TakenStart | TakenCourse]:
+    """All that came from other runs."""
+    return {**scene.starts, **{f"{body} over time": course for body, course in scene.courses.items()}}
+
+
+def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, TakenStart | TakenCourse]) -> str:
     """Of the values, not the text: comments, the order of keys and a study change no result.
 
     Mesh files, FMUs and the results that bodies start from do.
@@ -289,7 +294,8 @@ def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, TakenStar
                 hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest()
             )
     for start in starts.values():
-        # fault: another run to start from is the same scenario -> pass | coupler/test_starts_from_runs
+        # fault: another run to start from is the same scenario -> pass |
+        #   coupler/test_starts_from_runs::test_another_source_is_another_scenario
         digest.update(str(start.source["sha256"]).encode())
     for kind in (file.thermal.half, file.mechanical.half):
         if (fmu := fmu_path(kind, document.path.parent)) is not None:

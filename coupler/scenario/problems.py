@@ -35,8 +35,15 @@ from contact.problem.mechanical import (
 )
 from contact.problem.pairs import PairData
 from contact.problem.part import Part, properties_in
-from contact.problem.start import AtNodes
-from contact.problem.thermal import BodyHeat, ForeignThermal, RegionHeat, ThermalProblem, ThermalSettings
+from contact.problem.start import AtNodes, Course, FromFrames
+from contact.problem.thermal import (
+    BodyHeat,
+    ForeignThermal,
+    RegionHeat,
+    ThermalBoundary,
+    ThermalProblem,
+    ThermalSettings,
+)
 from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, Key
@@ -145,6 +152,8 @@ def _of_its_format(problem: Part) -> Part:
     bodies = getattr(problem, "bodies", {}).values()
     uneven = any(isinstance(getattr(body, key, None), Part) for body in bodies for key in ("T0", "drawn_at"))
     uneven = uneven or any(getattr(body, "regions", None) for body in bodies)
+    uneven = uneven or any(getattr(b, "temperature", None) is not None and b.body is not None
+                           for b in getattr(problem, "boundary", ()))
     return problem.changed(format=UNEVEN) if uneven else problem
 
 
@@ -176,7 +185,17 @@ def _stood(s: Stated, boundary: Iterable[Supported]) -> tuple[Any, ...]:
     """Conditions with their points looked up: where no node lies, the nearest one."""
     sets = s.interface.node_sets
     return tuple(b.model_copy(update={"at": b.at + NEAREST})
-                 if b.at is not None and b.at not in sets and b.at + NEAREST in sets else b for b in boundary)
+                 if b.at is not None and b.at not in sets and b.at + NEAREST in sets else _with_course(s, b)
+                 for b in boundary)
+
+
+def _with_course(s: Stated, b: Supported) -> Supported:
+    """A condition with the temperatures of another run where interface.h5 has them."""
+    if not (isinstance(b, ThermalBoundary) and isinstance(b.temperature, FromFrames)):
+        return b
+    T = s.interface.start.get(f"T.{b.body}", np.full((1, 1), ROOM))  # a stand-in: what was wrong is told
+    course = Course(dataset=f"start/T.{b.body}", least=float(T.min()), most=float(T.max()))
+    return b.model_copy(update={"temperature": course})
 
 
 def _thermal(s: Stated, half: str) -> ThermalProblem:
@@ -351,7 +370,8 @@ def _sums_below_zero(s: Stated, problem: ThermalProblem) -> Iterator[Wrong]:
 
 def _starts_below_zero(s: Stated) -> Iterator[Wrong]:
     for name, key, part in s.parts:
-        # fault: sums below absolute zero begin -> if False: | coupler/test_starts
+        # fault: sums below absolute zero begin -> if False: |
+        #   coupler/test_starts::test_what_cannot_begin_is_told_all_at_once
         if isinstance(part.T0, FieldSum) and (T := s.start_range(name, part.T0)[0]) <= 0.0:
             if len(key) > 2 and part.T0 is s.file.bodies[str(key[1])].T0:
                 key = key[:2]  # the body's own sum

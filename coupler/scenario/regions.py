@@ -36,7 +36,8 @@ def regions_of(document: Document, bodies: Mapping[str, MeshedBody], meshes: Map
             with found.each():
                 cells = _cells(document, bodies[body], mesh, region, key)
                 taken = np.concatenate([of_quads[cells[0]], of_triangles[cells[1]]])
-                # fault: regions that overlap are taken in silence -> if False: | coupler/test_regions
+                # fault: regions that overlap are taken in silence -> if False: |
+                #   coupler/test_regions::test_what_is_wrong_with_regions_is_told_all_at_once
                 if (taken >= 0).any():
                     other = names[int(taken.max())].split(".", 1)[1]
                     raise document.error(key, f"{int((taken >= 0).sum())} of its cells are already those of the region "
@@ -84,7 +85,8 @@ def _conforms(document: Document, block: Block, nodes: Floats, box: Floats, key:
         lines = np.unique(nodes[:, axis])
         near = ON_A_LINE * (lines[-1] - lines[0])
         for end, at in enumerate((box[0, axis], box[1, axis])):
-            # fault: a region cuts through cells -> if False: | coupler/test_regions
+            # fault: a region cuts through cells -> if False: |
+            #   coupler/test_regions::test_what_is_wrong_with_regions_is_told_all_at_once
             if np.abs(lines - at).min() > near:
                 k = int(np.searchsorted(lines, at))
                 beside = [f"{line:.6g}" for line in lines[max(k - 1, 0):k + 1]]

@@ -21,19 +21,20 @@ from coupler.scenario.problems import NEAREST, ROOM, stated_start
 from coupler.scenario.regions import regions_of
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
-from coupler.scenario.starts import TakenStart, starts_of
+from coupler.scenario.starts import TakenCourse, TakenStart, courses_of, starts_of
 
 
 @dataclass(frozen=True)
 class Scene:
     """interface : the mesh.  points : name -> (body, (2,) [m]), named places with or without a node.
 
-    starts : what bodies took over from other runs, by body.
+    starts : what bodies took over from other runs, by body; courses : what they are given over time.
     """
 
     interface: Interface
     points: Mapping[str, tuple[str, Floats]]
     starts: Mapping[str, TakenStart]
+    courses: Mapping[str, TakenCourse]
 
 
 def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> Scene:
@@ -60,6 +61,7 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
     _check_radius(document, file, nodes, start)
     regions = regions_of(document, file.bodies, meshes, found)
     starts = starts_of(document, file, meshes, found)
+    courses = courses_of(document, file, meshes, found)
     bare = Interface(
         geometry=file.geometry.value,
         nodes=nodes,
@@ -71,11 +73,12 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
         triangle_body=_owner([m.triangles for m in meshes.values()]),
         surfaces=surfaces,
         node_sets=node_sets,
-        start=_nodal(file, starts, meshes),
+        start=_nodal(file, starts, meshes) | {f"{n}.{body}": getattr(one, n) for body, one in courses.items()
+                                              for n in ("t", "T")},
     )
     if regions is not None:
         bare = replace(bare, regions=regions.names, quad_region=regions.quads, triangle_region=regions.triangles)
-    return Scene(replace(bare, pairs=_pairs(document, file, bare, found)), points, starts)
+    return Scene(replace(bare, pairs=_pairs(document, file, bare, found)), points, starts, courses)
 
 
 def parts_of(file: ScenarioFile) -> list[tuple[str, MeshedBody]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contact.problem.start import FromFrames
 from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun
 from coupler.scenario.document import Document, DocumentErrors, Key
@@ -45,6 +46,56 @@ def starts_of(document: Document, file: ScenarioFile, meshes: Mapping[str, BodyM
             with found.each():
                 taken[name] = _taken(document, name, body.T0, meshes[name], runs)
     return taken
+
+
+@dataclass(frozen=True)
+class TakenCourse:
+    """A body's temperatures from another run, over time.
+
+    t : (n_t,) [s].  T : (n_t, n) [K] at its nodes.  note, source : as of a TakenStart.
+    """
+
+    t: Floats
+    T: Floats
+    note: str
+    source: Mapping[str, str | float]
+
+
+def courses_of(document: Document, file: ScenarioFile, meshes: Mapping[str, BodyMesh],
+               found: DocumentErrors) -> dict[str, TakenCourse]:
+    """Take over the temperatures that bodies are given from other runs, by body; what cannot be taken is noted."""
+    taken: dict[str, TakenCourse] = {}
+    for i, condition in enumerate(file.thermal.boundary):
+        body, spec = condition.body, condition.temperature
+        if isinstance(spec, FromFrames) and body is not None and body in meshes:
+            with found.each():
+                taken[body] = _course(document, body, spec, meshes[body], ("thermal", "boundary", i, "temperature"),
+                                      file.coupling.end)
+    return taken
+
+
+def _course(document: Document, name: str, spec: FromFrames, mesh: BodyMesh, key: Key, end: float) -> TakenCourse:
+    path, there = (document.path.parent / spec.path).resolve(), spec.body or name
+    try:
+        run = earlier_run(path)
+        if there not in run.bodies:
+            raise document.error((*key, "body") if spec.body else key, f"{path.name} has no body {there!r}",
+                                 did_you_mean(there, run.bodies))
+        frames, source = run.course(there), run.mesh_of(there)
+        result = moved(np.ascontiguousarray(frames.T), source, BodyNodes(mesh.nodes, mesh.quads, mesh.triangles))
+    except (EarlierRunError, ValueError) as exc:
+        raise document.error((*key, "from"), str(exc), getattr(exc, "remedy", "")) from exc
+    T = np.ascontiguousarray(result.values.T)
+    note = (f"body {name} has the temperatures of {spec.path}"
+            + (f", body {there}," if there != name else "") + f" from {run.times[0]:.9g} to {run.times[-1]:.9g} s, "
+            f"{len(run.times)} frames")
+    if end > run.times[-1]:
+        note += f"; until the end at {end:.9g} s the last one stays"
+    if not result.same:
+        note += (f"; on another mesh: interpolated there and back, the values of a node over time change by up to "
+                 f"{result.worst:.3g} K (root of the sum of squares)")
+    return TakenCourse(run.times, T, note, {"body": name, "from": spec.path, "of": there, "t": "all frames",
+                                            "sha256": run.sha256, "outcome": run.outcome, "worst": result.worst})
 
 
 def run_path(spec: FromRun, folder: Path) -> Path:

@@ -176,7 +176,7 @@ def imbalance(terms: Mapping[str, float]) -> float:
     """
     signed = [-e if name.startswith(STORED) else e for name, e in terms.items() if name != MOVED]
     # fault: the balance of heat that runs inside a body is held against its round-off -> scale = math.fsum(abs(e) for
-    #   e in signed) | coupler/test_starts
+    #   e in signed) | coupler/test_starts::test_without_boundary_the_mean_stays_and_the_rest_decays
     scale = max(math.fsum(abs(e) for e in signed), terms.get(MOVED, 0.0))
     return abs(math.fsum(signed)) / scale if scale > 0 else 0.0
 

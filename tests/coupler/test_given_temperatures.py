@@ -64,6 +64,54 @@ def test_one_body_may_be_given_beside_one_that_is_solved_for(tmp_path):
     np.testing.assert_allclose(temperatures(results)[-1][:33], 300.0 + q * x / 40.0, rtol=0, atol=1e-7)
 
 
+def recorded(folder: Path) -> None:
+    """first.h5: the bar of BAR, warmed as HEATING says, in frames of 2 s."""
+    solved(folder, given(HEATING, thermal__method="backward_euler", bodies__bar__T0=300.0), "first")
+
+
+def test_another_run_gives_its_frames_on_straight_lines(tmp_path):
+    recorded(tmp_path)
+    held = {"half": "elastic", "elastic": {"boundary": [{"on": "bar.left", "u_x": 0, "u_y": 0}]}}
+    doc = given({"from": "first.h5"}, mechanical=held, coupling__end=24.0, units__temperature="degC",
+                materials__steel__T_ref=20.0, bodies__bar__T0=26.85,
+                coupling__windows=[{"until": 24.0, "size": 1.0}])
+    scenario, results = loaded(tmp_path, doc), solved(tmp_path, doc)
+    t, T = results.field("thermal.T")
+    x, y = scenario.interface.nodes.T
+    expected = 300.0 + 800.0 * np.interp(t, [0, 10, 20], [0, 1, 0])[:, None] * x * (1.0 + 50.0 * y)
+    np.testing.assert_allclose(T, expected, rtol=0, atol=1e-8)
+    assert scenario.notes[0] == ("body bar has the temperatures of first.h5 from 0 to 20 s, 11 frames; until the end "
+                                 "at 24 s the last one stays")
+    assert len(results.header["starts"][0]["sha256"]) == 64
+    assert not results.broken
+    assert scenario.models["thermal"]["format"] == 3
+    assert np.abs(results.field("mechanical.u")[1][10]).max() > 1e-5
+
+
+def test_frames_on_another_mesh_are_interpolated_and_that_is_told(tmp_path):
+    recorded(tmp_path)
+    doc = given({"from": "first.h5"}, bodies__bar__mesh__rectangle__cells=[5, 2])
+    T = temperatures(solved(tmp_path, doc))
+    fine = temperatures(solved(tmp_path, given({"from": "first.h5"}), "fine"))
+    nodes, own = (loaded(tmp_path, d).interface.nodes for d in (given({"from": "first.h5"}), doc))
+    same = [int(np.flatnonzero(np.abs(nodes - at).max(axis=1) < 1e-9)[0]) for at in own]
+    np.testing.assert_allclose(T, fine[:, same], rtol=0, atol=1e-8)
+    assert "on another mesh" in loaded(tmp_path, doc).notes[0]
+
+
+def test_frames_that_cannot_be_taken_are_refused(tmp_path):
+    recorded(tmp_path)
+    (error,) = errors_of(tmp_path, given({"from": "none.h5"}))
+    assert (error.key, "there is no file" in str(error)) == ("thermal.boundary.0.temperature.from", True)
+    (error,) = errors_of(tmp_path, given({"from": "first.h5", "body": "bra"}))
+    assert "Did you mean 'bar'?" in str(error)
+    (error,) = errors_of(tmp_path, given({"from": "first.h5"}, thermal__half="lumped"))
+    assert "takes data that depend on time alone" in str(error)
+    (error,) = errors_of(tmp_path, edited(BAR, thermal__boundary=[{"on": "bar.left", "temperature": {
+        "from": "first.h5"}}]))
+    assert "are those of a body" in str(error)
+
+
 def test_what_is_given_twice_or_nowhere_is_refused(tmp_path):
     twice = given(300.0)
     twice["thermal"]["boundary"] += [{"on": "bar.left", "temperature": 400.0}, {"body": "bar", "temperature": 1.0}]

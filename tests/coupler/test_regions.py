@@ -132,7 +132,8 @@ def test_a_region_may_melt_beside_one_that_melts_alike(tmp_path):
     alloy, twin = {**STEEL, "latent": latent}, {**STEEL, "latent": latent, "k": 100.0}
     doc = edited(BAR, materials__steel=alloy, materials__twin=twin, bodies__bar__T0=900.0,
         bodies__bar__regions={"right": {"rectangle": RIGHT, "material": "twin"}},
-        thermal__boundary=[{"on": "bar.left", "temperature": 500.0}], coupling__end=20000.0, coupling__windows=[{"until": 20000.0, "size": 500.0}])
+        thermal__boundary=[{"on": "bar.left", "temperature": 500.0}], coupling__end=20000.0,
+        coupling__windows=[{"until": 20000.0, "size": 500.0}])
     results = solved(tmp_path, doc)
     np.testing.assert_allclose(temperatures(results)[-1], 500.0, rtol=0, atol=0.5)
     lost = 8000.0 * 0.002 * (500.0 * (900.0 - temperatures(results)[-1].mean()) + 4e5)
