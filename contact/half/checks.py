@@ -116,8 +116,7 @@ def _one_melt(problem: ThermalProblem, interface: Interface) -> Iterator[Wrong]:
             other = interface.parts[k]
             # fault: regions that melt apart share their nodes -> if False: |
             #   coupler/test_regions::test_a_region_may_melt_beside_one_that_melts_alike
-            if (other != name and melts.get(other) != melts.get(name)
-                    and np.intersect1d(own, interface.part_nodes(int(k))).size):
+            if melts.get(other) != melts.get(name) and np.intersect1d(own, interface.part_nodes(int(k))).size:
                 yield Wrong(("bodies", body, "regions", region, "material"), "it melts otherwise than what it shares "
                             f"nodes with ({other})", "Give both the same latent heat, or make it a body of its own, "
                             "with contact.")
