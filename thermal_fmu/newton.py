@@ -115,13 +115,14 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
     norm = float(np.abs(R - reaction).sum())
-    scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
+    moved = float(np.abs(S).sum())
+    scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     matrix, pull = None, None
     if jacobian:
         lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
         matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
     return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, stored, norm, scale, matrix,
-                        pull, float(np.abs(S).sum()))
+                        pull, moved)
 
 
 def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,

@@ -10,8 +10,10 @@ import meshio
 import numpy as np
 import pytest
 
+from contact.half.model import load_directory
 from coupler import run
 from coupler.errors import ScenarioError
+from mechanical_fmu.elastic_half import load
 
 sys.path.insert(0, str(Path(__file__).parent))
 from start_scenes import BAR, STEEL, edited, linear, loaded, solved, temperatures
@@ -216,6 +218,22 @@ def test_halves_without_regions_refuse_them(tmp_path, doc, words):
     scene = edited(BAR, materials__lead={**STEEL, "rho": 11000.0}, bodies__bar__regions={
         "left": {"rectangle": LEFT, "material": "lead"}}, **doc)
     assert words in str(errors_of(tmp_path, scene))
+
+
+def test_masses_and_weights_go_by_region(tmp_path):
+    """Both mass matrices and the weight are the sum of volume times density, in a file and read back."""
+    doc = edited(BAR, materials__lead={**STEEL, "rho": 11000.0}, mechanical={"half": "elastic", "elastic": {
+        "dynamics": {}, "gravity": {"y": -10.0}, "boundary": [{"on": "bar.left", "u_x": 0, "u_y": 0}]}},
+        bodies__bar__regions={"left": {"rectangle": LEFT, "material": "lead"}})
+    loaded(tmp_path, doc).write_half("mechanical", tmp_path / "half")
+    system = load(*load_directory(tmp_path / "half")).system
+    mass = 0.05 * 0.02 * (11000.0 + 8000.0)
+    for matrix in (system.masses.matrix(True), system.masses.matrix(False)):
+        along_y = np.tile([0.0, 1.0], 33)
+        assert along_y @ matrix @ along_y == pytest.approx(mass, rel=1e-12)
+    weight = np.asarray(system.masses.dead.unit.sum(axis=1)).reshape(-1, 2)[:, 1]
+    assert weight.sum() == pytest.approx(mass, rel=1e-12)
+    assert weight[system.interface.nodes[:, 0] < 0.045].sum() > weight[system.interface.nodes[:, 0] > 0.055].sum()
 
 
 def test_the_penalty_is_of_what_lies_at_the_surface_and_friction_heats_by_it(tmp_path):
