@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contact.half.functions import Field, field_from
 from contact.half.interface import Interface
 from contact.problem.curves import FieldSum
-from contact.problem.start import Course
+from contact.problem.start import Course, FromFrames
 
 Floats = NDArray[np.float64]
 START_T = "T"  # of Interface.start
@@ -66,6 +66,8 @@ def given_field(spec: Any, interface: Interface) -> Field:
 
     Raises ValueError where interface.h5 has no such course.
     """
+    if isinstance(spec, FromFrames):
+        raise ValueError("model.json: a results file is not a half's to read: the coupler puts it into interface.h5")
     if not isinstance(spec, Course):
         return field_from(spec)
     body = spec.dataset.removeprefix("start/T.")

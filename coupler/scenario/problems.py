@@ -189,6 +189,14 @@ def _stood(s: Stated, boundary: Iterable[Supported]) -> tuple[Any, ...]:
                  for b in boundary)
 
 
+def _stated_courses(s: Stated) -> Iterator[Wrong]:
+    """What only a model.json may say."""
+    for i, b in enumerate(s.file.thermal.boundary):
+        if isinstance(b.temperature, Course):
+            yield Wrong(("boundary", i, "temperature"), "interface.h5 is the coupler's to write",
+                        "Write {from: run.h5} to take the temperatures of another run.")
+
+
 def _with_course(s: Stated, b: Supported) -> Supported:
     """A condition with the temperatures of another run where interface.h5 has them."""
     if not (isinstance(b, ThermalBoundary) and isinstance(b.temperature, FromFrames)):
@@ -349,6 +357,7 @@ def _of_thermal(s: Stated, problems: Problems) -> Iterator[Wrong]:
             yield from checks.places(s.interface, problem.boundary)
         return
     yield from _options_of_own("thermal", thermal.options)
+    yield from _stated_courses(s)
     yield from checks.thermal_wrongs(problem, s.interface)
     yield from checks.thermal_start_wrongs(problem, s.interface)
     yield from _sums_below_zero(s, problem)

@@ -105,6 +105,8 @@ def test_frames_that_cannot_be_taken_are_refused(tmp_path):
     assert (error.key, "there is no file" in str(error)) == ("thermal.boundary.0.temperature.from", True)
     (error,) = errors_of(tmp_path, given({"from": "first.h5", "body": "bra"}))
     assert "Did you mean 'bar'?" in str(error)
+    (error,) = errors_of(tmp_path, given({"dataset": "start/T.bar", "least": 1.0, "most": 2.0}))
+    assert "Write {from: run.h5}" in str(error)
     (error,) = errors_of(tmp_path, given({"from": "first.h5"}, thermal__half="lumped"))
     assert "takes data that depend on time alone" in str(error)
     (error,) = errors_of(tmp_path, edited(BAR, thermal__boundary=[{"on": "bar.left", "temperature": {
