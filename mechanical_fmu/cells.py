@@ -38,7 +38,8 @@ ELASTIC = Treatment()
 class Cells:
     """All cells of one kind, at the reference coordinates X.
 
-    nodes : (n_e, nn).  body : (n_e,) index of the body.  number : (n_e,) of the cell in interface order, 0-based.
+    nodes : (n_e, nn).  body : (n_e,) index of the body.  part : (n_e,) of the body or its region.
+    number : (n_e,) of the cell in interface order, 0-based.
     N : (nq, nn) shape functions.  B : (n_e, nq, nn, 2) gradients dN/dX [1/m].
     weight : (n_e, nq) reference volume of a point [m3], 2 pi R weighted when axisymmetric, else per metre depth.
     N_over_R : (n_e, nq, nn) [1/m], N_a/R when axisymmetric, else 0: what turns u_r into the hoop stretch.
@@ -48,6 +49,7 @@ class Cells:
 
     nodes: Ints
     body: Ints
+    part: Ints
     number: Ints
     N: Floats
     B: Floats
@@ -91,25 +93,26 @@ class Cells:
 def cells_of(interface: Interface, treatments: tuple[Treatment, ...] | None = None) -> tuple[Cells, ...]:
     """Make the quads, then the triangles, of a mesh, each by treatment; a kind without cells is left out.
 
-    treatments : one a body, None for elastic bodies only.
+    treatments : one a part, None for elastic bodies only.
     Raises ValueError naming the cell (1-based) and its body where the mesh itself is inverted or left of the axis.
     """
-    shapes = (("quad", interface.quads, interface.quad_body, 0),
-              ("triangle", interface.triangles, interface.triangle_body, len(interface.quads)))
-    chosen = treatments or (ELASTIC,) * len(interface.bodies)
+    shapes = (("quad", interface.quads, interface.quad_part, 0),
+              ("triangle", interface.triangles, interface.triangle_part, len(interface.quads)))
+    chosen = treatments or (ELASTIC,) * len(interface.parts)
     out = []
-    for name, nodes, body, first in shapes:
-        of_body = chosen if name == "quad" else tuple(replace(t, enhanced=False) for t in chosen)
+    for name, nodes, part, first in shapes:
+        of_part = chosen if name == "quad" else tuple(replace(t, enhanced=False) for t in chosen)
         number = np.arange(first, first + len(nodes), dtype=np.int32)
-        for treatment in dict.fromkeys(of_body):
-            here = np.isin(body, [i for i, t in enumerate(of_body) if t == treatment])
+        for treatment in dict.fromkeys(of_part):
+            here = np.isin(part, [i for i, t in enumerate(of_part) if t == treatment])
             if here.any():
-                out.append(_cells(interface, nodes[here], body[here], number[here], table_of(name), treatment))
+                out.append(_cells(interface, nodes[here], part[here], number[here], table_of(name), treatment))
     return tuple(out)
 
 
-def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, table: CellQuadrature,
+def _cells(interface: Interface, nodes: Ints, part: Ints, number: Ints, table: CellQuadrature,
            treatment: Treatment) -> Cells:
+    body = interface.part_body[part]
     N, dN = table.N, table.dN
     X = interface.nodes[nodes]
     jacobian = np.einsum("eai,qaj->eqij", X, dN)
@@ -129,7 +132,7 @@ def _cells(interface: Interface, nodes: Ints, body: Ints, number: Ints, table: C
     # fault: quads without their modes -> if False: | mechanical_fmu/test_elements_bending
     if treatment.enhanced:
         modes = mode_gradients(X, N, det, interface.axisymmetric)
-    return Cells(np.ascontiguousarray(nodes), body, number, N, np.ascontiguousarray(B),
+    return Cells(np.ascontiguousarray(nodes), body, part, number, N, np.ascontiguousarray(B),
                  np.ascontiguousarray(weight), np.ascontiguousarray(N_over_R), volume, mean, treatment, modes)
 
 

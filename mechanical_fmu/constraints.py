@@ -152,8 +152,8 @@ class RigidBodies:
             if keep.all():
                 out.append(cells)
             elif keep.any():
-                per_cell = {k: getattr(cells, k)[keep] for k in ("nodes", "body", "number", "B", "weight", "N_over_R",
-                                                                 "volume", "mean")}
+                per_cell = {k: getattr(cells, k)[keep] for k in ("nodes", "body", "part", "number", "B", "weight",
+                                                                 "N_over_R", "volume", "mean")}
                 out.append(replace(cells, **per_cell, modes=Modes(cells.modes.gradients[keep], cells.modes.hoop[keep])))
         return tuple(out)
 

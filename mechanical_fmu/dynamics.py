@@ -191,7 +191,7 @@ def stable_step(system: System, u: Floats, loading: Loading) -> float:
         n = 2 * cells.nodes.shape[1]
         K = balance.entries[start : start + len(cells.nodes) * n * n].reshape(-1, n, n)
         start += K.size
-        rho = system.masses.density[cells.body]
+        rho = system.masses.density[cells.part]
         m = np.repeat(rho[:, None] * np.einsum("eq,qa->ea", cells.weight, cells.N), 2, axis=1) ** -0.5
         scaled = 0.5 * (K + K.transpose(0, 2, 1)) * m[:, :, None] * m[:, None, :]
         largest = max(largest, float(np.linalg.eigvalsh(scaled)[:, -1].max()))

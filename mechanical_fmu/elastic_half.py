@@ -107,7 +107,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
     """List the inputs and outputs of the half; what the scene cannot make is not among them."""
     interface, spec = system.interface, system.spec
     n, n_q, n_cells = mesh_nodes(system), interface.pair_nodes.size, system.volume.n_cells
-    T_ref = np.array([m.T_ref for m in spec.materials])[spec.body_material]
+    T_ref = np.array([m.T_ref for m in spec.materials])[spec.part_material[:len(interface.bodies)]]
     # A node outside every cell (body -1) takes the last body's; nothing depends on it.
     inputs = [Variable("T", (n,), "input", "K", T_ref[interface.node_body[:n]], description="temperature at the end",
                        on="nodes")]

@@ -38,7 +38,7 @@ def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -
     before, after = log_dilatation(system, u_n), log_dilatation(system, u)
     moduli, means = system.moduli(T, f_s), system.volume.means(T)
     for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, moduli, means, strict=True)):
-        per_volume = thermoelastic_heat(system.spec.materials, system.spec.body_material[cells.body], mean, m.kappa,
+        per_volume = thermoelastic_heat(system.spec.materials, system.spec.part_material[cells.part], mean, m.kappa,
                                         # fault: compression cools -> before[i] - after[i]) |
                                         #   mechanical_fmu/test_solution_methods
                                         after[i] - before[i])
@@ -54,7 +54,7 @@ def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats, u_n
     out, spec = [], system.spec
     means, before = system.volume.means(T), log_dilatation(system, u_n)
     for cells, m, mean, start in zip(system.volume.kinds, moduli, means, before, strict=True):
-        material = spec.body_material[cells.body]
+        material = spec.part_material[cells.part]
         heat = -thermoelastic_heat(spec.materials, material, mean, m.kappa, np.ones_like(mean))
         rho_c = np.empty_like(mean)
         for i in np.unique(material):

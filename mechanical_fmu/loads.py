@@ -134,11 +134,11 @@ def dead_forces(interface: Interface, loads: Sequence[DeadLoad], shares: NodalSh
 
 
 def nodal_shares(interface: Interface, kinds: Sequence[Cells], n: int) -> Floats:
-    """Integrate the volume (n_bodies, n) [m3] of every node in each body: int N_a dV0."""
-    shares = np.zeros((len(interface.bodies), n))
+    """Integrate the volume (n_parts, n) [m3] of every node in each part: int N_a dV0."""
+    shares = np.zeros((len(interface.parts), n))
     for cells in kinds:
         here = np.einsum("eq,qa->ea", cells.weight, cells.N)
-        np.add.at(shares, (cells.body[:, None], cells.nodes), here)
+        np.add.at(shares, (cells.part[:, None], cells.nodes), here)
     return shares
 
 

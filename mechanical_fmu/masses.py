@@ -37,20 +37,27 @@ class Masses:
 
     @property
     def density(self) -> Floats:
-        """Return (n_bodies,) rho0 [kg/m3], 0 where not said."""
-        return np.nan_to_num(self.spec.rho)[self.spec.body_material]
+        """Return (n_parts,) rho0 [kg/m3], 0 where not said."""
+        return np.nan_to_num(self.spec.rho)[self.spec.part_material]
 
     @cached_property
     def volume(self) -> Floats:
-        """Compute (n_bodies, n) [m3], the share of every node in every body."""
+        """Compute (n_parts, n) [m3], the share of every node in every part."""
         return nodal_shares(self.interface, self.kinds, self.n)
+
+    def of_bodies(self, per_part: Floats) -> Floats:
+        """Add (n_parts, n) shares of parts up to those of bodies, (n_bodies, n), in their unit."""
+        n = len(self.interface.bodies)
+        out = per_part[:n].copy()
+        np.add.at(out, self.interface.part_body[n:], per_part[n:])
+        return out
 
     @cached_property
     def dead(self) -> DeadForces:
         """Make the patterns of the dead loads."""
         rows = np.empty((0, 3), np.intp) if self.rigid is None else self.rigid.dofs
         per_moment = np.empty(0) if self.rigid is None else 1.0 / self.rigid.size
-        shares = NodalShares(self.density[:, None] * self.volume, self.volume)
+        shares = NodalShares(self.of_bodies(self.density[:, None] * self.volume), self.of_bodies(self.volume))
         return dead_forces(self.interface, self.spec.dead, shares, RigidRows(rows, per_moment))
 
     @cached_property
@@ -68,7 +75,7 @@ class Masses:
         """Assemble (2 n, 2 n) [kg] int rho0 N_a N_b dV0; a rigid body's at its reference rows."""
         rows, columns, values = [], [], []
         for cells in self.kinds:
-            rho = self.density[cells.body]
+            rho = self.density[cells.part]
             # fault: inertia of half the mass -> block = 0.5 * np.einsum("e,eq,qa,qb->eab", rho, cells.weight, cells.N,
             #   cells.N) | stability/test_wave
             block = np.einsum("e,eq,qa,qb->eab", rho, cells.weight, cells.N, cells.N)
@@ -101,7 +108,7 @@ class Masses:
                 arm = at - self.rigid.reference[k]
                 total += float(cells.weight[here].sum())
                 inertia += float((cells.weight[here] * (arm**2).sum(axis=2)).sum())
-            rho = self.density[body]
+            rho = self.density[body]  # one for all of it: elastic_wrongs refuses others
             out[self.rigid.dofs[k]] = rho * np.array([total, total, inertia / self.rigid.size[k] ** 2])
         return out
 

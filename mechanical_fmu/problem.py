@@ -104,7 +104,8 @@ class DynamicsOptions:
 class ElasticSpec:
     """A scene as it is solved: what model.json states, and what of it has nodes, edges or curves.
 
-    bodies : as they are stated, in the order of interface.bodies.  body_material : (n_bodies,) index into materials.
+    bodies : as they are stated, in the order of interface.bodies.  part_material : (n_parts,) index into materials of
+    interface.parts, drawn_at : where their mesh has its shape (ElasticBody).
     displacements, pressures, dead : the conditions, a component each.  dynamics : None where inertia is left out.
     rho : (n_materials,) [kg/m3], nan where not said.  c : heat capacities [J/kgK] where said.
     """
@@ -112,7 +113,8 @@ class ElasticSpec:
     stated: ElasticProblem
     bodies: tuple[mechanical.ElasticBody, ...]
     materials: tuple[SolidMaterial, ...]
-    body_material: NDArray[np.intp]
+    part_material: NDArray[np.intp]
+    drawn_at: tuple[Any, ...]
     displacements: tuple[Displacement, ...]
     pressures: tuple[Pressure, ...]
     dead: tuple[DeadLoad, ...]
@@ -158,7 +160,8 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     return ElasticSpec(
         stated=problem, bodies=bodies,
         materials=tuple(made_material(name, m) for name, m in problem.materials.items()),
-        body_material=np.array([names.index(b.material) for b in bodies], dtype=np.intp),
+        part_material=np.array([names.index(problem.parts[p].material) for p in interface.parts], dtype=np.intp),
+        drawn_at=tuple(problem.parts[p].drawn_at for p in interface.parts),
         displacements=tuple(b for b in conditions if isinstance(b, Displacement)),
         pressures=tuple(b for b in conditions if isinstance(b, Pressure)),
         dead=tuple(b for b in conditions if isinstance(b, DeadLoad)),

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
+from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
 from mechanical_fmu.cells import Treatment, cells_of
@@ -143,24 +144,37 @@ class System:
         """
         kinds = self.volume.kinds
         solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
-        found = tuple(moduli(self.spec.materials, self.spec.body_material[cells.body], mean, part)
+        found = tuple(moduli(self.spec.materials, self.spec.part_material[cells.part], mean, part)
                       for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
-        if not self._drawn.any():
+        if not self._drawn:
             return found
         # fault: a poured body has its mesh's shape when it is solid -> return tuple(replace(m, e_th=m.e_th - 0.0 *
-        #   self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True)) |
-        #   mechanical_fmu/test_solution_melting
-        return tuple(replace(m, e_th=m.e_th - self._drawn[cells.body]) for cells, m in zip(kinds, found, strict=True))
+        #   drawn) for drawn, m in zip(self._drawn, found, strict=True)) | mechanical_fmu/test_solution_melting
+        return tuple(replace(m, e_th=m.e_th - drawn) for drawn, m in zip(self._drawn, found, strict=True))
 
     @cached_property
-    def _drawn(self) -> Floats:
-        """(n_bodies,) e_th of each body in the shape of the mesh."""
-        e_th = np.zeros(len(self.spec.bodies))
-        for b, body in enumerate(self.spec.bodies):
-            if body.drawn_at is not None:
-                own = np.array([self.spec.body_material[b]])
-                e_th[b] = moduli(self.spec.materials, own, np.array([body.drawn_at])).e_th[0]
-        return e_th
+    def _drawn(self) -> tuple[Floats, ...]:
+        """(n_e,) e_th of the cells of each kind in the shape of the mesh; () where every body is drawn at its T_ref."""
+        if all(drawn_at is None for drawn_at in self.spec.drawn_at):
+            return ()
+        e_th = [np.zeros(len(cells.part)) for cells in self.volume.kinds]
+        for p, drawn_at in enumerate(self.spec.drawn_at):
+            if drawn_at is None:
+                continue
+            T, nodes = np.zeros(self.volume.n_nodes), self.interface.part_nodes(p)
+            T[nodes] = start_temperature(drawn_at, self.interface, nodes)
+            liquid, one = self.spec.materials[self.spec.part_material[p]].flow.liquid, isinstance(drawn_at, float)
+            # What melts is told the solid fraction at nodes, whose mean is not that of the mean temperature.
+            # fault: a cell that is half mush is drawn at its mean temperature -> solid = None |
+            #   coupler/test_starts::test_a_poured_body_of_uneven_warmth_begins_without_stress
+            solid = None if liquid is None or one else self.volume.means(liquid.solid_fraction(T))
+            for k, (cells, mean) in enumerate(zip(self.volume.kinds, self.volume.means(T), strict=True)):
+                own = cells.part == p
+                # A number as it is: the mean over a cell has its own round-off.
+                drawn = np.full(own.sum(), drawn_at) if one else mean[own]
+                e_th[k][own] = moduli(self.spec.materials, self.spec.part_material[cells.part[own]], drawn,
+                                      None if solid is None else solid[k][own]).e_th
+        return tuple(e_th)
 
     @cached_property
     def melts(self) -> bool:
@@ -260,9 +274,9 @@ def system_of(interface: Interface, spec: ElasticSpec) -> System:
     """
     stated = spec.stated
     kinds = cells_of(interface, tuple(
-        Treatment(spec.materials[material].kind, (body.element or stated.element) is Element.ENHANCED,
-                  stated.state is State.PLANE_STRESS)
-        for material, body in zip(spec.body_material, spec.bodies, strict=True)))
+        Treatment(spec.materials[material].kind,
+                  (spec.bodies[body].element or stated.element) is Element.ENHANCED, stated.state is State.PLANE_STRESS)
+        for material, body in zip(spec.part_material, interface.part_body, strict=True)))
     bodies = np.concatenate([cells.body for cells in kinds]) if kinds else np.empty(0)
     for i, name in enumerate(interface.bodies):
         if i not in bodies:

@@ -133,21 +133,21 @@ def _flux(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, n: int) ->
 
 def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> Floats:
     """Return (n,) heat made in bodies [W]; the derivative of its opposite goes to the total's places."""
-    source, bodies = np.zeros(T.size), np.zeros(len(loads.Q_T))
+    source, parts = np.zeros(T.size), np.zeros(len(loads.Q_T))
     if substep.uniform_volumes is not None:
         Q = np.array([0.0 if isinstance(q, np.ndarray) else q for q in loads.Q_T])
         source += Q @ substep.uniform_volumes
-        bodies += Q * substep.uniform_volumes.sum(axis=1)
+        parts += Q * substep.uniform_volumes.sum(axis=1)
     for of_field in substep.field_sources:
         made = loads.Q_T[of_field.body] @ of_field.shapes
         source += made
-        bodies[of_field.body] += made.sum()
+        parts[of_field.body] += made.sum()
     for source_of_T in substep.temperature_sources:
         made, slope = temperature_source_flow(source_of_T, loads.Q_T[source_of_T.body], T)
         source += made
-        bodies[source_of_T.body] += made.sum()
+        parts[source_of_T.body] += made.sum()
         total.places.append((source_of_T.block.slots, slope))
-    total.sources = bodies
+    total.sources = np.bincount(substep.scene.interface.part_body, parts)
     return source
 
 
@@ -236,16 +236,18 @@ class Heat:
     temperature : (2,) through prescribed temperatures, in at some nodes and out (< 0) at others, from the residual
     there: a net sum would be round-off where as much comes in as goes out.  terms : (n_terms,) as boundary.TERMS.
     each : (n,) by condition, source and side of a pair (conditions.py).
+    moved : sum over the nodes of what each took up or gave off, which is not 0 where heat only runs inside a body.
     """
 
     stored: Floats
     temperature: Floats
     terms: Floats
     each: Floats
+    moved: float = 0.0
 
     def __add__(self, other: Heat) -> Heat:
         return Heat(self.stored + other.stored, self.temperature + other.temperature,
-                    self.terms + other.terms, self.each + other.each)
+                    self.terms + other.terms, self.each + other.each, self.moved + other.moved)
 
     def outputs(self, model: Model) -> dict[str, float]:
         """Return the outputs heat.* by name: the terms that the scene can have."""

@@ -79,13 +79,15 @@ class BadPropertyError(ArithmeticError):
 
 @dataclass(frozen=True)
 class CellBlock:
-    """The cells of one kind in one body.
+    """The cells of one kind in one part: a body, or a region of it.
 
-    cells : (ne, nn) nodes.  numbers : (ne,) number of each cell, 0-based, quads before triangles as in interface.h5.
+    part : its number.  cells : (ne, nn) nodes.
+    numbers : (ne,) number of each cell, 0-based, quads before triangles as in interface.h5.
     slots : (ne, nn, nn) places in the matrix data.  alone : whether the body has no other block.
     """
 
     body: int
+    part: int
     table: CellQuadrature
     cells: Ints
     numbers: NDArray[np.intp]
@@ -180,23 +182,24 @@ class MatrixEntries:
 def cell_mesh(interface: Interface) -> CellMesh:
     """Build the blocks of an interface's mesh, body by body, quads before triangles."""
     parts = []
-    first = 0
-    for kind, cells, body in (("quad", interface.quads, interface.quad_body),
-                              ("triangle", interface.triangles, interface.triangle_body)):
-        for b in range(len(interface.bodies)):
-            own = np.flatnonzero(body == b)
+    first, owner = 0, interface.part_body
+    for kind, cells, part in (("quad", interface.quads, interface.quad_part),
+                              ("triangle", interface.triangles, interface.triangle_part)):
+        for p in range(len(interface.parts)):
+            own = np.flatnonzero(part == p)
             if own.size:
-                parts.append((kind, b, np.ascontiguousarray(cells[own]), first + own))
+                parts.append((kind, p, np.ascontiguousarray(cells[own]), first + own))
         first += len(cells)
     n = len(interface.nodes)
     pattern = pattern_of(n, *(cells for _, _, cells, _ in parts))
     blocks, start = [], 0
-    for kind, b, cells, numbers in parts:
-        nn = cells.shape[1]
+    for kind, p, cells, numbers in parts:
+        nn, b = cells.shape[1], int(owner[p])
         slots = pattern.slots[start:start + cells.size * nn].reshape(len(cells), nn, nn).astype(np.int64)
-        # fault: blocks of one body overwrite each other's entries -> blocks.append(CellBlock(b, table_of(kind), cells,
-        #   numbers, slots, True)) | thermal_fmu/test_thermal_caches
-        blocks.append(CellBlock(b, table_of(kind), cells, numbers, slots, [of for _, of, _, _ in parts].count(b) == 1))
+        alone = [owner[of] for _, of, _, _ in parts].count(b) == 1
+        # fault: blocks of one body overwrite each other's entries -> blocks.append(CellBlock(b, p, table_of(kind),
+        #   cells, numbers, slots, True)) | thermal_fmu/test_thermal_caches
+        blocks.append(CellBlock(b, p, table_of(kind), cells, numbers, slots, alone))
         start += cells.size * nn
     return CellMesh(n, first, interface.axisymmetric, interface.bodies, tuple(blocks), pattern)
 
@@ -243,11 +246,11 @@ def spread_energies(volume: CellMesh, shapes: Sequence[CellGeometry], E: Floats)
     return spread(volume, shapes, per_volume)
 
 
-def reference_cells(volume: CellMesh, bodies: Sequence[ThermalBody], X: Floats) -> tuple[ReferenceCells, ...]:
+def reference_cells(volume: CellMesh, parts: Sequence[ThermalBody], X: Floats) -> tuple[ReferenceCells, ...]:
     """Compute masses, and gradients where axes turn, of every block on X : (n, 2) [m].  Raises InvertedMeshError."""
     out = []
     for block, shape in zip(volume.blocks, shapes_of(volume, X), strict=True):
-        material = bodies[block.body].material
+        material = parts[block.part].material
         mass = at_nodes(block.own_nodes, (material.rho * shape.dV) @ block.table.N, block.nodes.size)
         out.append(ReferenceCells(mass, shape.G if material.k.turns else None))
     return tuple(out)
@@ -258,17 +261,17 @@ def with_turn(block: CellBlock, first: ReferenceCells, shape: CellGeometry, x: F
     return shape if first.G is None else replace(shape, turn=turn_of(x, block.cells, first.G))
 
 
-def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[ThermalBody], at: NodalFields, f: Floats,
+def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[ThermalBody], at: NodalFields, f: Floats,
             into: MatrixEntries) -> None:
     """Add conduction, Eq. (1): f -= the heat that leaves each node;  entries += slope * its derivative by s.
 
     f : (n,) [W].  Raises BadPropertyError.
     """
     for b, (block, shape) in enumerate(zip(volume.blocks, shapes, strict=True)):
-        material = bodies[block.body].material
+        material = parts[block.part].material
         data = into.of(b)
         if not material.k.is_plain or material.phase is not None:
-            _conduct_tensor(block, shape, bodies[block.body], at, f, replace(into, data=data))
+            _conduct_tensor(block, shape, parts[block.part], at, f, replace(into, data=data))
             continue
         k = material.k.k_1.solid
         # fault: lagged conductivity -> T_q = at_points(np.zeros_like(at.T) + 3.0, block.cells, block.table.N) |
@@ -276,7 +279,7 @@ def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[T
         T_q = np.empty(shape.dV.shape) if k.is_constant else at_points(at.T, block.cells, block.table.N)
         k_q = k(T_q)
         if not k.is_constant:
-            _check_positive("conductivity", k_q, block, bodies[block.body].name)
+            _check_positive("conductivity", k_q, block, parts[block.part].name)
         # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC,
         #   0.0 * shape.dC, f, | thermal_fmu/test_thermal_nonlinear
         add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC, k.slope(T_q) * shape.dC, f,
@@ -301,7 +304,7 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at
                           into.slope, into.data)
 
 
-def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[ThermalBody], s0: Floats, s: Floats,
+def store(volume: CellMesh, references: Sequence[ReferenceCells], parts: Sequence[ThermalBody], s0: Floats, s: Floats,
           S: Floats, into: MatrixEntries) -> Floats:
     """Add storage: S += the increase of enthalpy from s0 to s;  entries += its derivative by s [J/K].
 
@@ -310,9 +313,9 @@ def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequen
     cell would make heat run backwards (Thomee, Galerkin Finite Element Methods for Parabolic Problems, ch. 15).
     Returns (n_bodies,) increase of each body's enthalpy [J], summed over the nodes.  Raises BadPropertyError.
     """
-    total = np.zeros(len(bodies))
+    total = np.zeros(len(volume.bodies))
     for b, (block, first) in enumerate(zip(volume.blocks, references, strict=True)):
-        body, s_0, s_1 = bodies[block.body], s0[block.nodes], s[block.nodes]
+        body, s_0, s_1 = parts[block.part], s0[block.nodes], s[block.nodes]
         change, c = body.material.phase, body.material.c.solid
         # fault: storage C(T) dT instead of enthalpy -> dh, c_1 = c(s_1) * (s_1 - s_0), c(s_1) |
         #   thermal_fmu/test_thermal_nonlinear
@@ -332,12 +335,12 @@ def store(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequen
     return total
 
 
-def capacities(volume: CellMesh, references: Sequence[ReferenceCells], bodies: Sequence[ThermalBody],
+def capacities(volume: CellMesh, references: Sequence[ReferenceCells], parts: Sequence[ThermalBody],
                s: Floats) -> Floats:
     """Return (n,) the heat capacities of the nodes [J/K], the derivative of what they store by s : (n,) [K]."""
     out = np.zeros(volume.n)
     for block, first in zip(volume.blocks, references, strict=True):
-        material, own = bodies[block.body].material, s[block.nodes]
+        material, own = parts[block.part].material, s[block.nodes]
         c = material.c.solid(own) if material.phase is None else material.phase.capacity(own)
         out[block.nodes] += first.nodal_mass * c
     return out
@@ -404,7 +407,7 @@ class MatrixCache:
     def __init__(self) -> None:
         self._of: dict[int, _CachedMatrix] = {}
 
-    def fill(self, volume: CellMesh, bodies: Sequence[ThermalBody], references: Sequence[ReferenceCells],
+    def fill(self, volume: CellMesh, parts: Sequence[ThermalBody], references: Sequence[ReferenceCells],
              shapes: Sequence[CellGeometry], into: MatrixEntries, stores: bool) -> MatrixEntries:
         """Put in the entries of blocks that were asked for before, and note which.
 
@@ -413,27 +416,27 @@ class MatrixCache:
         """
         filled = []
         for b, (block, first, shape) in enumerate(zip(volume.blocks, references, shapes, strict=True)):
-            if not (block.alone and _is_constant(bodies[block.body])):
+            if not (block.alone and _is_constant(parts[block.part])):
                 continue
             cached = self._of.get(b)
             if cached is None or not cached.is_for(first, shape, into.slope, stores):
                 self._of[b] = _CachedMatrix(first, shape, into.slope, stores)
                 continue
             if cached.entries is None:
-                cached = replace(cached, entries=_entries(volume, block, bodies, cached))
+                cached = replace(cached, entries=_entries(volume, block, parts, cached))
                 self._of[b] = cached
             into.data[block.places] = cached.entries
             filled.append(b)
         return replace(into, filled=frozenset(filled))
 
 
-def _entries(volume: CellMesh, block: CellBlock, bodies: Sequence[ThermalBody], cached: _CachedMatrix) -> Floats:
+def _entries(volume: CellMesh, block: CellBlock, parts: Sequence[ThermalBody], cached: _CachedMatrix) -> Floats:
     """Assemble the (n_places,) entries of one block.  T = 0 serves: the entries do not depend on temperature."""
     own = replace(volume, blocks=(replace(block, slots=block.own_slots),))
     nothing, into = np.zeros(volume.n), MatrixEntries(np.zeros(block.places.size), cached.slope)
     if cached.stores:
-        store(own, (cached.first,), bodies, nothing, nothing, np.zeros(volume.n), into)
-    conduct(own, (cached.shape,), bodies, NodalFields(nothing), np.zeros(volume.n), into)
+        store(own, (cached.first,), parts, nothing, nothing, np.zeros(volume.n), into)
+    conduct(own, (cached.shape,), parts, NodalFields(nothing), np.zeros(volume.n), into)
     return into.data
 
 

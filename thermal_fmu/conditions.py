@@ -57,9 +57,10 @@ def _named(interface: Interface, model: Model) -> Iterator[NamedHeat]:
             if name:
                 yield NamedHeat(name, (row,), f"heat given to the body through the {kind} since the start")
             row += 1
-    for body in model.bodies:
-        if not body.Q_T.is_zero:
-            yield NamedHeat(f"source.{body.name}", (row,), "heat made by the source of the body since the start")
+    warmed = {int(body) for body, part in zip(interface.part_body, model.parts, strict=True) if not part.Q_T.is_zero}
+    for k, body in enumerate(model.bodies):
+        if k in warmed:
+            yield NamedHeat(f"source.{body.name}", (row,), "heat made by the sources of the body since the start")
         row += 1
     for pair in interface.pairs:
         yield NamedHeat(f"pair.{pair.name}", (row, row + 1), "heat given to slave and master since the start")

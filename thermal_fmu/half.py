@@ -62,6 +62,7 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
         Variable("residual", description="heat missing, as a share of the heat that flowed"),
         Variable("max_dT", unit="K", description="largest change of a nodal temperature in the substep"),
         Variable("heat_stored", unit="J", description="enthalpy gained since the start"),
+        Variable("heat_moved", unit="J", description="what nodes took up or gave off in the substep, added up"),
         Variable("contact.touching", description="contact quadrature points under pressure"),
     )
 
@@ -123,7 +124,7 @@ def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFiel
     """Return (n_cells, 2) cell means of -k grad T [W/m2]."""
     q = np.empty((scene.volume.n_cells, 2))
     for block, shape in zip(scene.volume.blocks, shapes, strict=True):
-        K = _conductivity(scene.model.bodies[block.body].material.k, block, shape, at)
+        K = _conductivity(scene.model.parts[block.part].material.k, block, shape, at)
         q[block.numbers] = mean_flux(at.T, block.cells, shape.G, K, shape.dC)
     return q
 
@@ -187,10 +188,7 @@ class ThermalHalf:
         """
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
-        self._masses_of(X)
-        T = np.full(scene.volume.n, scene.model.bodies[0].T0)
-        for b, body in enumerate(scene.model.bodies):
-            T[scene.interface.node_body == b] = body.T0
+        T = scene.start(self._masses_of(X))
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)))
         points = contact_at(scene.surfaces, X, inputs, link)
@@ -280,6 +278,7 @@ class ThermalHalf:
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),
             "heat_stored": state.stored,
+            "heat_moved": heat.moved,
             "contact.touching": float(touching),
         }
 

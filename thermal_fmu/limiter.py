@@ -69,7 +69,7 @@ def overshoots(scene: ThermalScene, substep: SubstepData, stage: Stage, s_n: Flo
     (1 - theta) dt K (s - s_n).
     """
     J, free, ds = last.linear.jacobian, ~scene.fixed, last.s - s_n
-    M = capacities(scene.volume, substep.masses, scene.model.bodies, last.linear.s)
+    M = capacities(scene.volume, substep.masses, scene.model.parts, last.linear.s)
     conducted = J @ np.where(free, ds, 0.0) - M * ds
     if last.linear.pull is not None:
         conducted += last.linear.pull

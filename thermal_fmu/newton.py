@@ -58,6 +58,7 @@ class StageBalance:
     norm : sum of |R| at free nodes [J].  scale : sum of the sizes of all heats at all nodes [J].
     pull : (n,) [J] what the change of prescribed values since s_n does to the residual of their neighbours: their
     columns are not in the jacobian; None where nothing changed, or without one.
+    moved : sum over the nodes of what each took up or gave off [J].
     """
 
     R: Floats
@@ -70,6 +71,7 @@ class StageBalance:
     scale: float
     jacobian: csr_matrix | None
     pull: Floats | None = None
+    moved: float = 0.0
 
     @property
     def relative_residual(self) -> float:
@@ -98,14 +100,14 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     slope = stage.theta * weight
     into = MatrixEntries(data, slope)
     if jacobian:
-        into = scene.matrix_cache.fill(volume, model.bodies, substep.masses, substep.shapes, into, problem.stores)
+        into = scene.matrix_cache.fill(volume, model.parts, substep.masses, substep.shapes, into, problem.stores)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
-        stored = store(volume, substep.masses, model.bodies, problem.s_n, s, S, into)
+        stored = store(volume, substep.masses, model.parts, problem.s_n, s, S, into)
     # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
     #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, substep.shapes,
-    #   model.bodies, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
-    conduct(volume, substep.shapes, model.bodies, at, f, into)
+    #   model.parts, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
+    conduct(volume, substep.shapes, model.parts, at, f, into)
     # fault: boundary terms at the start of the step -> boundary = boundary_flow(substep, problem.loads,
     #   problem.power_M, problem.s_n) | thermal_fmu/test_thermal_time
     boundary = boundary_flow(substep, problem.loads, problem.power_M, at.T)
@@ -114,13 +116,14 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
     norm = float(np.abs(R - reaction).sum())
-    scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
+    moved = float(np.abs(S).sum())
+    scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     matrix, pull = None, None
     if jacobian:
         lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
         matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
     return StageBalance(R, f + reaction / weight if weight else f, inside, boundary.terms, boundary.each, stored, norm,
-                        scale, matrix, pull)
+                        scale, matrix, pull, moved)
 
 
 def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,

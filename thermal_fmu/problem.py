@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contact.half import checks
 from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
 from contact.half.interface import Interface
+from contact.half.start import given_field, start_temperature
 from contact.problem import boundary, material, thermal
 from contact.problem.curves import Phases
 from contact.problem.errors import demand, made, read
@@ -187,14 +188,15 @@ class ThermalPair:
 
 @dataclass(frozen=True)
 class ThermalBody:
-    """material of the body, T0 : initial temperature [K], Q_T : volumetric heat rate [W/m3 of current volume].
+    """material of the body, T0 : at the start, as contact.half.start takes it [K], Q_T : volumetric heat rate
+    [W/m3 of current volume].
 
     Q_T_factor : of the cell's own temperature; None is 1.
     """
 
     name: str
     material: ThermalMaterial
-    T0: float
+    T0: Any
     Q_T: Field
     Q_T_factor: Property | None = None
 
@@ -203,16 +205,22 @@ class ThermalBody:
 class Model:
     """A scene as it is solved: what model.json states, and what of it has nodes, edges or curves.
 
+    bodies : in the order of interface.bodies.  parts : of interface.parts, the bodies and then their regions.
     pairs : in the order of interface.pairs, None where no heat is exchanged.
     """
 
     stated: ThermalProblem
-    bodies: tuple[ThermalBody, ...]
+    parts: tuple[ThermalBody, ...]
     prescribed: tuple[Prescribed, ...]
     fluxes: tuple[Flux, ...]
     films: tuple[Film, ...]
     radiators: tuple[Radiator, ...]
     pairs: tuple[ThermalPair | None, ...]
+
+    @property
+    def bodies(self) -> tuple[ThermalBody, ...]:
+        """The bodies alone."""
+        return self.parts[:len(self.stated.bodies)]
 
     def method_of(self, name: str) -> TimeMethod:
         """Return the time method of that name, `theta` with the theta that is stated, else 1/2."""
@@ -229,7 +237,7 @@ class Model:
     @property
     def fields(self) -> tuple[Field, ...]:
         """Every field of it."""
-        return (*(b.Q_T for b in self.bodies), *(b.value for b in self.prescribed), *(b.value for b in self.fluxes),
+        return (*(b.Q_T for b in self.parts), *(b.value for b in self.prescribed), *(b.value for b in self.fluxes),
                 *(s for f in self.films for s in (f.h, f.Te)), *(r.T_inf for r in self.radiators))
 
     @property
@@ -254,19 +262,20 @@ def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "ther
     materials = {name: made_material(m, name) for name, m in problem.materials.items()}
     conditions = [_condition(interface, b) for b in problem.boundary]
     model = Model(problem,
-                  tuple(_body(name, problem.bodies[name], materials) for name in interface.bodies),
+                  tuple(_body(name, problem.parts[name], materials) for name in interface.parts),
                   tuple(b for b in conditions if isinstance(b, Prescribed)),
                   tuple(b for b in conditions if isinstance(b, Flux)),
                   tuple(b for b in conditions if isinstance(b, Film)),
                   tuple(b for b in conditions if isinstance(b, Radiator)),
                   tuple(_pair(problem.pairs[p.name]) if p.name in problem.pairs else None for p in interface.pairs))
     if model.radiates:
-        _demand_kelvin(model)
+        _demand_kelvin(model, interface)
     return model
 
 
-def _demand_kelvin(model: Model) -> None:
-    named = [(f"bodies.{b.name}.T0", b.T0) for b in model.bodies]
+def _demand_kelvin(model: Model, interface: Interface) -> None:
+    named = [(f"bodies.{b.name}.T0", float(start_temperature(b.T0, interface, nodes).min()))
+             for part, b in enumerate(model.parts) if (nodes := interface.part_nodes(part)).size]
     named += [(f"T of a {kind}", value.least) for kind, values in (
         ("prescribed temperature", [b.value for b in model.prescribed]), ("convection", [f.Te for f in model.films]),
         ("radiation", [r.T_inf for r in model.radiators])) for value in values if value.least is not None]
@@ -275,7 +284,8 @@ def _demand_kelvin(model: Model) -> None:
             raise ValueError(f"model.json: {what} is {T:g}: radiation needs temperatures in kelvin, 0 or more")
 
 
-def _body(name: str, body: thermal.BodyHeat, materials: Mapping[str, ThermalMaterial]) -> ThermalBody:
+def _body(name: str, body: thermal.BodyHeat | thermal.RegionHeat,
+          materials: Mapping[str, ThermalMaterial]) -> ThermalBody:
     # fault: factor of a source dropped -> factor = None | thermal_fmu/test_thermal_fields
     factor = None if body.Q_T_factor is None else property_from(body.Q_T_factor)
     return ThermalBody(name, materials[body.material], body.T0, field_from(body.Q_T), factor)
@@ -315,7 +325,9 @@ def _phased(spec: Any) -> Phased:
 def _condition(interface: Interface, b: thermal.ThermalBoundary) -> Prescribed | Flux | Film | Radiator:
     name = b.name or ""
     if b.temperature is not None:
-        return Prescribed(nodes_of(interface, b), field_from(b.temperature), name)
+        nodes = nodes_of(interface, b) if b.body is None else np.flatnonzero(
+            interface.node_body == interface.bodies.index(b.body)).astype(np.int32)
+        return Prescribed(nodes, given_field(b.temperature, interface), name)
     assert b.on is not None
     edges = interface.surfaces[b.on]
     if b.flux is not None:

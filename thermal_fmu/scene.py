@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, resolve
 from contact.half.interface import Interface
+from contact.half.start import start_temperature, start_temperatures
 from thermal_fmu.cells import (
     CellGeometry,
     CellMesh,
@@ -24,7 +26,7 @@ from thermal_fmu.cells import (
 )
 from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
-from thermal_fmu.phase_change import Melting, NodalFields, melting_of
+from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
 from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, plain_sources
 from thermal_fmu.surface_terms import (
@@ -105,12 +107,40 @@ class ThermalScene:
 
     @cached_property
     def melting(self) -> tuple[Melting, ...]:
-        """The bodies that melt."""
-        return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
+        """What melts, and its nodes."""
+        if not self.interface.regions:
+            return melting_of(self.interface.node_body, [body.material.phase for body in self.model.bodies])
+        nodes = {p: self.interface.part_nodes(p).astype(np.intp) for p, part in enumerate(self.model.parts)
+                 if part.material.phase is not None}
+        # Regions of one material that meet share nodes, which melt once.
+        return tuple(Melting(own[~np.isin(own, [n for q in nodes if q < p for n in nodes[q]])],
+                             cast(PhaseChange, self.model.parts[p].material.phase)) for p, own in nodes.items())
+
+    def start(self, masses: Sequence[ReferenceCells]) -> Floats:
+        """Return the temperatures (n,) [K] at the start.
+
+        masses : of the blocks.  A node where parts of different warmth meet has the heat of both: what each stores
+        there at its own temperature, over what both hold a kelvin.
+        """
+        parts, interface = self.model.parts, self.interface
+        T = start_temperatures(interface, [part.T0 for part in parts])
+        if not interface.regions:
+            return T
+        heat, capacity, uneven = np.zeros(T.size), np.zeros(T.size), np.zeros(T.size, dtype=np.bool_)
+        for block, mass in zip(self.volume.blocks, masses, strict=True):
+            part = parts[block.part]
+            own = start_temperature(part.T0, interface, block.nodes)
+            uneven[block.nodes] |= own != T[block.nodes]
+            c = mass.nodal_mass * part.material.c.solid(own)
+            heat[block.nodes] += c * own
+            capacity[block.nodes] += c
+        # fault: where regions meet the last one's temperature holds -> return T |
+        #   coupler/test_regions::test_where_regions_of_different_warmth_meet_their_heat_is_kept
+        return np.where(uneven, heat / np.where(capacity > 0.0, capacity, 1.0), T)
 
     def masses(self, X: Floats) -> tuple[ReferenceCells, ...]:
         """Compute the mass of every block at its nodes on reference coordinates X : (n, 2) [m]."""
-        return reference_cells(self.volume, self.model.bodies, X)
+        return reference_cells(self.volume, self.model.parts, X)
 
 
 # Data frozen through a substep
@@ -172,7 +202,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
     geometry = SurfaceGeometry(x, volume.axisymmetric, scene.surfaces, points)
     return SubstepData(
         model.stated.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
-        plain_sources(volume, shapes, model.bodies), *freeze_sources(volume, shapes, model.bodies, x),
+        plain_sources(volume, shapes, model.parts), *freeze_sources(volume, shapes, model.parts, x),
         # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
         #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
         #   thermal_fmu/test_thermal_fields
@@ -196,7 +226,7 @@ def with_friction(substep: SubstepData, scene: ThermalScene, points: ContactPoin
     if not E.any():
         return substep
     model, interface = scene.model, scene.interface
-    fraction = slave_fraction(points, model.pairs, model.bodies, interface.node_body, at)
+    fraction = slave_fraction(points, model.pairs, model.parts, interface, at)
     return replace(substep, friction=friction_power(points, fraction, E, interface, h))
 
 

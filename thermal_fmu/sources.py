@@ -43,17 +43,17 @@ class TemperatureSource:
     shapes: Floats | None
 
 
-def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[ThermalBody]) -> Floats | None:
-    """Spread the volume of bodies with a uniform source without factor over their nodes: (n_bodies, n) [m3].
+def plain_sources(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[ThermalBody]) -> Floats | None:
+    """Spread the volume of parts with a uniform source without factor over their nodes: (n_parts, n) [m3].
 
-    Rows of other bodies are 0.  None where no body has such a source.
+    Rows of other parts are 0.  None where no part has such a source.
     """
-    if all(body.Q_T.is_zero or not is_plain(body) for body in bodies):
+    if all(part.Q_T.is_zero or not is_plain(part) for part in parts):
         return None
-    out = np.zeros((len(bodies), volume.n))
-    for b, body in enumerate(bodies):
+    out = np.zeros((len(parts), volume.n))
+    for b, body in enumerate(parts):
         if is_plain(body) and not body.Q_T.is_zero:
-            weights = [np.full(1, float(block.body == b)) for block in volume.blocks]
+            weights = [np.full(1, float(block.part == b)) for block in volume.blocks]
             out[b] = spread(volume, shapes, weights)
     return out
 
@@ -63,14 +63,14 @@ def is_plain(body: ThermalBody) -> bool:
     return body.Q_T.is_uniform and body.Q_T_factor is None
 
 
-def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], bodies: Sequence[ThermalBody],
+def freeze_sources(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[ThermalBody],
                    x: Floats) -> tuple[tuple[FieldSource, ...], tuple[TemperatureSource, ...]]:
-    """Spread the other sources of bodies on coordinates x : (n, 2) [m]: those of fields, and those with a factor."""
+    """Spread the other sources of parts on coordinates x : (n, 2) [m]: those of fields, and those with a factor."""
     by_field, by_temperature = [], []
-    for b, body in enumerate(bodies):
+    for b, body in enumerate(parts):
         if is_plain(body) or body.Q_T.is_zero:
             continue
-        own = [(block, shape) for block, shape in zip(volume.blocks, shapes, strict=True) if block.body == b]
+        own = [(block, shape) for block, shape in zip(volume.blocks, shapes, strict=True) if block.part == b]
         if body.Q_T_factor is not None:
             by_temperature += [TemperatureSource(b, block, body.Q_T_factor, shape.dV,
                                                  _at_quadrature(body.Q_T, block, x)) for block, shape in own]
@@ -148,7 +148,7 @@ class PairFactors(NamedTuple):
 class ThermalLoads:
     """Boundary data at one time, each in the order of the model: numbers, but for fields that depend on place.
 
-    Q_T [W/m3] of bodies.  fluxes [W/m2].  prescribed : temperatures [K].
+    Q_T [W/m3] of parts.  fluxes [W/m2].  prescribed : temperatures [K].
     """
 
     Q_T: tuple[Level, ...]
@@ -168,7 +168,7 @@ def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Thermal
         return factors[name] if name else 1.0
 
     return ThermalLoads(
-        tuple(now(b.Q_T) for b in model.bodies),
+        tuple(now(b.Q_T) for b in model.parts),
         tuple(now(b.value, b.name) for b in model.fluxes),
         tuple(FilmLevels(now(b.h, b.name), now(b.Te)) for b in model.films),
         # fault: factor of radiation forgotten -> tuple(RadiatorLevels(1.0, now(b.T_inf)) for b in model.radiators), |

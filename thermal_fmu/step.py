@@ -169,7 +169,8 @@ def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt
         through += w / stage.a * s.balance.R[scene.fixed]
     each = sum((w * dt * s.balance.each for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms),
-                np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]))
+                np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]),
+                solved[-1].balance.moved)
 
 
 # Local error
@@ -231,5 +232,5 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     each = np.concatenate([of_prescribed, 0.0 * solved.balance.each])
     # fault: entropy part at fixed nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
     #   terms, each) | thermal_fmu/test_thermal_entropy
-    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each)
+    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each, solved.balance.moved)
     return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)

@@ -319,11 +319,11 @@ def friction_power(points: ContactPoints, slave_fraction: Floats, E: Floats, int
     return FrictionHeat(slave / h, master / h, pairs / h)
 
 
-def slave_fraction(points: ContactPoints, pairs: Sequence[ThermalPair | None], bodies: Sequence[ThermalBody],
-                   node_body: NDArray[np.int32], at: NodalFields) -> Floats:
+def slave_fraction(points: ContactPoints, pairs: Sequence[ThermalPair | None], parts: Sequence[ThermalBody],
+                   interface: Interface, at: NodalFields) -> Floats:
     """Return (n_p,) the slave's part of friction heat: the pair's friction.share, else e_s/(e_s + e_m).
 
-    node_body : (n_nodes,) body of each node.  e : effusivities sqrt(k rho c); half-spaces that slide take heat by them
+    parts : of interface.parts.  e : effusivities sqrt(k rho c); half-spaces that slide take heat by them
     while their surfaces stay equally warm.  at : the start of the substep.
     """
     out = np.empty(points.pair.size)
@@ -333,17 +333,23 @@ def slave_fraction(points: ContactPoints, pairs: Sequence[ThermalPair | None], b
         if friction is not None and friction.share is not None:
             out[of] = friction.share
         elif of.size:
-            e_s, e_m = (_effusivity(points.nodes[of, side], N[of], bodies[node_body[points.nodes[of[0], side][0]]], at)
+            e_s, e_m = (_effusivity(points.nodes[of, side], N[of], parts, interface, at)
                         for side, N in ((slice(0, 2), points.N_s), (slice(2, 4), points.N_m)))
             # fault: friction shares swapped -> out[of] = e_m / (e_s + e_m) | thermal_fmu/test_thermal_friction
             out[of] = e_s / (e_s + e_m)
     return out
 
 
-def _effusivity(nodes: NDArray[np.int32], N: Floats, body: ThermalBody, at: NodalFields) -> Floats:
+def _effusivity(nodes: NDArray[np.int32], N: Floats, parts: Sequence[ThermalBody], interface: Interface,
+                at: NodalFields) -> Floats:
+    """(n,) at points of edges with nodes : (n, 2), each of the part its edge is of."""
     T, f_s = ((N * v[nodes]).sum(axis=1) if v is not None else None for v in (at.T, at.f_s))
     assert T is not None
-    return body.material.effusivity(T, f_s)
+    of, out = interface.edge_parts(nodes), np.empty(T.size)
+    for part in np.unique(of):
+        here = of == part
+        out[here] = parts[part].material.effusivity(T[here], None if f_s is None else f_s[here])
+    return out
 
 
 # Conduction between contact quadrature points, touching or apart, Eqs. (8-10)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from contact.half.interface import Interface, Pair, read_interface, write_interface
     from contact.half.linalg import SingularMatrixError, factorise
     from contact.half.model import Discard, Done, HalfModel, Link, Load, Value, Values, Variable
+    from contact.half.start import start_temperatures
     from contact.laws import Law, gap_factor, parse_law
     from contact.messages import Couplings, Facing, Tractions
     from contact.problem.errors import read as read_problem
@@ -31,7 +32,7 @@ __all__ = ["ContactRefusedError", "ContactSurfaces", "Couplings", "Discard", "Do
            "History", "Interface", "Law", "Link", "LinkError", "Load", "Pair", "Property", "Signal",
            "SingularMatrixError", "Tractions", "Value", "Values", "Variable", "build_fmu", "build_main", "factorise",
            "field_from", "gap_factor", "open_link", "parse_law", "property_from", "read_interface", "read_problem",
-           "signal_from",
+           "signal_from", "start_temperatures",
            "write_interface"]
 
 _HOME = {
@@ -41,6 +42,7 @@ _HOME = {
     "contact.half.interface": ("Interface", "Pair", "read_interface", "write_interface"),
     "contact.half.linalg": ("SingularMatrixError", "factorise"),
     "contact.half.model": ("Discard", "Done", "HalfModel", "Link", "Load", "Value", "Values", "Variable"),
+    "contact.half.start": ("start_temperatures",),
     "contact.laws": ("Law", "gap_factor", "parse_law"),
     "contact.messages": ("Couplings", "Facing", "Tractions"),
     "contact.problem.errors": ("read_problem",),

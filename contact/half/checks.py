@@ -10,15 +10,21 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact.half.functions import field_from, property_from
 from contact.half.interface import Interface
 from contact.half.prescribed import conflicts
+from contact.half.start import start_temperature, start_temperatures
 from contact.problem.boundary import FORCES, HELD, Supported
 from contact.problem.curves import FieldSum, Polynomial
 from contact.problem.errors import Wrong
 from contact.problem.material import Axes, Material
+from contact.problem.regions import regions_in
+from contact.problem.start import AtNodes, Course
 from contact.problem.values import At, did_you_mean
+
+Floats = NDArray[np.float64]
 
 if TYPE_CHECKING:
     # A half reads one of the two: it need not load the other.
@@ -42,6 +48,12 @@ def _bodies(interface: Interface, bodies: Mapping[str, Any], materials: Mapping[
     for name, body in bodies.items():
         yield from known(name, interface.bodies, ("bodies", name), "body")
         yield from known(body.material, materials, ("bodies", name, "material"), "material")
+        if not hasattr(body, "regions"):
+            return  # a half of rods: no regions reach it
+        for region, part in (body.regions or {}).items():
+            yield from known(part.material, materials, ("bodies", name, "regions", region, "material"), "material")
+    if (stated := set(regions_in(bodies))) != set(interface.regions):
+        yield Wrong(("bodies",), f"the regions {sorted(stated)} are not those of the mesh, {sorted(interface.regions)}")
 
 
 def needed(half: str, materials: Mapping[str, Material], used: Iterable[str],
@@ -82,11 +94,34 @@ def thermal_wrongs(problem: ThermalProblem, interface: Interface) -> Iterator[Wr
     yield from places(interface, problem.boundary)
     yield from _pairs(interface, problem.pairs, "pairs")
     for i, b in enumerate(problem.boundary):
+        if b.body is not None:
+            yield from known(b.body, interface.bodies, ("boundary", i, "body"), "body")
         h = None if b.convection is None else field_from(b.convection.h)
         if h is not None and h.is_uniform and h.least is not None and h.least < 0.0:
             yield Wrong(("boundary", i, "convection", "h"), f"must not be less than 0, but reaches {h.least:g}")
-    used = (body.material for body in problem.bodies.values())
+    used = (part.material for part in problem.parts.values())
     yield from needed(problem.half, problem.materials, used, dict.fromkeys(("rho", "k", "c"), ""))
+    yield from _one_melt(problem, interface)
+
+
+def _one_melt(problem: ThermalProblem, interface: Interface) -> Iterator[Wrong]:
+    """Regions that meet and do not melt alike: one unknown a node cannot tell how far each of two has melted."""
+    melts = {name: made.latent for name, part in problem.parts.items()
+             if (made := problem.materials.get(part.material)) is not None and name in interface.parts}
+    if not any(melts.values()):
+        return
+    for name in interface.regions:
+        body, region = name.split(".", 1)
+        own = interface.part_nodes(interface.parts.index(name))
+        for k in np.flatnonzero(interface.part_body == interface.bodies.index(body)):
+            other = interface.parts[k]
+            # fault: regions that melt apart share their nodes -> if False: |
+            #   coupler/test_regions::test_a_region_may_melt_beside_one_that_melts_alike
+            if melts.get(other) != melts.get(name) and np.intersect1d(own, interface.part_nodes(int(k))).size:
+                yield Wrong(("bodies", body, "regions", region, "material"), "it melts otherwise than what it shares "
+                            f"nodes with ({other})", "Give both the same latent heat, or make it a body of its own, "
+                            "with contact.")
+                break
 
 
 def thermal_start_wrongs(problem: ThermalProblem, interface: Interface) -> Iterator[Wrong]:
@@ -101,11 +136,19 @@ def thermal_start_wrongs(problem: ThermalProblem, interface: Interface) -> Itera
 def _temperatures_once(problem: ThermalProblem) -> Iterator[Wrong]:
     """Places with two prescribed temperatures, of which one would be ignored."""
     seen: dict[str, int] = {}
+    whole = {b.body: i for i, b in reversed(list(enumerate(problem.boundary))) if b.body is not None}
     for i, b in enumerate(problem.boundary):
+        body = b.where.split(".")[0]
+        # fault: a temperature on a body whose temperature is given, ignored -> if False: |
+        #   coupler/test_given_temperatures::test_what_is_given_twice_or_nowhere_is_refused
+        if b.temperature is not None and b.body is None and body in whole:
+            yield Wrong(("boundary", i, "at" if b.on is None else "on"),
+                        f"the temperature of all of {body} is already prescribed by entry {whole[body]}",
+                        "Keep one of the two.")
         # fault: two temperatures on one place, the first ignored -> if b.temperature is not None and
         #   seen.setdefault(b.where, i) > i: | coupler/test_scenario_thermal
         if b.temperature is not None and seen.setdefault(b.where, i) != i:
-            yield Wrong(("boundary", i, "at" if b.on is None else "on"),
+            yield Wrong(("boundary", i, "body" if b.body else "at" if b.on is None else "on"),
                         f"the temperature of {b.where} is already prescribed by entry {seen[b.where]}",
                         "Keep one of the two; a temperature that changes in time is one SIGNAL.")
 
@@ -118,7 +161,7 @@ def _steady_is_held(problem: ThermalProblem, interface: Interface) -> Iterator[W
     # fault: a flux taken for something that holds a steady temperature -> held = {body for b in problem.boundary for
     #   body in _bodies_at(interface, b.where)} | coupler/test_scenario_thermal
     held = {body for b in problem.boundary if b.flux is None for body in _bodies_at(interface, b.where)}
-    held |= {name for name, body in problem.bodies.items() if body.Q_T_factor is not None}
+    held |= {name.split(".")[0] for name, part in problem.parts.items() if part.Q_T_factor is not None}
     pairs = [{side.split(".")[0] for side in (p.slave, p.master)} for p in interface.pairs
              if (data := problem.pairs.get(p.name)) and (data.conduction is not None or data.radiation is not None)]
     while reached := [sides for sides in pairs if sides & held and not sides <= held]:
@@ -131,7 +174,9 @@ def _steady_is_held(problem: ThermalProblem, interface: Interface) -> Iterator[W
 
 
 def _bodies_at(interface: Interface, where: str) -> set[str]:
-    """The bodies that a surface or node set belongs to."""
+    """The bodies that a surface or node set belongs to; a body itself."""
+    if where in interface.bodies:
+        return {where}
     nodes = interface.surfaces.get(where, interface.node_sets.get(where))
     return set() if nodes is None else {interface.bodies[i] for i in np.unique(interface.node_body[nodes]) if i >= 0}
 
@@ -142,14 +187,24 @@ def _surfaces_work_at_start(problem: ThermalProblem, interface: Interface) -> It
         if not isinstance(spec, Polynomial):
             continue
         for body in sorted(_bodies_at(interface, surface) & set(problem.bodies)):
-            # fault: an emissivity is held against the first body's T0 -> value =
-            #   float(property_from(spec)(np.array([next(iter(problem.bodies.values())).T0]))[0]) |
-            #   coupler/test_scenario_thermal
-            value = float(property_from(spec)(np.array([problem.bodies[body].T0]))[0])
-            if not (0.0 < value <= most or (value == 0.0 and most == inf)):
+            # fault: an emissivity is held against the first body's T0 -> values = property_from(spec)(np.array(
+            #   [next(iter(problem.bodies.values())).T0])) | coupler/test_scenario_thermal
+            values = property_from(spec)(_at_start(problem, interface, body, surface))
+            wrong = values[~((values > 0.0) & (values <= most) | ((values == 0.0) & (most == inf)))]
+            if wrong.size:
                 must = "must not be negative" if most == inf else f"must be greater than zero and at most {most:g}"
-                yield Wrong(key, f"is {value:g} at the T0 of body {body!r}, but {must}",
+                yield Wrong(key, f"is {wrong[0]:g} at the T0 of body {body!r}, but {must}",
                             "Mind T_ref: a polynomial counts temperatures from there.")
+
+
+def _at_start(problem: ThermalProblem, interface: Interface, body: str, surface: str) -> Floats:
+    """Temperatures (n,) [K] that a body has on a surface at the start."""
+    nodes = np.unique(interface.surfaces[surface] if surface in interface.surfaces else interface.node_sets[surface])
+    own = nodes[interface.node_body[nodes] == interface.bodies.index(body)]
+    if not interface.regions:
+        return start_temperature(problem.bodies[body].T0, interface, own)
+    parts = problem.parts
+    return start_temperatures(interface, [parts[name].T0 for name in interface.parts])[own]
 
 
 def _polynomials(problem: ThermalProblem, interface: Interface) -> Iterator[tuple[object, At, str, float]]:
@@ -180,6 +235,8 @@ def least(field: Any, interface: Interface, where: str) -> float:
     """Return the smallest value of a field at the nodes of a place in the reference, at any time; inf for no place."""
     made = field_from(field)
     nodes = interface.surfaces.get(where, interface.node_sets.get(where))
+    if where in interface.bodies:
+        nodes = np.flatnonzero(interface.node_body == interface.bodies.index(where)).astype(np.int32)
     if nodes is None:
         return inf
     x = interface.nodes[np.unique(nodes)]
@@ -202,6 +259,10 @@ def station_wrongs(problem: ThermalProblem, word: str) -> Iterator[Wrong]:
         if isinstance(body.Q_T, FieldSum):
             yield Wrong(("bodies", name, "Q_T"), f"the half {word!r} takes data that depend on time alone",
                         "Write a number or a signal.")
+        yield from _start_of_stations(name, body.T0, word)
+        if body.regions:
+            yield Wrong(("bodies", name, "regions"), f"the half {word!r} has no regions", "Choose the half thermal, or "
+                        "make each a body, with contact.")
     for name, material in problem.materials.items():
         if isinstance(material.k, Axes):
             yield Wrong(("materials", name, "k"), f"k has two axes, of which the half {word!r} knows one",
@@ -209,9 +270,19 @@ def station_wrongs(problem: ThermalProblem, word: str) -> Iterator[Wrong]:
     for i, b in enumerate(problem.boundary):
         film = b.convection
         data = (b.temperature, b.flux, film and film.h, film and film.T, b.radiation and b.radiation.T)
-        if any(isinstance(field, FieldSum) for field in data):
+        if any(isinstance(field, FieldSum | Course) for field in data):
             yield Wrong(("boundary", i), f"the half {word!r} takes data that depend on time alone",
                         "Write a number or a signal.")
+
+
+def _start_of_stations(name: str, T0: Any, word: str) -> Iterator[Wrong]:
+    """A start that differs where such a half has one temperature."""
+    along = isinstance(T0, FieldSum) and all(term.y is None for term in T0.terms)
+    if isinstance(T0, AtNodes) or (isinstance(T0, FieldSum) and not (along and word in ("rod", "thermal_rod"))):
+        one = "one temperature a body" if word == "lumped" else "one temperature at each x"
+        yield Wrong(("bodies", name, "T0"), f"the half {word!r} has {one}",
+                    "Write a number, or choose the half thermal." if word == "lumped" else
+                    "Write a number or terms of x, or choose the half thermal.")
 
 
 # The mechanical halves
@@ -222,7 +293,7 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     yield from _bodies(interface, problem.bodies, problem.materials)
     yield from _pairs(interface, problem.pairs, "pairs")
     soft = [pair.name for pair in interface.pairs if not pair.eps_N > 0.0]
-    if all(body.material in problem.materials for body in problem.bodies.values()):
+    if all(part.material in problem.materials for part in problem.parts.values()):
         for name in soft:
             yield Wrong(("pairs", name), "no penalty can be found, because a body has no E",
                         "State E of both bodies' materials, or the penalty [Pa/m].")
@@ -237,9 +308,17 @@ def elastic_wrongs(problem: ElasticProblem, interface: Interface) -> Iterator[Wr
     if problem.gravity is not None and any(b.name == problem.gravity.name for b in problem.boundary if b.name):
         yield Wrong(("gravity", "name"), f"the name {problem.gravity.name!r} is already that of a boundary condition",
                     "Each named condition is one input load.<name>.")
+    for name, body in problem.bodies.items():
+        used_here = dict.fromkeys((body.material, *(part.material for part in (body.regions or {}).values())))
+        rho = {problem.materials[used].rho for used in used_here if used in problem.materials}
+        # fault: a rigid body of two densities moves about the middle of its volume -> if False: |
+        #   coupler/test_regions::test_halves_without_regions_refuse_them
+        if problem.inert and body.rigid and len(rho) > 1:
+            yield Wrong(("bodies", name, "regions"), "a rigid body with inertia has one density",
+                        "Give its regions materials of the same rho, or let it deform.")
     if problem.state == "plane_stress" and interface.axisymmetric:
         yield Wrong(("state",), "plane stress is of plane geometry", "This scene is axisymmetric.")
-    used = (body.material for body in problem.bodies.values())
+    used = (part.material for part in problem.parts.values())
     weighed = {"inertia": problem.inert, "gravity": problem.gravity is not None, "adiabatic": problem.adiabatic}
     why = ", ".join(name for name, is_so in weighed.items() if is_so)
     needs = ({} if soft else {"E": ""}) | {"nu": ""} | ({"rho": why} if why else {})

@@ -68,6 +68,9 @@ class Interface:
     surfaces : name -> (n_edges, 2) node numbers, the body on the left hand going from first to second node, so the
         outward normal of an edge with tangent (tx, ty) is (ty, -tx).  Named "body.surface".
     node_sets : name -> node numbers.
+    regions : of bodies with more than one material, start or source, "body.region".  *_region : (n_quads,),
+        (n_triangles,) index into regions, -1 where a cell is of its body alone; None without regions.
+    start : name -> what another run left, a row a node, NaN where a body takes nothing: "T" (n_nodes,) [K].
     """
 
     geometry: str
@@ -81,6 +84,10 @@ class Interface:
     surfaces: dict[str, Ints]
     node_sets: dict[str, Ints] = field(default_factory=dict)
     pairs: tuple[Pair, ...] = ()
+    regions: tuple[str, ...] = ()
+    quad_region: Ints | None = None
+    triangle_region: Ints | None = None
+    start: dict[str, Floats] = field(default_factory=dict)
 
     @property
     def axisymmetric(self) -> bool:
@@ -126,10 +133,55 @@ class Interface:
         return body
 
     @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """What has a material, a start and a source of its own: the bodies, then the regions."""
+        return (*self.bodies, *self.regions)
+
+    @cached_property
+    def part_body(self) -> Ints:
+        """Return the index (n_parts,) of the body each part belongs to."""
+        owners = [self.bodies.index(name.split(".")[0]) for name in self.regions]
+        return np.array([*range(len(self.bodies)), *owners], dtype=np.int32)
+
+    @cached_property
+    def quad_part(self) -> Ints:
+        """Return the index (n_quads,) of the part each quad belongs to."""
+        return _part(self.quad_body, self.quad_region, len(self.bodies))
+
+    @cached_property
+    def triangle_part(self) -> Ints:
+        """Return the index (n_triangles,) of the part each triangle belongs to."""
+        return _part(self.triangle_body, self.triangle_region, len(self.bodies))
+
+    def part_nodes(self, part: int) -> Ints:
+        """Return the nodes (n,) of the cells of a part, ascending, each once; parts share nodes where they meet."""
+        return np.unique(np.concatenate([self.quads[self.quad_part == part].ravel(),
+                                         self.triangles[self.triangle_part == part].ravel()])).astype(np.int32)
+
+    def edge_parts(self, edges: Ints) -> Ints:
+        """Return the part (m,) whose cell has each edge : (m, 2) node numbers, in the direction of its surface."""
+        if not self.regions:
+            return self.node_body[edges[:, 0]]
+        n = len(self.nodes)
+        keys, owners = self._directed_edges
+        return owners[np.searchsorted(keys, edges.astype(np.int64) @ (n, 1))]
+
+    @cached_property
+    def _directed_edges(self) -> tuple[NDArray[np.int64], Ints]:
+        """Every edge of every cell, its cell on the left, as one ascending number; and the part of that cell."""
+        edges = np.concatenate([np.stack([c, np.roll(c, -1, axis=1)], axis=-1).reshape(-1, 2)
+                                for c in (self.quads, self.triangles)]).astype(np.int64)
+        owners = np.concatenate([np.repeat(self.quad_part, 4), np.repeat(self.triangle_part, 3)])
+        keys = edges @ (len(self.nodes), 1)
+        order = np.argsort(keys)
+        return keys[order], owners[order].astype(np.int32)
+
+    @cached_property
     def mesh_hash(self) -> str:
-        """Hash of geometry, nodes and cells: both halves of a run must have the same."""
+        """Hash of geometry, nodes, cells and regions: both halves of a run must have the same."""
+        of_regions = (json.dumps(self.regions).encode(), self.quad_part, self.triangle_part) if self.regions else ()
         return _hash(self.geometry.encode(), self.nodes, self.quads, self.triangles, self.quad_body,
-                     self.triangle_body)
+                     self.triangle_body, *of_regions)
 
     @cached_property
     def surfaces_hash(self) -> str:
@@ -138,6 +190,10 @@ class Interface:
         names = sorted({n for p in self.pairs for n in (p.slave, p.master)})
         return _hash(self.geometry.encode(), text.encode(), self.contact_nodes,
                      self.nodes[self.contact_nodes], *(self.surfaces[n] for n in names))
+
+
+def _part(body: Ints, region: Ints | None, n_bodies: int) -> Ints:
+    return body if region is None else np.where(region < 0, body, n_bodies + region).astype(np.int32)
 
 
 def _hash(*parts: bytes | Floats | Ints) -> str:
@@ -157,7 +213,11 @@ def write_interface(interface: Interface, path: Path) -> None:
                        pairs=json.dumps([vars(p) for p in interface.pairs]))
         for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
             f[name] = getattr(interface, name)
-        for group in ("surfaces", "node_sets"):
+        if interface.regions:
+            f.attrs["regions"] = json.dumps(interface.regions)
+            f["quad_region"], f["triangle_region"] = interface.quad_region, interface.triangle_region
+        groups = ("surfaces", "node_sets", *(("start",) if interface.start else ()))
+        for group in groups:
             f.create_group(group, track_order=True)
             for name, value in getattr(interface, group).items():
                 f[group].create_dataset(name, data=value)
@@ -169,6 +229,8 @@ def read_interface(path: Path) -> Interface:
         with h5py.File(path, "r") as f:
             if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
                 raise ValueError(f"{path}: not a {FORMAT} file of version {FORMAT_VERSION}")
+            regions = {k: f[k][()].astype(np.int32) for k in ("quad_region", "triangle_region")
+                       if "regions" in f.attrs}
             return Interface(
                 geometry=str(f.attrs["geometry"]),
                 nodes=f["nodes"][()].astype(np.float64),
@@ -178,6 +240,8 @@ def read_interface(path: Path) -> Interface:
                 surfaces={k: v[()].astype(np.int32) for k, v in f["surfaces"].items()},
                 node_sets={k: v[()].astype(np.int32) for k, v in f["node_sets"].items()},
                 pairs=tuple(Pair(**p) for p in json.loads(f.attrs["pairs"])),
+                regions=tuple(json.loads(f.attrs.get("regions", "[]"))), **regions,
+                start={k: v[()].astype(np.float64) for k, v in f.get("start", {}).items()},
             )
     except (OSError, KeyError, TypeError) as exc:
         raise ValueError(f"{path}: not a readable {FORMAT} file ({exc})") from exc

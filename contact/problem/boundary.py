@@ -10,6 +10,7 @@ from contact.problem.part import Entry, Part
 from contact.problem.values import Name, NotNegative, Positive, Text, problem
 
 FORMAT = 2  # of model.json
+UNEVEN = 3  # of one in which a body starts unevenly: a half that reads only 2 must not take it for another
 # Keys of conditions of the elastic half, by kind; their place is the component.
 MOTIONS, TRACTIONS, FORCES, WEIGHTS = ("u_x", "u_y", "angle"), ("t_x", "t_y"), ("f_x", "f_y", "moment"), ("b_x", "b_y")
 # All that prescribes a displacement.

@@ -179,7 +179,8 @@ class FieldSum(Part):
         return self
 
 
-def _field_form(value: Any) -> str:
+def field_form(value: Any) -> str:
+    """Return the tag of what stands for a field."""
     if isinstance(value, FieldSum):
         return "<terms>"
     # A term without its list belongs here too: the answer then is the key `terms`.
@@ -197,5 +198,5 @@ def phased_form(value: Any) -> str:
 
 APhases = Annotated[Phases, Tag("<phases>")]
 FieldSpec = Annotated[ANumber | ASignalName | ASignalTable | Annotated[FieldSum, Tag("<terms>")],
-                      Discriminator(_field_form)]
+                      Discriminator(field_form)]
 PhasedSpec = Annotated[ANumber | APropertyTable | APolynomial | APhases, Discriminator(phased_form)]

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from contact.problem.boundary import FORMAT
+from contact.problem.boundary import FORMAT, UNEVEN
 from contact.problem.part import Part
 from contact.problem.values import At, did_you_mean
 
@@ -92,8 +92,9 @@ def read(cls: type[P], model: Mapping[str, Any], *kinds: str) -> P:
     Raises ValueError that names every key that is wrong and what would do.
     """
     half, form = model.get("half"), model.get("format")
-    if half not in kinds or form != FORMAT:
-        raise ValueError(f"model.json: half {half!r}, format {form!r} is not {' or '.join(kinds)}, {FORMAT}")
+    if half not in kinds or form not in (FORMAT, UNEVEN):
+        raise ValueError(f"model.json: half {half!r}, format {form!r} is not {' or '.join(kinds)}, {FORMAT} or "
+                         f"{UNEVEN}")
     try:
         return cls.model_validate(model)
     except ValidationError as exc:

@@ -13,6 +13,8 @@ from contact.problem.curves import FieldSpec, SignalSpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.regions import regions_in
+from contact.problem.start import StartSpec
 from contact.problem.values import Count, Flag, Name, Number, Positive, Text, Whole, problem
 
 MOST_CUTS = 12  # 2^-12 of a step is no step any more
@@ -270,45 +272,69 @@ class BodyMaterial(Part):
     material: Annotated[Name, Entry("what it is made of", kind="name")]
 
 
+class ElasticRegion(Part):
+    """What the elastic half knows of a region of a body."""
+
+    material: Annotated[Name, Entry("what it is made of", kind="name")]
+    drawn_at: Annotated[StartSpec | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
+                                              default="at T_ref, solid")] = None
+
+
 class ElasticBody(BodyOptions):
     """What the elastic half knows of a body beside its mesh."""
 
     material: Annotated[Name, Entry("what it is made of", kind="name")]
-    drawn_at: Annotated[Number | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
-                                           default="at T_ref, solid")] = None
+    drawn_at: Annotated[StartSpec | None, Entry("the temperature at which it has the shape of the mesh", "K", above=0.0,
+                                              default="at T_ref, solid")] = None
+    regions: Annotated[dict[Name, ElasticRegion] | None, Entry("cells with a material of their own",
+                                                               default="none")] = None
 
 
 class ElasticProblem(ElasticSettings):
     """The model.json of the half `elastic`: SI, kelvin, signals written out."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
     materials: Annotated[dict[Name, Material], Entry("by name")]
     bodies: Annotated[dict[Name, ElasticBody], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(
         default_factory=dict)
 
 
+    @property
+    def parts(self) -> dict[str, ElasticBody | ElasticRegion]:
+        """What has a material: the bodies, then their regions as "body.region"."""
+        return {**self.bodies, **regions_in(self.bodies)}
+
+
 class RigidProblem(Rigid):
     """The model.json of the half `rigid`."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
 
 
 class RodProblem(Rod):
     """The model.json of the half `mechanical_rod`."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
     materials: Annotated[dict[Name, Material], Entry("by name")]
     bodies: Annotated[dict[Name, BodyMaterial], Entry("by name")]
+
+
+class ForeignRegion(ElasticRegion):
+    """What a mechanical half of another package is told of a region."""
+
+    T0: Annotated[StartSpec, Entry("at time 0", "K")]
 
 
 class ForeignBody(ElasticBody):
     """What a mechanical half of another package is told of a body."""
 
-    T0: Annotated[Number, Entry("at time 0", "K")]
+    T0: Annotated[StartSpec, Entry("at time 0", "K")]
+    regions: Annotated[dict[Name, ForeignRegion] | None, Entry(
+        "cells with a material of their own")] = None  # type: ignore[assignment]
 
 
 class ForeignMechanical(ElasticProblem):

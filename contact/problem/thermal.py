@@ -12,6 +12,8 @@ from contact.problem.curves import FieldSpec, PropertySpec
 from contact.problem.material import Material
 from contact.problem.pairs import ContactPair, PairData
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.regions import regions_in
+from contact.problem.start import FromFrames, GivenSpec, StartSpec
 from contact.problem.values import Name, NotNegative, Number, Positive, Text, Whole, problem
 
 MOST_INCREMENTS = 100_000  # a count beyond this is a slip of the pen
@@ -75,19 +77,32 @@ CONDITIONS = ("temperature", "flux", "convection", "radiation")
 
 
 class ThermalBoundary(Supported):
-    """One condition on a surface, or a temperature at a point."""
+    """One condition on a surface, or a temperature at a point or of a whole body."""
 
-    temperature: Annotated[FieldSpec | None, Entry("prescribed", "K", temperature=True)] = None
+    body: Annotated[Name | None, Entry("the place, all of a body: its temperature is given, not solved for",
+                                       kind="name")] = None
+    temperature: Annotated[GivenSpec | None, Entry("prescribed; of a body also that of another run", "K",
+                                                   temperature=True, kind="FIELD, or `{from: run.h5}`")] = None
     flux: Annotated[FieldSpec | None, Entry("into the body", "W/m2")] = None
     convection: Annotated[Convection | None, Entry("a film")] = None
     radiation: Annotated[Radiation | None, Entry("to far surroundings")] = None
 
     @model_validator(mode="after")
     def _one_condition(self) -> ThermalBoundary:
-        exactly_one(self, ("on", "at"))
-        if (kind := exactly_one(self, CONDITIONS)) != "temperature":
+        place = exactly_one(self, ("on", "at", "body"))
+        if (kind := exactly_one(self, CONDITIONS)) != "temperature" and place == "body":
+            raise problem(f"{kind} acts on a surface, not in a body", "Use `on: body.surface`.", at=("body",))
+        if kind != "temperature":
             self.only_on(kind)
+        if isinstance(self.temperature, FromFrames) and place != "body":
+            raise problem("the temperatures of another run are those of a body", "Write `body: NAME`.",
+                          at=("temperature",))
         return self
+
+    @property
+    def where(self) -> str:
+        """The surface, the node set or the body."""
+        return self.body if self.body is not None else super().where
 
 
 class InnerSteps(Part):
@@ -136,14 +151,25 @@ class ThermalSettings(Part):
         return self
 
 
+class RegionHeat(Part):
+    """What the thermal half knows of a region of a body, in full."""
+
+    material: Annotated[Name, Entry("what it is made of", kind="name")]
+    T0: Annotated[StartSpec, Entry("at time 0", "K", temperature=True)]
+    Q_T: Annotated[FieldSpec, Entry("heat source per current volume", "W/m3")] = 0.0
+    Q_T_factor: Annotated[PropertySpec | None, Entry("multiplies `Q_T`, at the local temperature")] = None
+
+
 class BodyHeat(Part):
     """What the thermal half knows of a body beside its mesh."""
 
     material: Annotated[Name, Entry("what it is made of", kind="name")]
-    T0: Annotated[Number, Entry("at time 0", "K", temperature=True)]
+    T0: Annotated[StartSpec, Entry("at time 0", "K", temperature=True)]
     Q_T: Annotated[FieldSpec, Entry("heat source per current volume", "W/m3")] = 0.0
     Q_T_factor: Annotated[PropertySpec | None, Entry("multiplies `Q_T`, at the local temperature",
                                                    default="none: 1")] = None
+    regions: Annotated[dict[Name, RegionHeat] | None, Entry("cells with a material, a start or a source of their own",
+                                                            default="none")] = None
 
     @model_validator(mode="after")
     def _factor_has_a_source(self) -> BodyHeat:
@@ -156,11 +182,16 @@ class ThermalProblem(ThermalSettings):
     """The model.json of a thermal half: SI, kelvin, signals written out."""
 
     half: Annotated[Text, Entry("kind of the half")]
-    format: Annotated[Literal[2], Entry("version of this form")]
+    format: Annotated[Literal[2, 3], Entry("version of this form")]
     materials: Annotated[dict[Name, Material], Entry("by name")]
     bodies: Annotated[dict[Name, BodyHeat], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(
         default_factory=dict)
+
+    @property
+    def parts(self) -> dict[str, BodyHeat | RegionHeat]:
+        """What has a material, a start and a source: the bodies, then their regions as "body.region"."""
+        return {**self.bodies, **regions_in(self.bodies)}
 
 
 class ForeignThermal(ThermalProblem):

@@ -10,7 +10,7 @@ from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.two_cycle import home
 from coupler.rules import engine as rules
-from coupler.schemes.state import PREFIX, CoupledState, Ledger, Settings, Solved, Span
+from coupler.schemes.state import CoupledState, Ledger, Settings, Solved, Span
 from coupler.schemes.sweep import OF_A_SUBSTEP
 
 
@@ -119,7 +119,7 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
         found["error"] = error.error
         for name, parts in (("error", error.shares), ("splitting", error.splitting), ("own", error.own)):
             found |= {f"{name}.{n}": v for n, v in parts.items()}
-    ledger = Ledger().after({n: v for n, v in terms.items() if n.startswith(PREFIX)} for terms in solved.terms)
+    ledger = Ledger().after(solved.terms)
     return found | {"imbalance": ledger.imbalance}
 
 

@@ -255,6 +255,7 @@ def _make(journal: Path, path: Path) -> bool:
         parts = write_field_files(scratch, meta, arrays, frames)
         with h5py.File(part, "w", track_order=True) as f:
             _write(f, meta, told)
+            _write_mesh(f, arrays)
             _write_contact(f, meta, arrays, told)
             _write_outputs(f, meta["field_files"], loose)
         for file in (*parts, part):
@@ -316,6 +317,13 @@ def _write_conditions(f: h5py.File, meta: dict[str, Any], told: Gathered) -> Non
         group[of.name].attrs.update(unit=of.unit, kind=of.kind, place=of.place)
         # fault: conditions in the file are all the first one's -> first = 0 | coupler/test_named_conditions
         first = last
+
+
+def _write_mesh(f: h5py.File, header: Mapping[str, NDArray[Any]]) -> None:
+    """The mesh as it was before anything moved: what another run may start from."""
+    group = f.create_group("mesh", track_order=True)
+    for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
+        group[name] = header[name]
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:

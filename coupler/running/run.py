@@ -362,7 +362,7 @@ class Run:
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
-                "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.terms)],
+                "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.everything)],
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}

@@ -29,14 +29,15 @@ from coupler.scenario.document import (
 )
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
-from coupler.scenario.notes import contact_notes, thermal_notes
+from coupler.scenario.notes import contact_notes, mean_T0, thermal_notes
 from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, wrongs_of
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
-from coupler.scenario.scene import Context, scene_of
+from coupler.scenario.scene import Context, Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.si import ToSI
+from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.versions import notice, with_old_defaults
 
@@ -51,6 +52,7 @@ class Scenario:
     interface : mesh, surfaces and pairs.  signals : the named ones, in the units of the file.
     models : "thermal" and "mechanical" -> model.json (docs/design.md).
     conditions : by name, those whose heat or force a half of this package gives out.
+    starts : what bodies took over from other runs.
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
     """
 
@@ -69,6 +71,7 @@ class Scenario:
     output: Output
     rules: tuple[Rule, ...] = ()
     version_notes: tuple[str, ...] = ()
+    starts: Mapping[str, TakenStart | TakenCourse] = field(default_factory=dict)
     stated: ScenarioFile | None = None
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
 
@@ -81,7 +84,7 @@ class Scenario:
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
         face nothing, laws that do not join, radiation that is missing or counted twice."""
-        found = [*self.version_notes]
+        found = [*self.version_notes, *(start.note for start in self.starts.values())]
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
                 name = str(boundary.get("at", ""))
@@ -91,7 +94,7 @@ class Scenario:
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
         thermal = self.models["thermal"]
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
-                     thermal_notes(thermal, self.interface.pairs))
+                     thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
 
     @property
     def thermal_half(self) -> str:
@@ -215,7 +218,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         text=document.text,
         resolved=document.tree,
         overrides=dict(overrides),
-        hash=_hash(document, file),
+        hash=_hash(document, file, _taken(scene)),
         title=file.title or document.path.stem,
         temperature_unit=file.units.temperature.value,
         interface=scene.interface,
@@ -227,6 +230,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         rules=rules,
         output=output,
         version_notes=tuple(notes),
+        starts=_taken(scene),
         stated=stated,
     )
 
@@ -246,7 +250,8 @@ def _signals(document: Document, file: ScenarioFile, found: DocumentErrors) -> d
 def in_si(file: ScenarioFile, convert: ToSI) -> ScenarioFile:
     """What a file says of bodies, contact and halves, in SI; materials and halves not used stay as they are."""
     foreign = {role for role in ("thermal", "mechanical") if getattr(file, role).half not in OWN[role]}
-    used = set(file.materials) if foreign else {body.material for body in file.bodies.values()}
+    used = set(file.materials) if foreign else {part.material for body in file.bodies.values()
+                                                     for part in body.parts.values()}
     kind = file.mechanical.half
     chosen = ("elastic", "rigid", "rod") if "mechanical" in foreign else (kind,)
     blocks = {name: convert.part(block, ("mechanical", name)) for name in chosen
@@ -273,8 +278,16 @@ def problems_of(c: Context) -> dict[str, Part]:
     return problems
 
 
-def _hash(document: Document, file: ScenarioFile) -> str:
-    """Of the values, not the text: comments, the order of keys and a study change no result; mesh files and FMUs do."""
+def _taken(scene: Scene) -> dict[str, TakenStart | TakenCourse]:
+    """All that came from other runs."""
+    return {**scene.starts, **{f"{body} over time": course for body, course in scene.courses.items()}}
+
+
+def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, TakenStart | TakenCourse]) -> str:
+    """Of the values, not the text: comments, the order of keys and a study change no result.
+
+    Mesh files, FMUs and the results that bodies start from do.
+    """
     # fault: a study makes another scenario -> values = {key: value for key, value in document.tree.items() if key} |
     #   coupler/test_study_run
     values = {key: value for key, value in document.tree.items() if key != "study"}
@@ -285,6 +298,10 @@ def _hash(document: Document, file: ScenarioFile) -> str:
             digest.update(
                 hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest()
             )
+    for start in starts.values():
+        # fault: another run to start from is the same scenario -> pass |
+        #   coupler/test_starts_from_runs::test_another_source_is_another_scenario
+        digest.update(str(start.source["sha256"]).encode())
     for kind in (file.thermal.half, file.mechanical.half):
         if (fmu := fmu_path(kind, document.path.parent)) is not None:
             # fault: an FMU named by its path is not part of the scenario's hash -> pass | coupler/test_fmu_by_path

@@ -16,7 +16,6 @@ from pydantic import StrictBool, model_validator
 from skfem import MeshQuad
 
 from contact.problem.part import Entry, Part, exactly_one
-from contact.problem.thermal import BodyHeat
 from contact.problem.values import Number, Positive, Text, Whole, did_you_mean, problem
 
 # The part of the schema that says what there is: bodies and their meshes.
@@ -71,12 +70,6 @@ class Mesh(Part):
         return self
 
 
-class MeshedBody(BodyHeat):
-    """A body: its mesh, what it is made of, its temperature at the start and the heat made in it."""
-
-    mesh: Annotated[Mesh, Entry("one of `rectangle`, `file`")]
-
-
 # The mesh of one body, whatever it came from, and what makes its cells fit to be solved on.
 
 Floats = NDArray[np.float64]
@@ -102,6 +95,7 @@ class BodyMesh:
     nodes : (n, 2) [m].  quads : (n_q, 4), triangles : (n_t, 3), anticlockwise.
     surfaces : name -> (n_edges, 2), the body on the left.  node_sets : name -> node numbers.
     points : name -> (2,) [m], places with a name, whether a node is there or not.
+    groups : named groups of cells, name -> (rows of quads, rows of triangles).
     """
 
     nodes: Floats
@@ -110,6 +104,7 @@ class BodyMesh:
     surfaces: Mapping[str, Ints]
     node_sets: Mapping[str, Ints] = field(default_factory=dict)
     points: Mapping[str, Floats] = field(default_factory=dict)
+    groups: Mapping[str, tuple[Ints, Ints]] = field(default_factory=dict)
 
 
 def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:
@@ -150,8 +145,11 @@ MAX_BYTES = 500_000_000
 Groups = dict[str, dict[str, NDArray[np.int64]]]
 
 
-def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
-    """Mesh a body from a file beside the scenario.  Raises MeshError, with what to do."""
+def file_mesh(spec: MeshFile, folder: Path, *, with_regions: bool = False) -> BodyMesh:
+    """Mesh a body from a file beside the scenario.  Raises MeshError, with what to do.
+
+    with_regions : lines inside it, where its regions meet, are no surfaces and left out.
+    """
     raw = _read(mesh_path(spec, folder))
     cells, groups = _blocks(raw)
     # fault: unit of a mesh file ignored -> points = _in_plane(np.asarray(raw.points, dtype=float)) |
@@ -165,13 +163,15 @@ def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
                 at=("file", "region"),
             )
         for kind in ("quad", "triangle"):
-            cells[kind] = cells[kind][groups[kind].get(spec.region, np.empty(0, dtype=np.int64))]
+            taken = groups[kind].get(spec.region, np.empty(0, dtype=np.int64))
+            cells[kind] = cells[kind][taken]
+            groups[kind] = {name: np.flatnonzero(np.isin(taken, rows)) for name, rows in groups[kind].items()}
     if not len(cells["quad"]) + len(cells["triangle"]):
         raise MeshError("the file has no quads and no triangles", at=("file", "path"))
     quads, triangles = (anticlockwise(points, cells[kind], kind) for kind in ("quad", "triangle"))
     used = np.unique(np.concatenate([quads.ravel(), triangles.ravel()]))
     surfaces = dict(
-        _surfaces(cells["line"], groups["line"], quads, triangles, lenient=spec.region is not None)
+        _surfaces(cells["line"], groups["line"], quads, triangles, lenient=spec.region is not None or with_regions)
     )
     sets = {name: np.intersect1d(cells["vertex"][rows], used) for name, rows in groups["vertex"].items()}
     sets |= {name: np.intersect1d(np.asarray(ids), used) for name, ids in (raw.point_sets or {}).items()}
@@ -193,7 +193,16 @@ def file_mesh(spec: MeshFile, folder: Path) -> BodyMesh:
 
     node_sets = {name: renumbered(ids) for name, ids in sets.items() if ids.size}
     return BodyMesh(points[used], renumbered(quads), renumbered(triangles),
-                    {name: renumbered(edges) for name, edges in surfaces.items()}, node_sets)
+                    {name: renumbered(edges) for name, edges in surfaces.items()}, node_sets,
+                    groups=_cell_groups(groups))
+
+
+def _cell_groups(groups: Groups) -> dict[str, tuple[Ints, Ints]]:
+    """The named groups of cells: name -> (rows of quads, rows of triangles)."""
+    none = np.empty(0, dtype=np.int64)
+    names = dict.fromkeys((*groups["quad"], *groups["triangle"]))
+    return {name: (groups["quad"].get(name, none).astype(np.int32), groups["triangle"].get(name, none).astype(np.int32))
+            for name in names}
 
 
 def _given_twice(path: Path) -> list[str]:

@@ -12,6 +12,7 @@ from contact.half.diagnostics import facing_at, start_notes
 from contact.half.functions import property_from
 from contact.half.gap_area import gap_areas
 from contact.half.interface import Interface, Pair, register_message, search_depth
+from contact.half.start import mean_start
 from contact.laws import branch_jump, closed_conductance, open_conductance, parse_law
 from coupler.scenario.probes import locate
 
@@ -21,25 +22,25 @@ JOINED = 1e-6
 Model = Mapping[str, Any]
 
 
-def thermal_notes(model: Model, pairs: Iterable[Pair]) -> list[str]:
+def thermal_notes(model: Model, pairs: Iterable[Pair], T: float) -> list[str]:
     """A sentence each: conductance that jumps at touch, radiation missing or counted twice, gaps never seen.
 
     model : model.json of the thermal half (of another package: nothing is found in it).  pairs : of the scene.
+    T : the mean over the bodies at the start [K].
     """
     known, pairs = model.get("pairs", {}), list(pairs)
-    own = [note for pair in pairs for note in (*_torn_laws(model, pair.name, known.get(pair.name, {})),
+    own = [note for pair in pairs for note in (*_torn_laws(pair.name, known.get(pair.name, {}), T),
                                                *_radiation(model, pair, known.get(pair.name, {})),
                                                *_out_of_sight(model, pair, known.get(pair.name, {})))]
     return own + _unlit(model, pairs)
 
 
-def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
+def _torn_laws(name: str, pair: Model, T: float) -> list[str]:
     """A pair whose conductance jumps when it touches (physics wants h(g -> 0+) = h(p -> 0+))."""
     laws = pair.get("conduction", {})
     if laws.get("closed") is None or laws.get("open") is None:
         return []
     closed, opened = parse_law(laws["closed"]), parse_law(laws["open"])
-    T = _mean_T0(model)
     h = float(closed_conductance(closed, 0.0, T)[0])
     jump = branch_jump(closed, opened, T)
     if abs(jump) <= JOINED * max(abs(h), abs(h - jump)):
@@ -48,8 +49,14 @@ def _torn_laws(model: Model, name: str, pair: Model) -> list[str]:
             "there let windows stay large"]
 
 
-def _mean_T0(model: Model) -> float:
-    return float(np.mean([body["T0"] for body in model["bodies"].values()]))
+def mean_T0(model: Model, interface: Interface) -> float:
+    """Return the mean [K] over the bodies of what each has at the start."""
+    return float(np.mean([_body_start(interface, name, body["T0"]) for name, body in model["bodies"].items()]))
+
+
+def _body_start(interface: Interface, name: str, T0: Any) -> float:
+    """The mean [K] over the nodes of a body at the start; the number itself where it is one."""
+    return mean_start(T0, interface, np.flatnonzero(interface.node_body == interface.bodies.index(name)))
 
 
 def _unlit(model: Model, pairs: Iterable[Pair]) -> list[str]:
@@ -118,18 +125,19 @@ def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> li
 
     thermal, mechanical : model.json of the halves (of another package: what is not found in them is not told).
     """
-    return (overlap_notes(interface) + start_notes(interface, _stiffness(thermal, mechanical))
+    return (overlap_notes(interface) + start_notes(interface, _stiffness(interface, thermal, mechanical))
             + ray_notes(interface, thermal))
 
 
-def _stiffness(thermal: Model, mechanical: Model) -> dict[str, float]:
+def _stiffness(interface: Interface, thermal: Model, mechanical: Model) -> dict[str, float]:
     """Body -> E [Pa] at its T0, of the bodies that deform."""
     found = {}
     for name, body in mechanical.get("bodies", {}).items():
-        E = mechanical.get("materials", {}).get(body.get("material"), {}).get("E")
         T0 = thermal.get("bodies", {}).get(name, {}).get("T0")
-        if E is not None and T0 is not None and not body.get("rigid", False):
-            found[name] = float(property_from(E)(np.array([T0]))[0])
+        made_of = dict.fromkeys((body.get("material"), *(r["material"] for r in body.get("regions", {}).values())))
+        E = [mechanical.get("materials", {}).get(material, {}).get("E") for material in made_of]
+        if T0 is not None and None not in E and not body.get("rigid", False):
+            found[name] = min(float(property_from(e)(np.array([_body_start(interface, name, T0)]))[0]) for e in E)
     return found
 
 
@@ -207,6 +215,6 @@ def _gap_conductances(interface: Interface, thermal: Model) -> list[float]:
     for k, pair in enumerate(interface.pairs):
         law = _open_law(thermal, pair)
         at = (facing.pair == k) & (facing.gap > 0.0)
-        h = 0.0 if law is None else open_conductance(parse_law(law), facing.gap[at], _mean_T0(thermal))[0]
+        h = 0.0 if law is None else open_conductance(parse_law(law), facing.gap[at], mean_T0(thermal, interface))[0]
         out.append(float((h * area[at]).sum()))
     return out

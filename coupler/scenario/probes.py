@@ -107,7 +107,9 @@ def _probe(c: Context, spec: ProbeSpec, key: Key, conditions: Mapping[str, Condi
         sides = {s for p in c.interface.pairs for s in (p.slave, p.master)}
         raise c.document.error(key, f"{quantity} exists only on contact surfaces",
                                f"Contact surfaces here: {', '.join(sorted(sides)) or 'none'}.")
-    if quantity == "f_s" and not any(c.file.materials[b.material].latent for b in c.file.bodies.values()):
+    if quantity == "f_s" and not any(
+            c.file.materials[part.material].latent for body in c.file.bodies.values() for part in body.parts.values()
+            if part.material in c.file.materials):
         raise c.document.error(key, "nothing melts here, so there is no solid fraction",
                                "Give a material its latent heat.")
     return Probe(quantity, UNITS[quantity], spot.reduction, nodes, spot.weights)

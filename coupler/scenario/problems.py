@@ -14,7 +14,8 @@ from contact.half import checks
 from contact.half.functions import property_from
 from contact.half.held import unheld
 from contact.half.interface import Interface
-from contact.problem.boundary import FORMAT, Supported
+from contact.half.start import start_temperature
+from contact.problem.boundary import FORMAT, UNEVEN, Supported
 from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
 from contact.problem.material import Latent, Material
@@ -24,17 +25,28 @@ from contact.problem.mechanical import (
     Elastic,
     ElasticBody,
     ElasticProblem,
+    ElasticRegion,
     ElasticSettings,
     ForeignBody,
     ForeignMechanical,
+    ForeignRegion,
     Rigid,
     RigidProblem,
     RodProblem,
 )
 from contact.problem.pairs import PairData
 from contact.problem.part import Part, properties_in
-from contact.problem.thermal import BodyHeat, ForeignThermal, ThermalProblem, ThermalSettings
+from contact.problem.start import AtNodes, Course, FromFrames
+from contact.problem.thermal import (
+    BodyHeat,
+    ForeignThermal,
+    RegionHeat,
+    ThermalBoundary,
+    ThermalProblem,
+    ThermalSettings,
+)
 from contact.problem.values import did_you_mean
+from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import ScenarioFile
 
@@ -104,11 +116,49 @@ class Stated:
     @property
     def used(self) -> tuple[str, ...]:
         """Materials in use, each once."""
-        return tuple(dict.fromkeys(b.material for b in self.file.bodies.values() if b.material in self.file.materials))
+        parts = [part for body in self.file.bodies.values() for part in body.parts.values()]
+        return tuple(dict.fromkeys(part.material for part in parts if part.material in self.file.materials))
+
+    @property
+    def parts(self) -> Iterator[tuple[str, Key, MeshedBody]]:
+        """Every part that has cells: its name (Interface.parts), where it stands in the file, what it is, in full."""
+        for name, body in self.file.bodies.items():
+            for region, part in body.parts.items():
+                whole = f"{name}.{region}" if region else name
+                key: Key = ("bodies", name, "regions", region) if region else ("bodies", name)
+                if len(self.interface.part_nodes(self.interface.parts.index(whole))):
+                    yield whole, key, part
+
+    def start_range(self, name: str, T0: Any) -> tuple[float, float]:
+        """The lowest and the highest temperature [K] a part has at its nodes at the start."""
+        T0 = stated_start(T0)
+        if isinstance(T0, float):
+            return T0, T0
+        T = start_temperature(T0, self.interface, self.interface.part_nodes(self.interface.parts.index(name)))
+        return (float(T.min()), float(T.max())) if T.size else (ROOM, ROOM)
+
+
+def stated_start(T0: Any) -> Any:
+    """T0 as a model.json has it: a number [K], a sum, or where interface.h5 has what another run left."""
+    return AtNodes(dataset="start/T") if isinstance(T0, FromRun) else T0
 
 
 def problem_of(s: Stated, role: str, kind: str) -> Part:
     """Make the problem of a half.  kind : the scenario's word for it."""
+    return _of_its_format(_problem_of(s, role, kind))
+
+
+def _of_its_format(problem: Part) -> Part:
+    """A problem that says by its format what a half must know to read it."""
+    bodies = getattr(problem, "bodies", {}).values()
+    uneven = any(isinstance(getattr(body, key, None), Part) for body in bodies for key in ("T0", "drawn_at"))
+    uneven = uneven or any(getattr(body, "regions", None) for body in bodies)
+    uneven = uneven or any(getattr(b, "temperature", None) is not None and b.body is not None
+                           for b in getattr(problem, "boundary", ()))
+    return problem.changed(format=UNEVEN) if uneven else problem
+
+
+def _problem_of(s: Stated, role: str, kind: str) -> Part:
     own = OWN[role].get(kind)
     if own is None:
         maker: Callable[[Stated, str], Part] = _foreign_thermal if role == "thermal" else _foreign_mechanical
@@ -136,16 +186,40 @@ def _stood(s: Stated, boundary: Iterable[Supported]) -> tuple[Any, ...]:
     """Conditions with their points looked up: where no node lies, the nearest one."""
     sets = s.interface.node_sets
     return tuple(b.model_copy(update={"at": b.at + NEAREST})
-                 if b.at is not None and b.at not in sets and b.at + NEAREST in sets else b for b in boundary)
+                 if b.at is not None and b.at not in sets and b.at + NEAREST in sets else _with_course(s, b)
+                 for b in boundary)
+
+
+def _stated_courses(s: Stated) -> Iterator[Wrong]:
+    """What only a model.json may say."""
+    for i, b in enumerate(s.file.thermal.boundary):
+        if isinstance(b.temperature, Course):
+            yield Wrong(("boundary", i, "temperature"), "interface.h5 is the coupler's to write",
+                        "Write {from: run.h5} to take the temperatures of another run.")
+
+
+def _with_course(s: Stated, b: Supported) -> Supported:
+    """A condition with the temperatures of another run where interface.h5 has them."""
+    if not (isinstance(b, ThermalBoundary) and isinstance(b.temperature, FromFrames)):
+        return b
+    T = s.interface.start.get(f"T.{b.body}", np.full((1, 1), ROOM))  # a stand-in: what was wrong is told
+    course = Course(dataset=f"start/T.{b.body}", least=float(T.min()), most=float(T.max()))
+    return b.model_copy(update={"temperature": course})
 
 
 def _thermal(s: Stated, half: str) -> ThermalProblem:
     thermal = s.file.thermal
     return _as(ThermalProblem, _as(ThermalSettings, thermal, boundary=_stood(s, thermal.boundary)), half=half,
                format=FORMAT, materials=_share(s, THERMAL),
-               bodies={n: _as(BodyHeat, b) for n, b in s.file.bodies.items()},
+               bodies={n: _as(BodyHeat, b, T0=stated_start(b.T0), regions=_regions(
+                   b, lambda part: _as(RegionHeat, part, T0=stated_start(part.T0)))) for n, b in s.file.bodies.items()},
                pairs={n: _made(PairData, conduction=p.conduction, radiation=p.radiation, friction=p.friction)
                       for n, p in s.pairs.items()})
+
+
+def _regions(body: MeshedBody, make: Callable[[MeshedBody], P]) -> dict[str, P] | None:
+    """What a half is told of the regions of a body, None where it has none."""
+    return {name: make(part) for name, part in body.parts.items() if name} if body.regions else None
 
 
 def _foreign_thermal(s: Stated, kind: str) -> ForeignThermal:
@@ -157,7 +231,8 @@ def _prebuilt(problem: Part) -> Part:
     """The problem of an FMU that was built before: it is told nothing, so nothing here drives it."""
     nothing: dict[str, Any] = {"boundary": (), "pairs": {}}
     if isinstance(problem, ForeignThermal):
-        nothing["bodies"] = {n: _as(BodyHeat, b, Q_T=0.0, Q_T_factor=None) for n, b in problem.bodies.items()}
+        nothing["bodies"] = {n: _as(BodyHeat, b, Q_T=0.0, Q_T_factor=None, regions=None)
+                             for n, b in problem.bodies.items()}
     else:
         nothing |= {"gravity": None, "rigid": None, "rod": None}
     return problem.model_copy(update=nothing)
@@ -185,18 +260,30 @@ def _elastic(s: Stated, half: str) -> ElasticProblem:
 def _elastic_body(s: Stated, name: str, elastic: Elastic) -> ElasticBody:
     """A body that is not all solid at the start was poured: its mesh is the shape it has then."""
     body = s.file.bodies[name]
-    liquid = s.file.materials[body.material].liquid if body.material in s.file.materials else None
-    poured = liquid is not None and liquid.T_s < body.T0
+    regions = {region: _made(ElasticRegion, material=part.material, drawn_at=_drawn_at(s, f"{name}.{region}", part))
+               for region, part in body.parts.items() if region}
     return _as(ElasticBody, elastic.bodies.get(name, BodyOptions()), material=body.material,
-               drawn_at=body.T0 if poured else None)
+               drawn_at=_drawn_at(s, name, body), regions=regions or None)
+
+
+def _drawn_at(s: Stated, name: str, part: MeshedBody) -> Any:
+    liquid = s.file.materials[part.material].liquid if part.material in s.file.materials else None
+    poured = liquid is not None and liquid.T_s < s.start_range(name, part.T0)[1]
+    return stated_start(part.T0) if poured else None
 
 
 def _foreign_mechanical(s: Stated, kind: str) -> ForeignMechanical:
     mechanical = s.file.mechanical
     elastic = _elastic(s, kind)
     return _as(ForeignMechanical, elastic, materials=dict(s.file.materials), pairs=_whole_pairs(s),
-               bodies={n: _as(ForeignBody, b, T0=s.file.bodies[n].T0) for n, b in elastic.bodies.items()},
+               bodies={n: _foreign_body(b, s.file.bodies[n]) for n, b in elastic.bodies.items()},
                options=mechanical.options, rigid=mechanical.rigid, rod=mechanical.rod)
+
+
+def _foreign_body(told: ElasticBody, body: MeshedBody) -> ForeignBody:
+    regions = {name: _as(ForeignRegion, region, T0=stated_start(body.parts[name].T0))
+               for name, region in (told.regions or {}).items()}
+    return _as(ForeignBody, told, T0=stated_start(body.T0), regions=regions or None)
 
 
 def _rigid(s: Stated, half: str) -> RigidProblem:
@@ -233,6 +320,11 @@ def wrongs_of(s: Stated, problems: Problems) -> Iterator[tuple[Key, str, str]]:
     for name, body in s.file.bodies.items():
         yield from _in_file(s, "", checks.known(body.material, s.file.materials, ("bodies", name, "material"),
                                                 "material"))
+        for region, stated in (body.regions or {}).items():
+            if stated.material is not None:
+                yield from _in_file(s, "", checks.known(stated.material, s.file.materials,
+                                                        ("bodies", name, "regions", region, "material"), "material"))
+    yield from _in_file(s, "", _starts_below_zero(s))
     yield from _in_file(s, "", _first_at_each(_positive_at_start(s)))
     for role, found in (("thermal", _of_thermal(s, problems)), ("mechanical", _of_mechanical(s, problems))):
         yield from _in_file(s, role, found)
@@ -266,6 +358,7 @@ def _of_thermal(s: Stated, problems: Problems) -> Iterator[Wrong]:
             yield from checks.places(s.interface, problem.boundary)
         return
     yield from _options_of_own("thermal", thermal.options)
+    yield from _stated_courses(s)
     yield from checks.thermal_wrongs(problem, s.interface)
     yield from checks.thermal_start_wrongs(problem, s.interface)
     yield from _sums_below_zero(s, problem)
@@ -283,6 +376,18 @@ def _sums_below_zero(s: Stated, problem: ThermalProblem) -> Iterator[Wrong]:
                 yield Wrong(("boundary", i, *key, "terms"), f"the sum reaches {T - s.offset:g} {s.unit} on {b.where}, "
                             "which is below absolute zero", "A sum of temperatures needs a constant term, such as "
                             "{t: 20}.")
+
+
+def _starts_below_zero(s: Stated) -> Iterator[Wrong]:
+    for name, key, part in s.parts:
+        # fault: sums below absolute zero begin -> if isinstance(part.T0, FieldSum) and (T := s.start_range(name,
+        #   part.T0)[0]) <= -1e9: | coupler/test_starts::test_what_cannot_begin_is_told_all_at_once
+        if isinstance(part.T0, FieldSum) and (T := s.start_range(name, part.T0)[0]) <= 0.0:
+            if len(key) > 2 and part.T0 is s.file.bodies[str(key[1])].T0:
+                key = key[:2]  # the body's own sum
+            yield Wrong((*key, "T0", "terms"), f"the sum reaches {T - s.offset:g} {s.unit} in body {name!r}, "
+                        "which is not above absolute zero", "A sum of temperatures needs a constant term, such as "
+                        "{t: 20}.")
 
 
 def _rectangles(s: Stated, role: str) -> Iterator[Wrong]:
@@ -305,6 +410,10 @@ def _of_mechanical(s: Stated, problems: Problems) -> Iterator[Wrong]:
         yield from checks.rigid_wrongs(problem, s.interface)
     elif isinstance(problem, RodProblem):
         yield from _rectangles(s, "mechanical")
+        for name, body in s.file.bodies.items():
+            if body.regions:
+                yield Wrong(("bodies", name, "regions"), "the mechanical half `rod` has no regions",
+                            "Choose the half elastic, or make each a body, with contact.")
         if mechanical.rod is None:
             yield Wrong(("mechanical",), "the half `rod` is chosen, but mechanical.rod is missing",
                         "Say which ends are held: mechanical: {rod: {held: {BODY: {left: 0}}}}.")
@@ -353,15 +462,16 @@ def _nothing_to_solve(s: Stated) -> Iterator[Wrong]:
 
 def _positive_at_start(s: Stated) -> Iterator[Wrong]:
     """A polynomial may turn negative somewhere; where a body begins, and where it melts, it must not."""
-    for name, body in s.file.bodies.items():
+    for name, _, body in s.parts:
         material = s.file.materials.get(body.material)
         if material is None:
             continue
         for datum in ("k", "c", "E"):
             for key, spec in properties_in(getattr(material, datum), (datum,)):
-                for T in _met(body.T0, material.latent, str(key[-1])):
+                starts = dict.fromkeys(s.start_range(name, body.T0))
+                for T in dict.fromkeys(T for T0 in starts for T in _met(T0, material.latent, str(key[-1]))):
                     if (value := float(property_from(spec)(np.array([T]))[0])) <= 0:
-                        where = "T0" if T == body.T0 else "melting point"
+                        where = "T0" if T in starts else "melting point"
                         yield Wrong(("materials", body.material, *key),
                                     f"is {value:g} at the {where} of body {name!r}, "
                                     "but must be greater than zero")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,21 +11,30 @@ from numpy.typing import NDArray
 
 from contact.half.functions import property_from
 from contact.half.interface import Interface, Pair
+from contact.half.start import START_T, mean_start
 from contact.problem.pairs import ContactForm, ContactPair
 from contact.problem.values import did_you_mean
+from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, DocumentErrors, Key
-from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshedBody, MeshError, file_mesh, rectangle_mesh
-from coupler.scenario.problems import NEAREST
+from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshError, file_mesh, rectangle_mesh
+from coupler.scenario.problems import NEAREST, ROOM, stated_start
+from coupler.scenario.regions import regions_of
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
+from coupler.scenario.starts import TakenCourse, TakenStart, courses_of, starts_of
 
 
 @dataclass(frozen=True)
 class Scene:
-    """interface : the mesh.  points : name -> (body, (2,) [m]), named places with or without a node."""
+    """interface : the mesh.  points : name -> (body, (2,) [m]), named places with or without a node.
+
+    starts : what bodies took over from other runs, by body; courses : what they are given over time.
+    """
 
     interface: Interface
     points: Mapping[str, tuple[str, Floats]]
+    starts: Mapping[str, TakenStart]
+    courses: Mapping[str, TakenCourse]
 
 
 def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> Scene:
@@ -50,20 +59,44 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
                 node_sets[f"{body}.{s}{NEAREST}"] = np.array([first + int(distance.argmin())], dtype=np.int32)
     nodes = np.concatenate([m.nodes for m in meshes.values()])
     _check_radius(document, file, nodes, start)
-    interface = Interface(
+    regions = regions_of(document, file.bodies, meshes, found)
+    starts = starts_of(document, file, meshes, found)
+    courses = courses_of(document, file, meshes, found)
+    bare = Interface(
         geometry=file.geometry.value,
         nodes=nodes,
         bodies=tuple(meshes),
-        materials=tuple(b.material for b in file.bodies.values()),
+        materials=tuple(part.material for _, part in parts_of(file)),
         quads=_joined([m.quads for m in meshes.values()], start),
         quad_body=_owner([m.quads for m in meshes.values()]),
         triangles=_joined([m.triangles for m in meshes.values()], start),
         triangle_body=_owner([m.triangles for m in meshes.values()]),
         surfaces=surfaces,
         node_sets=node_sets,
-        pairs=_pairs(document, file, nodes, surfaces, found),
+        start=_nodal(file, starts, meshes) | {f"{n}.{body}": getattr(one, n) for body, one in courses.items()
+                                              for n in ("t", "T")},
     )
-    return Scene(interface, points)
+    if regions is not None:
+        bare = replace(bare, regions=regions.names, quad_region=regions.quads, triangle_region=regions.triangles)
+    return Scene(replace(bare, pairs=_pairs(document, file, bare, found)), points, starts, courses)
+
+
+def parts_of(file: ScenarioFile) -> list[tuple[str, MeshedBody]]:
+    """Every part (Interface.parts) by its name, in full: the bodies, then their regions."""
+    return [*file.bodies.items(), *((f"{name}.{region}", part) for name, body in file.bodies.items()
+                                    for region, part in body.parts.items() if region)]
+
+
+def _nodal(file: ScenarioFile, starts: Mapping[str, TakenStart], meshes: Mapping[str, BodyMesh]) -> dict[str, Floats]:
+    """Interface.start: the temperatures of all bodies that took some over, NaN at the nodes of the others."""
+    wanted = {name for name, body in file.bodies.items()
+              if any(isinstance(part.T0, FromRun) for part in body.parts.values())}
+    if not wanted:
+        return {}
+    # What could not be taken over has a stand-in, so that all else that is wrong is found too.
+    return {START_T: np.concatenate([starts[name].T if name in starts else
+                                     np.full(len(mesh.nodes), ROOM if name in wanted else np.nan)
+                                     for name, mesh in meshes.items()])}
 
 
 def surface_key(document: Document, known: Mapping[str, Any], name: str, key: Key) -> str:
@@ -78,7 +111,7 @@ def _mesh(document: Document, name: str, body: MeshedBody) -> BodyMesh:
         if body.mesh.rectangle is not None:
             return rectangle_mesh(body.mesh.rectangle)
         assert body.mesh.file is not None
-        return file_mesh(body.mesh.file, document.path.parent)
+        return file_mesh(body.mesh.file, document.path.parent, with_regions=bool(body.regions))
     except MeshError as exc:
         raise document.error(("bodies", name, "mesh", *exc.at), f"body {name!r}: {exc}", exc.remedy) from exc
 
@@ -106,20 +139,18 @@ def _check_radius(document: Document, file: ScenarioFile, nodes: Floats, start: 
 def _pairs(
     document: Document,
     file: ScenarioFile,
-    nodes: Floats,
-    surfaces: Mapping[str, Ints],
+    interface: Interface,
     found: DocumentErrors,
 ) -> tuple[Pair, ...]:
     pairs: list[Pair] = []
     for name in file.contact:
         with found.each():
-            pairs.append(_pair(document, file, name, nodes, surfaces, pairs))
+            pairs.append(_pair(document, file, name, interface, pairs))
     return tuple(pairs)
 
 
-def _pair(document: Document, file: ScenarioFile, name: str, nodes: Floats, surfaces: Mapping[str, Ints],
-          pairs: Sequence[Pair]) -> Pair:
-    pair = file.contact[name]
+def _pair(document: Document, file: ScenarioFile, name: str, interface: Interface, pairs: Sequence[Pair]) -> Pair:
+    pair, surfaces = file.contact[name], interface.surfaces
     slave = surface_key(document, surfaces, pair.slave, ("contact", name, "slave"))
     master = surface_key(document, surfaces, pair.master, ("contact", name, "master"))
     if slave != master and np.intersect1d(surfaces[slave], surfaces[master]).size:
@@ -131,7 +162,7 @@ def _pair(document: Document, file: ScenarioFile, name: str, nodes: Floats, surf
             raise document.error(
                 ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}"
             )
-    eps_N = _penalty(document, file, name, nodes, surfaces)
+    eps_N = _penalty(document, file, name, interface)
     return Pair(name, slave, master, pair.gap_max, eps_N, mu=pair.mu, eps_T=_stick(pair),
                 two_pass=pair.two_pass, by_node=pair.form is ContactForm.NODES)
 
@@ -141,8 +172,7 @@ def _stick(pair: ContactPair) -> float:
     return 0.0 if pair.friction is None or pair.friction.stick == "auto" else float(pair.friction.stick)
 
 
-def _penalty(document: Document, file: ScenarioFile, name: str, nodes: Floats,
-             surfaces: Mapping[str, Ints]) -> float:
+def _penalty(document: Document, file: ScenarioFile, name: str, interface: Interface) -> float:
     """eps_N [Pa/m]: as given, or E/h with h the mean slave edge and E the smaller of the bodies' at their T0.
 
     A pair of which a body has no E needs none: no half solves for its stress.
@@ -151,13 +181,17 @@ def _penalty(document: Document, file: ScenarioFile, name: str, nodes: Floats,
     if pair.penalty != "auto":
         return float(pair.penalty)
     stiffness = []
+    parts = parts_of(file)
     for surface in (pair.slave, pair.master):
-        body = file.bodies[surface.split(".")[0]]
-        material = file.materials.get(body.material)
-        if material is None or material.E is None:
-            return 0.0
-        stiffness.append(float(property_from(material.E)(np.array([body.T0]))[0]))
-    ends = nodes[surfaces[pair.slave]]
+        edges = interface.surfaces[surface]
+        of_edge = interface.edge_parts(edges)
+        for k in np.unique(of_edge):
+            material = file.materials.get(parts[k][1].material)
+            if material is None or material.E is None:
+                return 0.0
+            T = mean_start(stated_start(parts[k][1].T0), interface, np.unique(edges[of_edge == k]))
+            stiffness.append(float(property_from(material.E)(np.array([T]))[0]))
+    ends = interface.nodes[interface.surfaces[pair.slave]]
     h = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
     if min(stiffness) <= 0:
         raise document.error(("contact", name, "penalty"), "E is not positive at T0, so E/h is no penalty",

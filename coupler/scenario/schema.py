@@ -14,9 +14,9 @@ from contact.problem.pairs import ContactPair
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.thermal import ThermalSettings
 from contact.problem.values import DottedName, Name, NotNegative, Number, Text, Whole, problem
+from coupler.scenario.bodies import MeshedBody
 from coupler.scenario.conditions import is_condition
 from coupler.scenario.coupling_schema import CouplingSpec
-from coupler.scenario.mesh import MeshedBody
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_schema import RuleSpec
 

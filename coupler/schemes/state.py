@@ -122,6 +122,7 @@ def with_made(accounts: Accounts, made: Mapping[str, Array]) -> dict[str, Energy
 
 PREFIX = "heat."
 STORED = "heat.stored."
+MOVED = "heat_moved"  # no term: what nodes took up or gave off, where a half tells it
 
 
 @dataclass(frozen=True)
@@ -157,18 +158,29 @@ class Ledger:
     @property
     def terms(self) -> dict[str, float]:
         """Total of each term [J]."""
+        return {name: total for name, total in self.everything.items() if name != MOVED}
+
+    @property
+    def everything(self) -> dict[str, float]:
+        """Total of each term, and of what nodes took up or gave off [J]."""
         return {name: total + self.lost[name] for name, total in self.totals.items()}
 
     @property
     def imbalance(self) -> float:
-        """|sum of terms| / sum of |terms|: 0 where every joule is accounted for."""
-        return imbalance(self.terms)
+        """0 where every joule is accounted for (imbalance)."""
+        return imbalance(self.everything)
 
 
 def imbalance(terms: Mapping[str, float]) -> float:
-    """|sum of all terms| / sum of |terms|, stored heat counted against the rest."""
-    signed = [-e if name.startswith(STORED) else e for name, e in terms.items()]
-    scale = math.fsum(abs(e) for e in signed)
+    """|sum of all terms| / sum of |terms|, stored heat counted against the rest.
+
+    Where heat only runs inside a body all terms are round-off: what its nodes took up or gave off (MOVED, no term) is
+    the scale then, where it is told.
+    """
+    signed = [-e if name.startswith(STORED) else e for name, e in terms.items() if name != MOVED]
+    # fault: the balance of heat that runs inside a body is held against its round-off -> scale = math.fsum(abs(e) for
+    #   e in signed) | coupler/test_starts::test_without_boundary_the_mean_stays_and_the_rest_decays
+    scale = max(math.fsum(abs(e) for e in signed), terms.get(MOVED, 0.0))
     return abs(math.fsum(signed)) / scale if scale > 0 else 0.0
 
 
@@ -349,7 +361,7 @@ def wanted_outputs(thermal: Half, mechanical: Half, monitors: Collection[str] = 
     monitors : what else is looked at, `thermal.max_dT` or `mechanical.max_strain_increment`; scalars only.
     """
     t = [n for n, b in thermal.blocks.items() if b.causality == "output" and b.kind == "Real"
-         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching")
+         and (n.startswith(PREFIX) or n in ("T", "f_s", "iterations", "contact.touching", MOVED)
               or f"thermal.{n}" in monitors)]
     more = [n.removeprefix("mechanical.") for n in sorted(monitors) if n.startswith("mechanical.")]
     wanted = ("x", "contact.t_N", "contact.gap", "contact.covered", *HEATS, "iterations", "contact.touching",

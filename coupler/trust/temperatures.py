@@ -77,8 +77,11 @@ class TemperatureData:
 
 def _fields(model: Mapping[str, Any]) -> Iterator[Field]:
     for condition in model.get("boundary", ()):
-        if condition.get("temperature") is not None:
-            yield field_from(condition["temperature"])
+        given = condition.get("temperature")
+        if isinstance(given, Mapping) and "dataset" in given:  # another run's: its bounds are known
+            yield from (field_from(given["least"]), field_from(given["most"]))
+        elif given is not None:
+            yield field_from(given)
         for kind in ("convection", "radiation"):
             if condition.get(kind) is not None:
                 yield field_from(condition[kind]["T"])

@@ -63,7 +63,7 @@ class TrustWatch:
             passing=self._sides.watched(log.passing, before, now))
 
     def judged(self, log: TrustLog, totals: Mapping[str, float]) -> tuple[Check, ...]:
-        """Return the table.  totals : the ledger's terms over the run [J]."""
+        """Return the table.  totals : all of the ledger over the run [J]."""
         off = imbalance(totals)
         return (
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from contact.problem import curves, flow, laws, material, mechanical, pairs, thermal, values
 from contact.problem.boundary import Supported
 from contact.problem.part import Entry, Part
-from coupler.scenario import coupling_schema, mesh, options, rule_schema, schema
+from coupler.scenario import bodies, coupling_schema, mesh, options, rule_schema, schema
 
 PAGE = Path(__file__).resolve().parents[1] / "scenario.md"
 MARK = re.compile(r"<!-- keys: (\S+) -->\n(.*?)<!-- end of keys -->\n", re.S)
@@ -49,7 +49,10 @@ TABLES = {
     "table": Table(flow.TableHardening, "plastic.hardening."),
     "creep": Table(flow.Creep, "creep."),
     "liquid": Table(flow.Liquid, "liquid."),
-    "body": Table(mesh.MeshedBody),
+    "body": Table(bodies.MeshedBody),
+    "run": Table(bodies.FromRun, "T0."),
+    "region": Table(bodies.Region, "regions.NAME."),
+    "block": Table(bodies.Block, "regions.NAME.rectangle."),
     "rectangle": Table(mesh.Rectangle),
     "file": Table(mesh.MeshFile),
     "contact": Table(pairs.ContactPair),

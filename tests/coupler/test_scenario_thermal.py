@@ -297,7 +297,7 @@ def test_rays_that_differ_from_side_to_side_are_told(slave: str, master: str) ->
 
 def test_a_surface_that_folds_is_told_once() -> None:
     near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "gap": {"d_near": 1e-3, "d_far": 5e-3}}
-    notes = thermal_notes({"pairs": {"fold": {"radiation": near}}}, [Pair("fold", "a.top", "a.top", 0.1, 0.0)])
+    notes = thermal_notes({"pairs": {"fold": {"radiation": near}}}, [Pair("fold", "a.top", "a.top", 0.1, 0.0)], 300.0)
     assert len(notes) == 1
     assert "a.top has no radiation of its own" in notes[0]
 
@@ -305,7 +305,7 @@ def test_a_surface_that_folds_is_told_once() -> None:
 def test_surfaces_without_radiation_of_their_own_are_told_in_one_sentence() -> None:
     near = {"emissivity_slave": 0.5, "emissivity_master": 0.5, "gap": {"d_near": 1e-3, "d_far": 5e-3}}
     pairs = [Pair("side", "a.right", "b.wall", 0.1, 0.0), Pair("base", "a.bottom", "b.floor", 0.1, 0.0)]
-    notes = thermal_notes({"pairs": {p.name: {"radiation": near} for p in pairs}}, pairs)
+    notes = thermal_notes({"pairs": {p.name: {"radiation": near} for p in pairs}}, pairs, 300.0)
     assert len(notes) == 1
     assert "pairs side and base: " in notes[0]
     assert "a.right, b.wall, a.bottom and b.floor have no radiation of their own" in notes[0]

@@ -90,6 +90,7 @@ class StationBalance:
     stored : (n_bodies,) [J].  norm : sum of |R| at free stations, scale : of the sizes of all heats [J].
     band : (3 width + 1, n) dR/ds [J/K].
     pull : (n,) what the change of prescribed values since s_n does to the residual of their neighbours [J].
+    moved : sum over the stations of what each took up or gave off [J].
     """
 
     R: Floats
@@ -101,6 +102,7 @@ class StationBalance:
     scale: float
     band: Floats
     pull: Floats
+    moved: float
 
     @property
     def relative_residual(self) -> float:
@@ -133,9 +135,10 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     band.reshape(-1)[touched], band.reshape(-1)[diagonal] = 0.0, 1.0
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
-    scale = float(np.abs(S).sum() + np.abs(reaction).sum()) + weight * boundary.magnitude
+    moved = float(np.abs(S).sum())
+    scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, boundary.each, stored,
-                          float(np.abs(R - reaction).sum()), scale, band, pull)
+                          float(np.abs(R - reaction).sum()), scale, band, pull, moved)
 
 
 def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
@@ -373,7 +376,8 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     held_back = solved.balance.R[context.scene.fixed]
     of_prescribed = through_prescribed(held_back, context.scene.owners, len(model.prescribed))
     each = np.concatenate([of_prescribed, 0.0 * solved.balance.each])
-    return StationStep(solved.s, Heat(solved.balance.stored, inflow_outflow(held_back), terms, each), solved.iterations,
+    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each, solved.balance.moved)
+    return StationStep(solved.s, heat, solved.iterations,
                        solved.balance.relative_residual)
 
 
@@ -422,4 +426,5 @@ def _heat(scene: StationScene, method: TimeMethod, solved: list[SolvedStations],
         through += w / stage.a * s.balance.R[scene.fixed]
     each = sum((w * dt * s.balance.each for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms),
-                np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]))
+                np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]),
+                solved[-1].balance.moved)

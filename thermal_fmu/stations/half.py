@@ -13,6 +13,7 @@ from contact.half.contact_client import ContactRefusedError
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.start import start_temperatures
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, no_heat
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError
@@ -77,7 +78,9 @@ class StationHalf:
         scene = self._scene
         X = np.array(inputs["x"], dtype=np.float64)
         self._shape_of(X)
-        T = np.array([body.T0 for body in scene.model.bodies])[scene.stations.body]
+        T = np.empty(scene.stations.n)
+        # Those of a station are alike (contact.half.checks): any of its nodes tells.
+        T[scene.stations.of_node] = start_temperatures(scene.interface, [body.T0 for body in scene.model.bodies])
         state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0, no_heat_yet(n_heats(scene.interface, scene.model)))
         points = contact_at(scene.surfaces, X, inputs, link)
@@ -141,6 +144,7 @@ class StationHalf:
             "residual": done.residual if done else 0.0,
             "max_dT": float(np.abs(T - T_n).max()),
             "heat_stored": state.stored,
+            "heat_moved": heat.moved,
             "contact.touching": float(touching),
         }
 

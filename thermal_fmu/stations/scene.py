@@ -118,7 +118,7 @@ def stations_with_friction(substep: SubstepData, scene: StationScene, points: Co
         return substep
     interface, of_node = scene.interface, scene.stations.of_node
     nodal = NodalFields(at.T[of_node], None if at.f_s is None else at.f_s[of_node])
-    fraction = slave_fraction(points, scene.model.pairs, scene.model.bodies, interface.node_body, nodal)
+    fraction = slave_fraction(points, scene.model.pairs, scene.model.parts, interface, nodal)
     power = friction_power(points, fraction, E, interface, h)
     gather = scene.stations.gather
     # fault: friction heat of rods lost -> return replace(substep, friction=FrictionHeat(gather(power.slave), 0.0 *
