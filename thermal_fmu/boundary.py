@@ -37,7 +37,7 @@ class BoundaryHeat:
     """Heat into the nodes except by conduction inside.
 
     f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies [W].
-    terms : (n_terms,) by mechanism [W], as TERMS.  each : (n,) by flux, film, radiating surface, source of a body, and
+    terms : (n_terms,) by mechanism [W], as TERMS.  each : (n,) by flux, film, radiating surface, source of a part, and
     of each pair the slave's and the master's side [W].  magnitude : sum of the sizes of all nodal contributions [W].
     The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
     across, as (nodes (n, 4), values (n, 4, 4)).
@@ -147,7 +147,7 @@ def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Float
         source += made
         parts[source_of_T.body] += made.sum()
         total.places.append((source_of_T.block.slots, slope))
-    total.sources = np.bincount(substep.scene.interface.part_body, parts)
+    total.sources = parts
     return source
 
 

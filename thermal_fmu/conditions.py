@@ -1,7 +1,8 @@
 """Heat through each boundary condition, each body's source and either side of each contact pair, since the start.
 
 Every step gives the heat of all of them in one order: prescribed temperatures, then what boundary_flow tells: fluxes,
-films, radiating surfaces, sources by body, and of each pair the slave's and the master's side.
+films, radiating surfaces, sources by part (the bodies, then regions), and of each pair the slave's and the master's
+side.
 
 A node that two prescribed temperatures share belongs to the later one, whose value it has; its heat is all of that
 one's, less what fluxes, films and sources bring there, which are counted as theirs.  So the sum over all of them is the
@@ -29,10 +30,10 @@ pair, `condition.heat.pair.NAME`, or of a source, `condition.heat.source.BODY`."
 
 @dataclass(frozen=True)
 class NamedHeat:
-    """An output.  rows : which of the heats it gives, one, or of a pair the two sides."""
+    """An output.  rows : of each of its numbers (one, or the two sides of a pair) which heats it adds up."""
 
     name: str
-    rows: tuple[int, ...]
+    rows: tuple[tuple[int, ...], ...]
     description: str
 
     @property
@@ -55,22 +56,23 @@ def _named(interface: Interface, model: Model) -> Iterator[NamedHeat]:
     for kind, names in kinds:
         for name in names:
             if name:
-                yield NamedHeat(name, (row,), f"heat given to the body through the {kind} since the start")
+                yield NamedHeat(name, ((row,),), f"heat given to the body through the {kind} since the start")
             row += 1
-    warmed = {int(body) for body, part in zip(interface.part_body, model.parts, strict=True) if not part.Q_T.is_zero}
     for k, body in enumerate(model.bodies):
-        if k in warmed:
-            yield NamedHeat(f"source.{body.name}", (row,), "heat made by the sources of the body since the start")
-        row += 1
+        own = tuple(i for i, part in enumerate(model.parts) if interface.part_body[i] == k and not part.Q_T.is_zero)
+        if own:
+            yield NamedHeat(f"source.{body.name}", (tuple(row + i for i in own),),
+                            "heat made by the sources of the body since the start")
+    row += len(model.parts)
     for pair in interface.pairs:
-        yield NamedHeat(f"pair.{pair.name}", (row, row + 1), "heat given to slave and master since the start")
+        yield NamedHeat(f"pair.{pair.name}", ((row,), (row + 1,)), "heat given to slave and master since the start")
         row += 2
 
 
 def n_heats(interface: Interface, model: Model) -> int:
     """Count the heats of a step."""
     conditions = (model.prescribed, model.fluxes, model.films, model.radiators)
-    return sum(len(c) for c in conditions) + len(model.bodies) + 2 * len(interface.pairs)
+    return sum(len(c) for c in conditions) + len(model.parts) + 2 * len(interface.pairs)
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,8 @@ class HeatSoFar:
     def outputs(self, named: Sequence[NamedHeat]) -> dict[str, Value]:
         """Return the outputs by name."""
         heat = self.total + self.lost
-        return {PREFIX + one.name: float(heat[one.rows[0]]) if len(one.rows) == 1 else heat[list(one.rows)]
-                for one in named}
+        found = {one.name: np.array([heat[list(rows)].sum() for rows in one.rows]) for one in named}
+        return {PREFIX + name: float(of[0]) if of.size == 1 else of for name, of in found.items()}
 
 
 NOTHING_COUNTED = HeatSoFar(np.zeros(0), np.zeros(0))

@@ -63,7 +63,8 @@ def _heats(model: Mapping[str, Any], pairs: Sequence[str]) -> Iterator[Condition
     for b in model.get("boundary", ()):
         if "name" in b:
             kind = next(k for k in ("temperature", "flux", "convection", "radiation") if k in b)
-            yield ConditionOutput(f"heat.{b['name']}", "thermal", kind, str(b.get("on", b.get("at", b.get("body")))), ("",), "J")
+            place = str(b.get("on", b.get("at", b.get("body"))))
+            yield ConditionOutput(f"heat.{b['name']}", "thermal", kind, place, ("",), "J")
     for name, body in model.get("bodies", {}).items():
         if any(not field_from(part.get("Q_T", 0.0)).is_zero for part in (body, *body.get("regions", {}).values())):
             yield ConditionOutput(f"heat.source.{name}", "thermal", "source", name, ("",), "J")

@@ -49,6 +49,8 @@ def test_regions_of_one_material_are_one_body(tmp_path, triangles, mechanics):
     np.testing.assert_allclose(b.field("mechanical.sigma_v")[1], flow, rtol=0, atol=1e-7 * flow.max())
     for term, heat in a.ledger.items():
         assert b.ledger[term] == pytest.approx(heat, rel=1e-9, abs=1e-9 * a.ledger["source"])
+    # The source of a body is that of its regions too.
+    np.testing.assert_allclose(b.condition("heat.source.bar")[1], a.condition("heat.source.bar")[1], rtol=1e-9)
     if not mechanics:
         assert flow.max() > 1e8, "it must have flowed"
 
