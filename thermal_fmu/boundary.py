@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Property, resolve
 from thermal_fmu.cells import BadPropertyError
+from thermal_fmu.exchange import exchange_flow, gap_radiation_flow
 from thermal_fmu.problem import Model
 from thermal_fmu.scene import SubstepData
 from thermal_fmu.sources import ThermalLoads, temperature_source_flow
 from thermal_fmu.surface_terms import (
     at_nodes,
-    exchange_flow,
     film_flow,
-    gap_radiation_flow,
     surroundings_radiation_flow,
 )
 
