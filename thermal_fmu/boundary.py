@@ -141,8 +141,7 @@ def _add_surroundings(total: _HeatSum, substep: SubstepData, loads: ThermalLoads
 
 def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
     for group in substep.conduction_groups:
-        factors = loads.pairs[group.pair]
-        factor = factors.closed if group.closed else factors.open
+        factor = loads.pairs[group.pair].of(group.closed)
         if factor != 0.0:
             flow, slope = exchange_flow(group, factor, T)
             total.cross(group.mechanism, group.nodes, flow, slope)
