@@ -20,23 +20,26 @@ from numpy.typing import NDArray
 
 from thermal_fmu.cells import MatrixEntries, conduct
 from thermal_fmu.exchange import ConductionGroup
+from thermal_fmu.limiter import MOST
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.scene import SubstepData, ThermalScene
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-LEAST = 1e-9  # of the range of temperatures: what is seen of a node's rise
+# Of the range of temperatures: what is seen of a node's rise, and of what wrong signs do to it, where it leaves all
+# temperatures there were; within them as much as a step may overshoot (limiter.py).
+LEAST = 1e-9
 
 
 @dataclass(frozen=True)
 class StepEnd:
-    """A step at its end.  rise : (n,) [K] of the nodes' unknowns, None in a steady state.  at : fields at the end.
+    """A step at its end.  start : (n,) its T at the start [K], None in a steady state.  at : fields at the end.
 
     flow : (n,) heat into each node [W].  diagonal : (n,) of the derivative of -flow by T and of storage [W/K].
     """
 
-    rise: Floats | None
+    start: Floats | None
     at: NodalFields
     flow: Floats
     diagonal: Floats
@@ -105,15 +108,19 @@ def bridged(scene: ThermalScene, substep: SubstepData, factors: Sequence[float],
     for group in substep.conduction_groups:
         extreme(pattern.indptr, pattern.indices, T, group.nodes, kind)
     kind[scene.fixed] = 0
-    if end.rise is not None:
-        kind[kind * end.rise <= LEAST * span] = 0
+    seen = np.full(T.size, LEAST * span)
+    if end.start is not None:
+        kind[kind * (T - end.start) <= seen] = 0
+        known = np.concatenate([end.start, T[scene.fixed]])
+        outside = np.maximum(T - known.max(), known.min() - T) > seen
+        seen[~outside] = MOST * span
     if not kind.any():
         return None
     edges = shared_edges(substep.conduction_groups, factors, T)
-    if not _beyond(end, edges, edges.left, kind, span).any():
+    if not _beyond(end, edges, edges.left, kind, seen).any():
         return None  # at an extreme all edges carry one way: less of it would show even less
     wrong = np.maximum(edges.left + _conduction_between(scene, substep, end.at, edges.nodes), 0.0)
-    beyond = _beyond(end, edges, wrong, kind, span)
+    beyond = _beyond(end, edges, wrong, kind, seen)
     # fault: wrong signs between surfaces stay -> beyond = beyond & False | thermal_fmu/test_thermal_exchange
     touched = beyond[edges.nodes].any(axis=1) & (wrong > 0.0)
     if not touched.any():
@@ -124,13 +131,16 @@ def bridged(scene: ThermalScene, substep: SubstepData, factors: Sequence[float],
 
 
 def _beyond(end: StepEnd, edges: SharedEdges, coupling: Floats, kind: NDArray[np.int64],
-            span: float) -> NDArray[np.bool_]:
-    """Return (n,) nodes that would not be extreme, kind : (n,), but for `coupling` : (m,) along the edges [W/K]."""
+            seen: Floats) -> NDArray[np.bool_]:
+    """Return (n,) nodes that would not be extreme, kind : (n,), but for `coupling` : (m,) along the edges [W/K].
+
+    seen : (n,) the least that it must do to them [K].
+    """
     first, last = edges.nodes.T
     carried = coupling * (end.at.T[first] - end.at.T[last])
     n = kind.size
     by_edges = np.bincount(first, carried, n) - np.bincount(last, carried, n)
-    return np.asarray((kind * by_edges > LEAST * span * end.diagonal) & (kind * (end.flow - by_edges) < 0.0))
+    return np.asarray((kind * by_edges > seen * end.diagonal) & (kind * (end.flow - by_edges) < 0.0))
 
 
 def _by_node(group: ConductionGroup, keys: NDArray[np.int64], share: Floats, n: int) -> ConductionGroup:

@@ -122,9 +122,10 @@ def _bridged(context: StepContext, method: TimeMethod, end: NodesAtEnd, t: float
     loads = loads_at(model, context.load_factors, context.calendar.snap(t + stage.c * dt, dt),
                      -1 if stage.c == 1.0 else 1)
     factors = [loads.pairs[group.pair].of(group.closed) for group in context.substep.conduction_groups]
+    start = phase_change.temperature(context.scene.melting, end.s_n) if method.stores else None
     return bridged(context.scene, context.substep, factors, StepEnd(
-        end.s - end.s_n if method.stores else None, phase_change.fields(context.scene.melting, end.s),
-        end.into / (stage.a * dt), end.diagonal / (stage.a * dt)))
+        start, phase_change.fields(context.scene.melting, end.s), end.into / (stage.a * dt),
+        end.diagonal / (stage.a * dt)))
 
 
 def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,
