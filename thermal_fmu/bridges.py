@@ -121,7 +121,8 @@ def bridged(scene: ThermalScene, substep: SubstepData, factors: Sequence[float],
         return None  # at an extreme all edges carry one way: less of it would show even less
     wrong = np.maximum(edges.left + _conduction_between(scene, substep, end.at, edges.nodes), 0.0)
     beyond = _beyond(end, edges, wrong, kind, seen)
-    # fault: wrong signs between surfaces stay -> beyond = beyond & False | thermal_fmu/test_thermal_exchange
+    # fault: wrong signs between surfaces stay -> touched = np.zeros(wrong.size, dtype=np.bool_) |
+    #   thermal_fmu/test_thermal_exchange
     touched = beyond[edges.nodes].any(axis=1) & (wrong > 0.0)
     if not touched.any():
         return None

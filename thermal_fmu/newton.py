@@ -407,9 +407,9 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
         step, anchor = solution.x, solution.anchor
         _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
         before = now.norm
+        size = _size(now.jacobian, s + step)
         # fault: round-off by the guess alone -> floor += 0.0 | thermal_fmu/test_thermal_exchange
-        floor = max(floor, float(min(ROUND_OFF * _size(now.jacobian, s + step),
-                                     MOST_ROUND_OFF * tolerance * now.scale)))
+        floor = max(floor, float(min(ROUND_OFF * size, MOST_ROUND_OFF * tolerance * now.scale)))
         s, now = descend(partial(balance, problem, jacobian=False), s, step, now, floor, climbs > 0)
         climbs -= int(now.norm >= before and now.norm > floor)
     raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.relative_residual:.2e} of the heat "

@@ -407,8 +407,8 @@ def held_value_jumps(context: StepContext, s: Floats, t: float, h: float) -> boo
         return False
     loads = loads_at(model, context.load_factors, context.calendar.snap(t, h), 1)
     T, held = (phase_change.temperature(context.scene.melting, v) for v in (s, with_prescribed(context, loads, s)))
-    # fault: loads that a rule sets are slopes -> return False | thermal_fmu/test_thermal_windows
     span = max(float(np.ptp(T)), float(np.ptp(held)))
+    # fault: loads that a rule sets are slopes -> return False | thermal_fmu/test_thermal_windows
     return bool((np.abs(held - T)[fixed] > MOST * span).any())
 
 

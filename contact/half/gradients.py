@@ -88,10 +88,10 @@ LEAST_DET = 0.2  # of the cell's middle, at the points of conduction
 
 @njit(cache=True)
 def narrow_side(at: Floats, N: Floats, along_r: bool) -> float:
-    """Return int N_0^2 r over 1/3 int r across a quad's short side [1], N_0 that of the side nearer to the axis: 1 in the
+    """Return int N_0^2 r over 1/3 int r across a quad's short side [1], N_0 that of the side nearer to the axis.
 
-    plane, 1/2 at the axis itself.  at : (nq, 5), the last the depths of the Gauss points.  along_r : its long side is
-    the first one.
+    It is 1 in the plane and 1/2 at the axis itself.  at : (nq, 5), the last the depths of the Gauss points.
+    along_r : its long side is the first one.
     """
     mean = at[:, 4].mean()
     change = 0.0
@@ -108,8 +108,8 @@ def spread_of(mean: Floats, least: float, narrow: float) -> float:
     mean : dx/dr, dx/ds, dy/dr, dy/ds at the middle.  least : least determinant of Gauss points.  narrow : narrow_side.
     On a rectangle of sides a > b the coupling along a is -(b/a)/3 + (a/b) (1 - z)/4, z the square of the points' place
     in [-1, 1] along a.  With Gauss points, z = 1/3, it has the wrong sign beyond a/b = sqrt 2, and a jump under- and
-    overshoots along the surface (2 % at 2, 11 % at 10).  z = 1 - 4/3 (b/a)^2 makes it 0.  Where a and the axis run along
-    each other, less conducts along the side nearer to it, and z = 1 - 4/3 narrow (b/a)^2 makes that 0.  Any z is exact
+    overshoots along the surface (2 % at 2, 11 % at 10).  z = 1 - 4/3 (b/a)^2 makes it 0.  Where a runs along an axis of
+    revolution, less conducts along the side nearer to it, and z = 1 - 4/3 narrow (b/a)^2 makes that 0.  Any z is exact
     for linear fields and of second order.  In a distorted cell determinants stay positive there.
     """
     a = mean[0] * mean[0] + mean[2] * mean[2]
