@@ -1,6 +1,6 @@
 """Windows of any length, any scheme: after the second, no temperature is outside its data, and the end is right.
 
-Windows are 1e-3 to 1e3 times h^2/a of the surface cell, twelve of them.  Right is the same mesh in windows 16 times
+Windows are 1e-3 to 1e3 times h^2/a of the surface cell, twelve of them.  Right is the same mesh in windows 8 times
 shorter, to 1 % of the span of the data at every node.
 """
 
@@ -25,7 +25,7 @@ A = 45 / 7800 / 480
 ALUMINIUM = {"rho": 2700, "c": 900, "k": 210}
 A_AL = 210 / 2700 / 900
 CELL = 0.0025
-WINDOWS, FINER = 12, 16
+WINDOWS, FINER = 12, 8
 SPANS = {"M": 1e-6, "other": 1e-3}  # of the span: on meshes whose matrix is an M-matrix, and elsewhere
 ACCURACY = 0.01
 # What is taken from node to node depends on the length of a step: beside a jump of 500 K within one cell, at a cell
