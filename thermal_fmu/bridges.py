@@ -116,11 +116,15 @@ def bridged(scene: ThermalScene, substep: SubstepData, factors: Sequence[float],
         seen[~outside] = MOST * span
     if not kind.any():
         return None
+    # At an extreme all edges carry one way: where all that they carry does not show, the wrong part of it does not.
+    if not _beyond(end, _carried(substep.conduction_groups, factors, T), kind, seen).any():
+        return None
     edges = shared_edges(substep.conduction_groups, factors, T)
-    if not _beyond(end, edges, edges.left, kind, seen).any():
-        return None  # at an extreme all edges carry one way: less of it would show even less
     wrong = np.maximum(edges.left + _conduction_between(scene, substep, end.at, edges.nodes), 0.0)
-    beyond = _beyond(end, edges, wrong, kind, seen)
+    first, last = edges.nodes.T
+    carried = wrong * (T[first] - T[last])
+    by_edges = np.asarray(np.bincount(first, carried, T.size) - np.bincount(last, carried, T.size), dtype=np.float64)
+    beyond = _beyond(end, by_edges, kind, seen)
     # fault: wrong signs between surfaces stay -> touched = np.zeros(wrong.size, dtype=np.bool_) |
     #   thermal_fmu/test_thermal_exchange
     touched = beyond[edges.nodes].any(axis=1) & (wrong > 0.0)
@@ -131,17 +135,24 @@ def bridged(scene: ThermalScene, substep: SubstepData, factors: Sequence[float],
         _by_node(group, edges.keys, share, T.size) for group in substep.conduction_groups))
 
 
-def _beyond(end: StepEnd, edges: SharedEdges, coupling: Floats, kind: NDArray[np.int64],
-            seen: Floats) -> NDArray[np.bool_]:
-    """Return (n,) nodes that would not be extreme, kind : (n,), but for `coupling` : (m,) along the edges [W/K].
+def _carried(groups: Sequence[ConductionGroup], factors: Sequence[float], T: Floats) -> Floats:
+    """Return (n,) what the exchange carries along edges into each node [W] at T : (n,) [K]."""
+    into = np.zeros(T.size)
+    for group, factor in zip(groups, factors, strict=True):
+        W = group.strength(factor, T)[0]
+        W = W if group.by_node is None else W * (1.0 - group.by_node)
+        for nodes, N in ((group.nodes[:, :2], group.N_s), (group.nodes[:, 2:], group.N_m)):
+            flow = W * N[:, 0] * N[:, 1] * (T[nodes[:, 0]] - T[nodes[:, 1]])
+            into += np.bincount(nodes[:, 0], flow, T.size) - np.bincount(nodes[:, 1], flow, T.size)
+    return into
+
+
+def _beyond(end: StepEnd, carried: Floats, kind: NDArray[np.int64], seen: Floats) -> NDArray[np.bool_]:
+    """Return (n,) nodes that would not be extreme, kind : (n,), but for what is carried : (n,) into them [W].
 
     seen : (n,) the least that it must do to them [K].
     """
-    first, last = edges.nodes.T
-    carried = coupling * (end.at.T[first] - end.at.T[last])
-    n = kind.size
-    by_edges = np.bincount(first, carried, n) - np.bincount(last, carried, n)
-    return np.asarray((kind * by_edges > seen * end.diagonal) & (kind * (end.flow - by_edges) < 0.0))
+    return np.asarray((kind * carried > seen * end.diagonal) & (kind * (end.flow - carried) < 0.0))
 
 
 def _by_node(group: ConductionGroup, keys: NDArray[np.int64], share: Floats, n: int) -> ConductionGroup:
