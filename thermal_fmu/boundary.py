@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Property, resolve
 from thermal_fmu.cells import BadPropertyError
+from thermal_fmu.exchange import exchange_flow, gap_radiation_flow
 from thermal_fmu.problem import Model
 from thermal_fmu.scene import SubstepData
 from thermal_fmu.sources import ThermalLoads, temperature_source_flow
 from thermal_fmu.surface_terms import (
     at_nodes,
-    exchange_flow,
     film_flow,
-    gap_radiation_flow,
     surroundings_radiation_flow,
 )
 
@@ -164,8 +163,7 @@ def _add_surroundings(total: _HeatSum, substep: SubstepData, loads: ThermalLoads
 
 def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
     for group in substep.conduction_groups:
-        factors = loads.pairs[group.pair]
-        factor = factors.closed if group.closed else factors.open
+        factor = loads.pairs[group.pair].of(group.closed)
         if factor != 0.0:
             flow, slope = exchange_flow(group, factor, T)
             total.cross(group.mechanism, group.pair, group.nodes, flow, slope)

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import CellQuadrature, table_of
+from contact.half.gradients import shape_gradients
 from contact.half.interface import Interface
 from contact.half.linalg import Pattern, pattern_of
 from thermal_fmu.kernels import (
     add_conduction,
     add_conduction_tensor,
     at_points,
-    shape_gradients,
     turn_of,
 )
 from thermal_fmu.phase_change import NodalFields
@@ -139,7 +139,7 @@ class CellGeometry:
     """A block on given coordinates.
 
     dV : (ne, nq) [m3] of the quadrature points, per metre of depth when plane.  G : (ne, nq, nn, 2) gradients of shape
-    functions [1/m] at the points of conduction, dC : (ne, nq) their [m3] (kernels.spread_of).
+    functions [1/m] at the points of conduction, dC : (ne, nq) their [m3] (contact.half.gradients.spread_of).
     turn : (ne, nq) rotation of the material since the reference [rad], where its axes follow it.
     """
 

@@ -61,17 +61,20 @@ def went_beyond(end: NodesAtEnd, theta: float) -> bool:
     return bool((by > np.where(outside, MOST_OUTSIDE, MOST) * span).any())
 
 
-def overshoots(scene: ThermalScene, substep: SubstepData, stage: Stage, s_n: Floats, last: SolvedStage,
-               dt: float) -> bool:
-    """Return whether a node went beyond what pulls it in a step of dt [s] from s_n : (n,) [K], `last` its last stage.
+def end_of(scene: ThermalScene, substep: SubstepData, stage: Stage, s_n: Floats, last: SolvedStage,
+           dt: float) -> NodesAtEnd:
+    """Return a step of dt [s] from s_n : (n,) [K] at its end, `last` its last stage.
 
     The flow at the end follows from that of the stage by its matrix M + theta a dt K: dt f(s) = dt f(stage) -
     (1 - theta) dt K (s - s_n).
     """
-    J, free, ds = last.linear.jacobian, ~scene.fixed, last.s - s_n
+    J, free = last.linear.jacobian, ~scene.fixed
     M = capacities(scene.volume, substep.masses, scene.model.parts, last.linear.s)
-    conducted = J @ np.where(free, ds, 0.0) - M * ds
-    if last.linear.pull is not None:
-        conducted += last.linear.pull
-    into = stage.a * dt * last.balance.flow - (1.0 - stage.theta) / stage.theta * conducted
-    return went_beyond(NodesAtEnd(s_n, last.s, free, into, M, J.diagonal()), stage.theta)
+    into = stage.a * dt * last.balance.flow
+    if stage.theta != 1.0:
+        ds = last.s - s_n
+        conducted = J @ np.where(free, ds, 0.0) - M * ds
+        if last.linear.pull is not None:
+            conducted += last.linear.pull
+        into = into - (1.0 - stage.theta) / stage.theta * conducted
+    return NodesAtEnd(s_n, last.s, free, into, M, J.diagonal())

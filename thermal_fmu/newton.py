@@ -284,6 +284,7 @@ MAX_CLIMBS = 8
 STAGE_TOLERANCE = 0.1  # of the model's tolerance: the heat balance of a long run must close to it
 LINEAR_TOLERANCE = 0.3  # of the stage's tolerance, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
+MOST_ROUND_OFF = 10.0  # of the model's tolerance: where a step goes, T may be of no sense
 
 # Phase continuation: blur from 1 down by BLUR_FACTOR to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt
 # in one step took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md).  Newton's
@@ -393,7 +394,7 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     """Solve as solve_stage does from s : (n,) [K], without phase continuation."""
     now = balance(problem, s, jacobian=True)
     linear = _linearised(s, now)
-    floor = ROUND_OFF * _size(now.jacobian, s)
+    floor = float(ROUND_OFF * _size(now.jacobian, s))
     climbs = MAX_CLIMBS if problem.scene.melting else 0
     # fault: infinite heat taken for convergence -> pass |
     #   thermal_fmu/test_thermal_newton::test_heat_that_is_not_finite_names_body_and_node
@@ -410,6 +411,9 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
         step, anchor = solution.x, solution.anchor
         _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
         before = now.norm
+        size = _size(now.jacobian, s + step)
+        # fault: round-off by the guess alone -> floor += 0.0 | thermal_fmu/test_thermal_exchange
+        floor = max(floor, float(min(ROUND_OFF * size, MOST_ROUND_OFF * tolerance * now.scale)))
         s, now = descend(partial(balance, problem, jacobian=False), s, step, now, floor, climbs > 0)
         climbs -= int(now.norm >= before and now.norm > floor)
     raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.relative_residual:.2e} of the heat "

@@ -26,22 +26,19 @@ from thermal_fmu.cells import (
 )
 from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
+from thermal_fmu.exchange import ConductionGroup, RadiationGroup, conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
 from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, plain_sources
 from thermal_fmu.surface_terms import (
-    ConductionGroup,
     FrictionHeat,
     FrozenFilm,
     FrozenRadiator,
-    RadiationGroup,
     SurfaceGeometry,
     at_nodes,
-    conduction_groups,
     freeze_film,
     freeze_radiator,
     friction_power,
-    radiation_groups,
     slave_fraction,
 )
 

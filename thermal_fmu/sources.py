@@ -143,6 +143,10 @@ class PairFactors(NamedTuple):
     closed: float
     open: float
 
+    def of(self, closed: bool) -> float:
+        """Return the factor of closed or of open points [1]."""
+        return self.closed if closed else self.open
+
 
 @dataclass(frozen=True)
 class ThermalLoads:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
+from thermal_fmu.bridges import StepEnd, bridged
 from thermal_fmu.cells import BadPropertyError, spread_energies
-from thermal_fmu.limiter import overshoots
+from thermal_fmu.limiter import NodesAtEnd, end_of, went_beyond
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
@@ -60,12 +61,40 @@ class StepContext:
     factors: Factors
 
 
+MOST_BRIDGED = 4  # times a step is taken again without wrong signs between surfaces
+
+
 def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
               dt: float) -> ThermalStep:
     """Take one step from s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
 
+    It is taken again without the wrong signs of an exchange between surfaces where a node left its data by them.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
+    scene, iterations = context.scene, 0
+    for left in reversed(range(MOST_BRIDGED + 1)):
+        stages = _stages(context, method, s_n, anchor, t, dt)
+        last, stage = stages[-1], method.stages[-1]
+        iterations += sum(s.iterations for s in stages)
+        across = left > 0 and bool(context.substep.conduction_groups)
+        end = None
+        if across or method.damped is not None:
+            end = end_of(scene, context.substep, stage, s_n, last, dt)
+        substep = _bridged(context, method, end, t, dt) if across and end is not None else None
+        if substep is None:
+            break
+        context = replace(context, substep=substep)
+    moved, inside = np.zeros(s_n.size), np.zeros(s_n.size)
+    for weight, done in zip(method.weights, stages, strict=True):
+        moved += weight * dt * done.balance.flow
+        inside += weight * dt * done.balance.inside
+    over = method.damped is not None and end is not None and went_beyond(end, stage.theta)
+    return ThermalStep(last.s, _heat(scene, method, stages, dt), iterations, max(s.residual for s in stages),
+                       last.anchor, moved, inside, over)
+
+
+def _stages(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
+            dt: float) -> list[SolvedStage]:
     model = context.scene.model
     solved: list[SolvedStage] = []
     for stage in method.stages:
@@ -84,14 +113,19 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
         guess = with_prescribed(context, held_T, solved[-1].s if solved else s_n)
         solved.append(solve_stage(problem, guess, model.stated.tolerance, context.factors, anchor))
         anchor = solved[-1].anchor
-    moved, inside = np.zeros(s_n.size), np.zeros(s_n.size)
-    for weight, done in zip(method.weights, solved, strict=True):
-        moved += weight * dt * done.balance.flow
-        inside += weight * dt * done.balance.inside
-    over = method.damped is not None and overshoots(context.scene, context.substep, method.stages[-1], s_n, solved[-1],
-                                                    dt)
-    return ThermalStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                       max(s.residual for s in solved), anchor, moved, inside, over)
+    return solved
+
+
+def _bridged(context: StepContext, method: TimeMethod, end: NodesAtEnd, t: float, dt: float) -> SubstepData | None:
+    """Return the substep without the wrong signs by which a node left its data; None where none did."""
+    model, stage = context.scene.model, method.stages[-1]
+    loads = loads_at(model, context.load_factors, context.calendar.snap(t + stage.c * dt, dt),
+                     -1 if stage.c == 1.0 else 1)
+    factors = [loads.pairs[group.pair].of(group.closed) for group in context.substep.conduction_groups]
+    start = phase_change.temperature(context.scene.melting, end.s_n) if method.stores else None
+    return bridged(context.scene, context.substep, factors, StepEnd(
+        start, phase_change.fields(context.scene.melting, end.s), end.into / (stage.a * dt),
+        end.diagonal / (stage.a * dt)))
 
 
 def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,

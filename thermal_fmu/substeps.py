@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from contact.half.linalg import SingularMatrixError
 from contact.problem.thermal import InnerSteps, ThermalProblem
 from thermal_fmu import phase_change
-from thermal_fmu.cells import BadPropertyError
+from thermal_fmu.cells import BadPropertyError, MatrixEntries, capacities, conduct
+from thermal_fmu.limiter import MOST
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
@@ -101,7 +103,10 @@ def after_step(controller: StepController, h: float, measure: StepMeasure, retri
 
 # Inner steps of a substep
 
-LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given
+LEAST_SHARE = 1e-9  # of the substep: the shortest inner step where none is given, and
+# of the time in which the quickest node follows its neighbours (h^2/a of its cells, or so).  In 1e-6 of it a node has
+# moved by 1e-6 of what pulls it, and what no step resolves by then is no matter of steps.
+LEAST_OF_CELL = 1e-6
 
 
 class LeastStepError(ArithmeticError):
@@ -131,12 +136,39 @@ class SubstepProgress:
 
 @dataclass(frozen=True)
 class SubstepPlan:
-    """What every inner step of a substep needs.  least : the shortest allowed [s]."""
+    """What every inner step of a substep needs.
+
+    s : (n,) [K] at its start.  h : its length [s].
+    """
 
     context: StepContext
     method: TimeMethod
     adaptive: InnerSteps
-    least: float
+    s: Floats
+    h: float
+
+    @cached_property
+    def least(self) -> float:
+        """The shortest inner step allowed [s]."""
+        if self.adaptive.least is not None:
+            return min(self.adaptive.least, self.h)
+        # fault: inner steps without a bound from the cells -> return LEAST_SHARE * self.h |
+        #   thermal_fmu/test_thermal_adaptive
+        return min(max(LEAST_SHARE * self.h, LEAST_OF_CELL * self.quickest[0]), self.h)
+
+    @cached_property
+    def quickest(self) -> tuple[float, int]:
+        """The time in which the quickest node follows its neighbours [s], and the node."""
+        scene, substep = self.context.scene, self.context.substep
+        pattern, bodies = scene.volume.pattern, scene.model.bodies
+        entries, at = np.zeros(pattern.indices.size), phase_change.fields(scene.melting, self.s)
+        conduct(scene.volume, substep.shapes, bodies, at, np.zeros(self.s.size), MatrixEntries(entries, 1.0))
+        rows = np.repeat(np.arange(self.s.size), np.diff(pattern.indptr))
+        K = np.bincount(rows, np.where(rows == pattern.indices, entries, 0.0), self.s.size)
+        M = capacities(scene.volume, substep.masses, bodies, self.s)
+        time = np.divide(M, K, out=np.full(self.s.size, np.inf), where=K > 0.0)
+        node = int(np.argmin(time))
+        return float(time[node]), node
 
 
 @dataclass(frozen=True)
@@ -162,8 +194,7 @@ def inner_steps(context: StepContext, method: TimeMethod, adaptive: InnerSteps, 
 
     They end at every breakpoint of the half's own signals; after a jump one is damped.  Raises LeastStepError.
     """
-    least = min(adaptive.least or LEAST_SHARE * h, h)
-    plan = SubstepPlan(context, method, adaptive, least)
+    plan = SubstepPlan(context, method, adaptive, progress.s, h)
     begin = t
     for end in ends_within(context.calendar, t, h):
         if context.calendar.jump_within(begin, end - begin):
@@ -203,7 +234,7 @@ def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, 
             return _advanced(progress, attempt.done, controller, rejected), attempt.there
         if size <= plan.least:
             raise LeastStepError(f"an inner step of {size:.3g} s at {point.t:.9g} s {_why(attempt)}; "
-                                 f"adaptive.least allows none shorter", plan.least)
+                                 f"{_cure(plan)}", plan.least)
         measure, anchor = (attempt.measure, attempt.done.anchor) if isinstance(attempt, SolvedStep) else (None, anchor)
         size, rejected = step_length(max(plan.least, shorter_step(size, measure)), remaining), rejected + 1
 
@@ -246,6 +277,18 @@ def _why(attempt: SolvedStep | str) -> str:
     if isinstance(attempt, str):
         return f"was not solved: {attempt}"
     return f"has {attempt.measure.error:.3g} of adaptive.tolerance and {attempt.measure.change:.3g} of adaptive.max_dT"
+
+
+def _cure(plan: SubstepPlan) -> str:
+    if plan.adaptive.least is not None:
+        return "adaptive.least allows none shorter"
+    time, node = plan.quickest
+    interface = plan.context.scene.interface
+    body, (x, y) = interface.bodies[interface.node_body[node]], interface.nodes[node]
+    return (f"none is shorter than {plan.least:.3g} s, for the quickest node, of {body} at ({x:.6g}, {y:.6g}) "
+            f"m, follows its neighbours in {time:.3g} s and shorter steps resolve nothing: data jump there, or the "
+            "bounds of adaptive are too tight. Raise adaptive.tolerance or max_dT, let the data rise in a time instead "
+            "of at once, or ask for shorter steps by adaptive.least")
 
 
 # Steady states by load increments
@@ -353,6 +396,22 @@ class SubstepResult:
     rejected: int = 0
 
 
+def held_value_jumps(context: StepContext, s: Floats, t: float, h: float) -> bool:
+    """Return whether a factor moved a prescribed temperature at t [s], the start of a substep h [s], from s : (n,) [K].
+
+    Jumps of signals are in the calendar; a factor is set from outside.  A midpoint step would take it for a slope, and
+    all that follows be half a step late.
+    """
+    model, fixed = context.scene.model, context.scene.fixed
+    if not any(b.name for b in model.prescribed):
+        return False
+    loads = loads_at(model, context.load_factors, context.calendar.snap(t, h), 1)
+    T, held = (phase_change.temperature(context.scene.melting, v) for v in (s, with_prescribed(context, loads, s)))
+    span = max(float(np.ptp(T)), float(np.ptp(held)))
+    # fault: loads that a rule sets are slopes -> return False | thermal_fmu/test_thermal_windows
+    return bool((np.abs(held - T)[fixed] > MOST * span).any())
+
+
 def advance(context: StepContext, stated: ThermalProblem, method: TimeMethod, begin: SubstepStart, t: float,
             h: float) -> SubstepResult:
     """Take a substep from t to t + h [s].
@@ -364,11 +423,14 @@ def advance(context: StepContext, stated: ThermalProblem, method: TimeMethod, be
         done = steady_by_increments(context, stated.increments or 1, begin.s, begin.anchor, t, h)
         return SubstepResult(done, still_damped, begin.controller)
     if stated.adaptive is not None:
-        start = SubstepProgress(begin.s, begin.anchor, begin.controller, begin.damped)
+        damped = DAMPED_SUBSTEPS if held_value_jumps(context, begin.s, t, h) else begin.damped
+        start = SubstepProgress(begin.s, begin.anchor, begin.controller, damped)
         end = inner_steps(context, method, stated.adaptive, start, t, h)
         assert end.done is not None
         return SubstepResult(end.done, end.damped, end.controller, end.substeps, end.rejected)
-    # fault: jumps of own signals not seen -> damped = begin.damped | thermal_fmu/test_thermal_time
-    damped = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else begin.damped
+    # fault: jumps of own signals not seen -> jumps = held_value_jumps(context, begin.s, t, h) |
+    #   thermal_fmu/test_thermal_time
+    jumps = context.calendar.jump_within(t, h) or held_value_jumps(context, begin.s, t, h)
+    damped = DAMPED_SUBSTEPS if jumps else begin.damped
     done = (damped_step if damped > 0 else limited_step)(context, method, begin.s, begin.anchor, t, h)
     return SubstepResult(done, max(damped - 1, 0), begin.controller)

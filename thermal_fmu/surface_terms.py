@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, Property, resolve
 from contact.half.interface import Interface
-from contact.laws import Law, closed_conductance, gap_factor, open_conductance
+from contact.laws import gap_factor
 from thermal_fmu.contact_quadrature import ContactPoints, EdgePoints, gauss_points
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Exposed, Film, Radiator, ThermalBody, ThermalPair
@@ -104,54 +104,11 @@ class FrozenRadiator:
     T_inf: Floats | None
 
 
-@dataclass(frozen=True)
-class RadiationGroup:
-    """Contact quadrature points of a pair that radiate to each other.
-
-    pair : its number.  nodes : (n, 4), slave's two, master's two.  N_s, N_m : (n, 2) [1].  area : (n,) of the smaller
-    side, weighted with 1 - w [m2].  part_s, part_m : (n,) that area as a part of either side's own [1], one of them 1.
-    emissivities : of slave and master.
-    """
-
-    pair: int
-    emissivities: tuple[Property, Property]
-    nodes: Ints
-    N_s: Floats
-    N_m: Floats
-    area: Floats
-    part_s: Floats
-    part_m: Floats
-
-
 def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenRadiator:
     """Place a radiating surface where it is open.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
     points = exposed_points(radiator.where, slots, geometry)
     uniform = radiator.T_inf.is_uniform
     return FrozenRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(geometry.x)))
-
-
-def radiation_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]) -> tuple[RadiationGroup, ...]:
-    """Collect the points that radiate to each other, touching or apart, by pair; Eq. (11) with its weight 1 - w."""
-    groups = []
-    for pair, laws in enumerate(pairs):
-        if laws is None or laws.stated.radiation is None or laws.emissivities is None:
-            continue
-        gap = laws.stated.radiation.gap
-        weight = np.ones(points.gap.size)
-        if gap is not None:
-            # fault: near radiation at every gap -> weight -= 0.0 * gap_factor(points.gap, *gap.ends) |
-            #   thermal_fmu/test_thermal_radiation
-            weight -= gap_factor(points.gap, *gap.ends)
-        at = np.flatnonzero((points.pair == pair) & (weight > 0.0))
-        if at.size:
-            end_s, end_m = points.end_s[at], points.end_m[at]
-            # fault: near radiation by the area of the slave alone -> small, end_m = end_s, end_s |
-            #   thermal_fmu/test_thermal_gap_area
-            small = np.minimum(end_s, end_m)
-            part_s, part_m = (np.divide(small, end, out=np.ones(at.size), where=end > 0.0) for end in (end_s, end_m))
-            groups.append(RadiationGroup(pair, laws.emissivities, points.nodes[at], points.N_s[at], points.N_m[at],
-                                         weight[at] * small, part_s, part_m))
-    return tuple(groups)
 
 
 def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: float, T_inf: Level,
@@ -164,10 +121,10 @@ def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: fl
     points = frozen.points
     T_a = (points.N * T[points.nodes]).sum(axis=1)
     around = resolve(T_inf, frozen.T_inf)
-    eps, deps = _emissivity(frozen.radiator.emissivity, T_a)
+    eps, deps = emissivity_at(frozen.radiator.emissivity, T_a)
     strength = factor * sigma * points.area
-    # fault: radiation to 0 K whatever surrounds -> excess = _fourth(T_a) | thermal_fmu/test_thermal_radiation
-    excess = _fourth(T_a) - _fourth(around)
+    # fault: radiation to 0 K whatever surrounds -> excess = fourth(T_a) | thermal_fmu/test_thermal_radiation
+    excess = fourth(T_a) - fourth(around)
     flow = (strength * eps * excess)[:, None] * points.N
     # fault: derivative of far radiation -> dq = strength * (deps * excess + 3.0 * eps * np.abs(T_a) ** 3) |
     #   thermal_fmu/test_thermal_fields
@@ -175,43 +132,11 @@ def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: fl
     return flow, dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
 
 
-def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[Floats, Floats]:
-    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
-
-    T : (n_nodes,) [K], sigma : [W/m2K4].  Eq. (11): q leaves the slave's nodes by its shape functions and enters the
-    master's by theirs.  It is (1 - w) sigma (T_s^4 - T_m^4) over a row of three resistances: (1 - eps)/(eps A) of
-    either surface, and 1/A of the smaller one, whose rays all meet the other (Howell, Menguc & Siegel, Thermal
-    Radiation Heat Transfer, 5.3).  With equal areas that makes A/(1/eps_s + 1/eps_m - 1), as between plates.
-    """
-    T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
-    T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
-    of_slave, of_master = group.emissivities
-    # fault: emissivities mixed up between the sides -> eps_s, deps_s = _emissivity(of_slave, T_m) |
-    #   thermal_fmu/test_thermal_radiation
-    eps_s, deps_s = _emissivity(of_slave, T_s)
-    eps_m, deps_m = _emissivity(of_master, T_m)
-    # fault: black bodies between plates -> resistance = group.part_s / eps_s + group.part_m / eps_m |
-    #   thermal_fmu/test_thermal_radiation
-    resistance = group.part_s / eps_s + group.part_m / eps_m - np.minimum(group.part_s, group.part_m)  # times area
-    strength = sigma * group.area / resistance
-    q = strength * (_fourth(T_s) - _fourth(T_m))
-    per_resistance = q / resistance  # a point may have no area
-    dq_s = 4.0 * strength * np.abs(T_s) ** 3 + per_resistance * group.part_s * deps_s / eps_s**2
-    # fault: derivative of the master's emissivity forgotten -> dq_m = -4.0 * strength * np.abs(T_m) ** 3 + 0.0 *
-    #   per_resistance | thermal_fmu/test_thermal_fields
-    dq_m = -4.0 * strength * np.abs(T_m) ** 3 + per_resistance * group.part_m * deps_m / eps_m**2
-    # fault: near radiation one-sided -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
-    #   thermal_fmu/test_thermal_friction
-    out = np.concatenate([group.N_s, -group.N_m], axis=1)
-    dq = np.concatenate([dq_s[:, None] * group.N_s, dq_m[:, None] * group.N_m], axis=1)
-    return q[:, None] * out, out[:, :, None] * dq[:, None, :]
-
-
-def _fourth(T: float | Floats) -> Floats:
+def fourth(T: float | Floats) -> Floats:
     return np.asarray(T * np.abs(T) ** 3)
 
 
-def _emissivity(emissivity: Property, T: Floats) -> tuple[Floats, Floats]:
+def emissivity_at(emissivity: Property, T: Floats) -> tuple[Floats, Floats]:
     """Return value [1] and derivative [1/K] by temperature at T : (n,) [K]."""
     raw = emissivity(T)
     eps = np.clip(raw, LEAST_EMISSIVITY, 1.0)
@@ -350,67 +275,3 @@ def _effusivity(nodes: NDArray[np.int32], N: Floats, parts: Sequence[ThermalBody
         here = of == part
         out[here] = parts[part].material.effusivity(T[here], None if f_s is None else f_s[here])
     return out
-
-
-# Conduction between contact quadrature points, touching or apart, Eqs. (8-10)
-
-@dataclass(frozen=True)
-class ConductionGroup:
-    """Contact quadrature points of one pair under one law.
-
-    argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
-    N_s, N_m : (n, 2) [1].  area : (n,) [m2], where open that of the gas between the sides.
-    """
-
-    pair: int
-    closed: bool
-    law: Law
-    argument: Floats
-    nodes: Ints
-    N_s: Floats
-    N_m: Floats
-    area: Floats
-
-    @property
-    def mechanism(self) -> str:
-        """The name of its term in the heat balance."""
-        return "contact" if self.closed else "gap"
-
-
-def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]) -> tuple[ConductionGroup, ...]:
-    """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
-    groups = []
-    for pair, own in enumerate(pairs):
-        laws = None if own is None else own.stated.conduction
-        if laws is None:
-            continue
-        for closed, law in ((True, laws.closed), (False, laws.open)):
-            at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
-            if law is not None and at.size:
-                argument, area = (points.p, points.area) if closed else (points.gap, points.open_area)
-                groups.append(ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],
-                                              points.N_m[at], area[at]))
-    return tuple(groups)
-
-
-def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Floats, Floats]:
-    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
-
-    T : (n_nodes,) [K].  factor : of the conductance [1].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the
-    slave's
-    nodes by its shape functions and enters the master's by theirs.
-    """
-    T_s = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1)
-    T_m = (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
-    conductance = closed_conductance if group.closed else open_conductance
-    h, dh = conductance(group.law, group.argument, 0.5 * (T_s + T_m))
-    # fault: one-sided interface flux -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
-    #   thermal_fmu/test_thermal_contact
-    out = np.concatenate([group.N_s, -group.N_m], axis=1)
-    jump = T_s - T_m
-    flow = (factor * group.area * h * jump)[:, None] * out
-    mean = np.concatenate([group.N_s, group.N_m], axis=1)
-    # fault: derivative of h(T) forgotten -> dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.0 * dh *
-    #   jump)[:, None] * mean) | thermal_fmu/test_thermal_nonlinear
-    dq = (factor * group.area)[:, None] * (h[:, None] * out + (0.5 * dh * jump)[:, None] * mean)
-    return flow, out[:, :, None] * dq[:, None, :]

@@ -167,7 +167,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                f"{f'breakpoints at {breakpoints} s' if breakpoints else 'no breakpoints'}\n"
                f"  probes: {', '.join(s.probes) or 'none'}"
                + (f"\n  heat and force by name: {', '.join(named)}" if named else ""))
-    for note in s.notes:
+    for note in (*s.notes, *s.mesh_notes):
         typer.echo(f"  note: {note}")
     if pilot or is_quick(s):
         typer.echo(f"  stable windows, from a pilot run: {pilot_run(s).summary}")

@@ -29,7 +29,7 @@ from coupler.scenario.document import (
 )
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
-from coupler.scenario.notes import contact_notes, mean_T0, thermal_notes
+from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
 from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, wrongs_of
 from coupler.scenario.rule_model import Rule
@@ -95,6 +95,11 @@ class Scenario:
         thermal = self.models["thermal"]
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
+
+    @property
+    def mesh_notes(self) -> tuple[str, ...]:
+        """Where the meshes let temperatures leave their data; it takes a look at every cell."""
+        return tuple(sign_notes(self.interface, self.models["thermal"]))
 
     @property
     def thermal_half(self) -> str:

@@ -242,3 +242,28 @@ def test_a_tolerance_out_of_reach_is_discarded_too():
     done = half.step(state, inputs_of(bar, half), 0.0, 1.0, link)
     assert isinstance(done, Discard)
     assert "of adaptive.tolerance" in done.message
+
+
+def test_steps_have_a_bound_from_the_cells_and_the_error_names_cause_and_cure():
+    """They went down to 1e-13 s before; a node of cells of 0.1 m, a = 1, follows its neighbours in 3.3e-3 s."""
+    bar = scene(Box(0, 1, 0, 0.1, 10))
+    half, link = load(bar, spec([HELD], adaptive={"max_dT": 1e-9})), FlatContact()
+    state, _ = half.start(inputs_of(bar, half), 0.0, link)
+    done = half.step(state, inputs_of(bar, half), 0.0, 1e-2, link)
+    assert isinstance(done, Discard)
+    least = float(done.message.split("none is shorter than ")[1].split(" s")[0])
+    assert 1e-9 < least < 1e-8
+    for word in ("of a at (", "data jump there", "Raise adaptive.tolerance or max_dT", "adaptive.least"):
+        assert word in done.message
+
+
+@pytest.mark.parametrize("tolerance", [1.0, 1e-2])
+def test_a_quench_is_resolved_within_its_data_in_few_steps(tolerance):
+    """From 1200 to 300 K in windows far below h^2/a, where it peaked at 1396 K and steps fell to 1e-13 s."""
+    bar = scene(Box(0, 1, 0, 0.1, 10))
+    for dt in (1e-6, 1e-3, 1.0):
+        ran = run(bar, spec([{"on": "a.left", "temperature": 300.0}], T0=1200.0,
+                            adaptive={"tolerance": tolerance, "max_dT": 50.0}), dt, 5)
+        assert ran.T.max() <= 1200.0 + 1e-9
+        assert ran.T.min() >= 300.0 - 1e-9
+        assert max(o["substeps"] for o in ran.outputs) < 400

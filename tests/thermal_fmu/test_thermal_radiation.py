@@ -16,8 +16,8 @@ from contact.half.interface import Pair
 from contact.half.model import Discard
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
+from thermal_fmu.exchange import RadiationGroup, gap_radiation_flow
 from thermal_fmu.half import load
-from thermal_fmu.surface_terms import RadiationGroup, gap_radiation_flow
 
 SIGMA = 5.670374419e-8
 

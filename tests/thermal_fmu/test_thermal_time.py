@@ -70,7 +70,7 @@ def test_a2_rings_where_nothing_damps(monkeypatch):
     bar = scene(Box(0, 1, 0, 1, 20))
     model = spec([{"on": "a.right", "temperature": 300.0}], T0=400.0)
     assert (np.diff(run(bar, model, 0.02, 25).T[:, 19]) > 0).sum() == 0
-    monkeypatch.setattr("thermal_fmu.step.overshoots", lambda *_: False)
+    monkeypatch.setattr("thermal_fmu.step.went_beyond", lambda *_: False)
     assert (np.diff(run(bar, model, 0.02, 25).T[:, 19]) > 0).sum() > 5
 
 
@@ -202,9 +202,9 @@ def test_a_jump_inside_the_half_is_damped_without_being_told(method, off):
 
 
 def test_a_jump_from_outside_does_not_ring(monkeypatch):
-    """A factor that jumps: with control.event raised a damped step meets it, without notice the step that overshoots
+    """A factor that jumps: with control.event raised a damped step meets it, without notice the half sees that a value
 
-    is taken again.  Without that it rings.
+    moved, or else the step that overshoots is taken again.  Without both it rings.
     """
     from thermal_scenes import FlatContact, inputs_of
 
@@ -213,16 +213,19 @@ def test_a_jump_from_outside_does_not_ring(monkeypatch):
     bar = scene(Box(0, 1, 0, 1, 20))
     half = load(bar, spec([{"on": "a.right", "temperature": 400.0, "name": "wall"}], T0=400.0))
     rises = {}
-    for event, limited in ((0, True), (0, False), (1, False)):
-        if not limited:
-            monkeypatch.setattr("thermal_fmu.step.overshoots", lambda *_: False)
-        inputs = inputs_of(bar, half)
-        state, _ = half.start(inputs, 0.0, FlatContact())
-        T = []
-        for i in range(20):
-            changed = {"load.wall": 0.75, "control.event": event} if i >= 5 else {}
-            state = half.step(state, inputs | changed, 0.02 * i, 0.02, FlatContact()).state
-            T.append(state.s[19])
-        rises[event, limited] = int((np.diff(T) > 1e-9).sum())
-    assert rises[1, False] == rises[0, True] == 0
-    assert rises[0, False] > 3
+    for event, sees, limited in ((0, True, False), (0, False, True), (0, False, False), (1, False, False)):
+        with monkeypatch.context() as patched:
+            if not sees:
+                patched.setattr("thermal_fmu.substeps.held_value_jumps", lambda *_: False)
+            if not limited:
+                patched.setattr("thermal_fmu.step.went_beyond", lambda *_: False)
+            inputs = inputs_of(bar, half)
+            state, _ = half.start(inputs, 0.0, FlatContact())
+            T = []
+            for i in range(20):
+                changed = {"load.wall": 0.75, "control.event": event} if i >= 5 else {}
+                state = half.step(state, inputs | changed, 0.02 * i, 0.02, FlatContact()).state
+                T.append(state.s[19])
+        rises[event, sees, limited] = int((np.diff(T) > 1e-9).sum())
+    assert rises[1, False, False] == rises[0, True, False] == rises[0, False, True] == 0
+    assert rises[0, False, False] > 3

@@ -12,6 +12,7 @@ from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface
 from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, gauss_points
+from thermal_fmu.exchange import conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields
 from thermal_fmu.problem import Exposed, Model
 from thermal_fmu.scene import Fixed, SubstepData
@@ -22,11 +23,9 @@ from thermal_fmu.surface_terms import (
     FrictionHeat,
     SurfaceGeometry,
     at_nodes,
-    conduction_groups,
     freeze_film,
     freeze_radiator,
     friction_power,
-    radiation_groups,
     slave_fraction,
 )
 
