@@ -7,12 +7,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.schemes.levels import Level
 from coupler.schemes.state import imbalance
-from coupler.trust import passing, rhythm, temperatures
+from coupler.trust import errors, passing, rhythm, temperatures
 from coupler.trust.checks import Check, measured
+from coupler.trust.errors import Looked
+
+Array = NDArray[np.float64]
 
 BALANCE = (1e-9, 1e-6)  # of the heat moved: noted, broken
 
@@ -28,6 +32,7 @@ class TrustLog:
     temperatures: temperatures.TemperatureLog = field(default_factory=temperatures.TemperatureLog)
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
+    errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -36,36 +41,54 @@ class TrustLog:
 class TrustWatch:
     """Measures what can be wrong.  It remembers nothing between windows but what its log holds."""
 
-    def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]]) -> None:
+    def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
+                 probes: Mapping[str, str] | None = None, adaptive: bool = False) -> None:
+        """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
+        them (`means`).  adaptive : whether windows find their own size.
+        """
         self._interface = interface
+        self._adaptive = adaptive
+        self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
         self._data = temperatures.TemperatureData(models["thermal"])
         self._sides = passing.Sides(interface)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._bodies = [np.flatnonzero(interface.node_body == k) for k in range(len(interface.bodies))]
 
-    def begun(self, now: Level) -> TrustLog:
-        """Return the log before the first window."""
-        return TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
+    def means(self, now: Level) -> Array:
+        """Return the mean temperature of each body, (n_bodies,) [K]."""
+        return np.array([now.T[nodes].mean() for nodes in self._bodies])
+
+    def begun(self, now: Level, values: Array | None = None) -> TrustLog:
+        """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
+        log = TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
+        return log if values is None else replace(log, errors=errors.begun(values))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool) -> TrustLog:
+              forced: bool, looked: Looked | None = None) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
-        data.  forced : it was taken though it did not converge, or its error is too large.
+        data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
+        the probes; None: they are not followed.
         """
         before, now = levels
         warmth = temperatures.watched(log.temperatures, self._data, before, now, terms)
         return replace(
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
             temperatures=warmth,
+            errors=errors.watched(log.errors, looked, now.t) if looked is not None else log.errors,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self._bodies, fresh),
             passing=self._sides.watched(log.passing, before, now))
+
+    def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
+        """Return probe -> estimated error, range and unit, SI; empty where no window was looked at."""
+        return errors.table(log.errors, self._probes)
 
     def judged(self, log: TrustLog, totals: Mapping[str, float]) -> tuple[Check, ...]:
         """Return the table.  totals : the ledger's terms over the run [J]."""
         off = imbalance(totals)
         return (
+            errors.check(log.errors, self._probes, self._adaptive),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node), bool(self._interface.pairs), self._prescribed),
