@@ -22,8 +22,8 @@ from coupler.trust.errors import Looked
 Array = NDArray[np.float64]
 
 # What one look costs [windows], what is earned for it in every window, and what a run begins with: a share of its
-# windows, at least one look and at most three.  What begins to bend may be looked at on credit, as much again.  So a
-# run of 120 windows looks two or three times, one of 800 nine or ten times.
+# windows, at least one look and at most three.  What begins to bend may be looked at on credit.  So a run of 50 windows
+# looks twice, one of 800 nine or ten times.
 LOOK, EARNED = 2.0, 0.015
 FIRST_SHARE, MOST_FIRST = 0.02, 3.0 * LOOK
 # The third window is the first with two levels before it.
@@ -68,15 +68,15 @@ def wanted(memory: Memory, seen: Looked, number: int, plan: Plan) -> bool:
         return False
     windows = _windows(plan)
     if number < HISTORY:
-        # Where data jump at the start nothing else sees it.
-        return number == 0 and memory.credit >= MOST_FIRST
+        # Where data jump at the start nothing else sees it, and of one or two windows there is no other.
+        return number == 0 and (memory.credit >= MOST_FIRST or windows <= HISTORY)
     if memory.since >= number:  # none but the first was looked at
         return memory.credit >= LOOK
     pause = windows * LOOK / (max(_on_credit(plan), LOOK) + EARNED * windows)
     bends = (seen.second > BENDS_MORE * memory.highest) & (seen.second > VISIBLE * memory.course.range)
     # fault: what begins to bend is not looked at before its turn -> if False: | coupler/test_spare
     if bends.any() and memory.since >= PART * pause:
-        return memory.credit >= LOOK - _on_credit(plan) * LOOK / MOST_FIRST
+        return memory.credit >= 0.0
     return memory.credit >= LOOK and memory.since >= pause
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -81,8 +81,8 @@ class TrustWatch:
             passing=self._sides.watched(log.passing, before, now))
 
     def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
-        """Return probe -> estimated error, range and unit, SI; empty where no window was looked at."""
-        return errors.table(log.errors, self._probes)
+        """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
+        return {n: asdict(row) for n, row in errors.table(log.errors, self._probes).items()}
 
     def judged(self, log: TrustLog, totals: Mapping[str, float]) -> tuple[Check, ...]:
         """Return the table.  totals : the ledger's terms over the run [J]."""
