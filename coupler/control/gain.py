@@ -3,7 +3,7 @@
 Two numbers of a window of H seconds are measured where they matter, along the direction in which the exchange answers:
 
     rho   what plain iteration multiplies a difference of guesses by, its sign turned: > 0 turns against what changed
-    R     what the thermal half leaves of a difference in one more window, with the exchange held
+    R     what the thermal half leaves of a difference in one more window, with the exchange held, as mechanics feel it
 
 A window solved once gives the thermal half x and t_N that belong to temperatures before, w_0 T_n + w_1 T_(n-1) + ... by
 its scheme, and a disturbance goes from window to window by
@@ -27,7 +27,7 @@ from coupler.scenario.options import Scheme, Seen
 from coupler.schemes.levels import Level, exchanged, weights
 from coupler.schemes.schemes import scheme_of, with_mode
 from coupler.schemes.state import NO_WORK, CoupledState, Halves, Solved, Span
-from coupler.schemes.sweep import DiscardError, mechanical_first, thermal_pass
+from coupler.schemes.sweep import DiscardError, mechanical_first, mechanical_pass, thermal_pass
 
 Array = NDArray[np.float64]
 
@@ -35,8 +35,7 @@ Array = NDArray[np.float64]
 ROUND_OFF = 1e-10
 # How far a limit is looked for, in windows, and how nearly it is found.
 FARTHEST, NEARLY = 64.0, 1e-3
-# One more window that is as good as held: x and t_N of the end, for both of the two.
-SOLVES = 6
+SOLVES = 8
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def measured(halves: Halves, before: CoupledState, span: Span, options: SolveOpt
         second, second_after = _iterate(halves, before, span, first, saved, solved)
     except DiscardError:
         return None
-    step, out, after = first.T - guess.T, second.T - first.T, second_after - first_after
+    step, out = first.T - guess.T, second.T - first.T
     H = span.end - before.now.t
     least = ROUND_OFF * float(np.abs(guess.T).max())
     if float(np.abs(step).max()) <= least:
@@ -136,17 +135,33 @@ def measured(halves: Halves, before: CoupledState, span: Span, options: SolveOpt
     rho = -float(step @ out) / float(step @ step)
     if float(np.abs(out).max()) <= least:
         return Gain(H, 0.0, 0.0, held, seen)
+    # What the exchange feels of it, not all there is: of a rod that is its mean temperature.  The iterates felt `step`
+    # as `felt`, so `out` as -rho times that.
+    felt, later = _felt(first, second, first, second), _felt(first_after, second_after, first, second)
+    scale = -rho * float(felt @ felt)
     # fault: what the half itself leaves is not measured -> return Gain(H, rho, 0.0, held, seen) | coupler/test_gain
-    return Gain(H, rho, float(out @ after) / float(out @ out), held, seen)
+    return Gain(H, rho, float(felt @ later) / scale if scale else 0.0, held, seen)
+
+
+def _felt(a: Level, b: Level, first: Level, second: Level) -> Array:
+    """Difference of x and t_N from a to b, each over that from the first to the second iterate; what has none is 0."""
+    parts = []
+    for name in ("x", "t_N"):
+        size = float(np.linalg.norm(getattr(second, name) - getattr(first, name)))
+        parts.append((getattr(b, name) - getattr(a, name)).ravel() / size if size > 0.0 else np.zeros(0))
+    return np.concatenate(parts)
 
 
 def _iterate(halves: Halves, before: CoupledState, span: Span, guess: Level, saved: SavedStates,
-             solved: Solved) -> tuple[Level, Array]:
-    """The window on a guess of T at its end, and (n_nodes,) T [K] after one more with x and t_N as they are there."""
+             solved: Solved) -> tuple[Level, Level]:
+    """The window on a guess of T at its end, and one more with x and t_N held, but for those that come out of it."""
     saved.roll_back("a window is only looked at")
     swept = mechanical_first(halves, before, span, exchanged(guess))
     more = replace(span, k0=span.k1, k1=2 * span.k1 - span.k0)
     none = {n: replace(a, carry=np.zeros_like(a.carry)) for n, a in swept.accounts.items()}
     held = CoupledState(replace(solved.state.now, t=span.end), (), before.events, none, swept.sent)
     after = thermal_pass(halves, held, more.times("thermal"), None, NO_WORK)
-    return replace(guess, T=swept.level.T, f_s=swept.level.f_s), after.outputs["T"]
+    warm = replace(held, sent=after.sent)
+    moved = mechanical_pass(halves, warm, more.times("mechanical"), after.outputs, NO_WORK)
+    t_N = moved.outputs.get("contact.t_N", guess.t_N)
+    return swept.level, replace(swept.level, T=after.outputs["T"], x=moved.outputs["x"], t_N=t_N)

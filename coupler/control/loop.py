@@ -200,9 +200,9 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
         factor = error_estimate.doubling_of(window.at.state, solved, level).halves
         seen = replace(seen, error=spare.difference(seen.values, in_one, factor))
     elif spare.wanted(memory, seen, number, plan) and spare.can_look(window.halves, window.span):
-        error, solves = spare.look(window.halves, window.at.state, window.span, window.options, window.saved, solved,
-                                   plan)
-        seen, memory = replace(seen, error=error, solves=solves), spare.spent(memory, seen, number)
+        taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
+        seen = spare.look(window.halves, taken, plan, seen, spare.asks_gain(memory, number))
+        memory = spare.spent(memory, seen, number)
     return replace(control, spare=memory), seen
 
 

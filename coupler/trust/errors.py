@@ -10,6 +10,7 @@ died out: a bound, where small disturbances do not grow by themselves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -44,12 +45,15 @@ class Looked:
 
     values : at its end.  second : |H^2 v''|.  error : estimate of what the window did wrong; empty where it was not
     looked at.  solves : of either half that this cost beyond the run's own.
+    m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
     """
 
     values: Array
     second: Array
     error: Array = field(default_factory=_empty)
     solves: int = 0
+    m: float = math.nan
+    limit: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.levels import Level
 from coupler.schemes.state import imbalance
-from coupler.trust import errors, passing, rhythm, temperatures
+from coupler.trust import errors, passing, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -33,6 +33,7 @@ class TrustLog:
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
+    stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -52,11 +53,13 @@ class TrustWatch:
         self._data = temperatures.TemperatureData(models["thermal"])
         self._sides = passing.Sides(interface)
         self._prescribed = models["mechanical"].get("half") == "rigid"
-        self._bodies = [np.flatnonzero(interface.node_body == k) for k in range(len(interface.bodies))]
+        self._inside = np.flatnonzero(interface.node_body >= 0)
+        self._of = interface.node_body[self._inside]
+        self._counts = np.maximum(np.bincount(self._of, minlength=len(interface.bodies)), 1)
 
     def means(self, now: Level) -> Array:
         """Return the mean temperature of each body, (n_bodies,) [K]."""
-        return np.array([now.T[nodes].mean() for nodes in self._bodies])
+        return np.bincount(self._of, weights=now.T[self._inside], minlength=len(self._counts)) / self._counts
 
     def begun(self, now: Level, values: Array | None = None) -> TrustLog:
         """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
@@ -72,12 +75,14 @@ class TrustWatch:
         the probes; None: they are not followed.
         """
         before, now = levels
+        if looked is not None:
+            log = replace(log, errors=errors.watched(log.errors, looked, now.t),
+                          stability=stability.watched(log.stability, looked, now.t, now.t - before.t))
         warmth = temperatures.watched(log.temperatures, self._data, before, now, terms)
         return replace(
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
             temperatures=warmth,
-            errors=errors.watched(log.errors, looked, now.t) if looked is not None else log.errors,
-            rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self._bodies, fresh),
+            rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now))
 
     def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
@@ -89,6 +94,7 @@ class TrustWatch:
         off = imbalance(totals)
         return (
             errors.check(log.errors, self._probes, self._adaptive),
+            stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node), bool(self._interface.pairs), self._prescribed),

@@ -12,10 +12,15 @@ from coupler.control import gain
 from coupler.control.gain import Gain
 from coupler.control.solve_window import SavedStates, SolveOptions, solve_once
 from coupler.scenario.options import Iteration, Scheme, Seen
-from coupler.schemes.state import Settings, Span, clock_with_marks, wanted_outputs
+from coupler.schemes.state import CoupledState, Halves, Settings, Span, clock_with_marks, wanted_outputs
+from coupler.trust.checks import Check
+from coupler.trust.errors import Looked
+from coupler.trust.stability import StabilityLog, check, watched
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))
 
+from cases import chatter, e3c_limit
 from coupled_run import start
 from fake_halves import G_M, K_G, T_W, C, G, gap_of, lumped, shrinking
 
@@ -29,7 +34,12 @@ ONE = {"thermal": 1, "mechanical": 1}
 def measured(scheme: Scheme, H: float, method: str, level: Seen = Seen.MIDDLE) -> Gain:
     """Of the fifth window of E4, begun 0.01 K off its rest."""
     halves = wanted_outputs(lumped(REST + 0.01, method), shrinking(REST + 0.01))
-    state, clock = start(REST + 0.01, gap_of(REST + 0.01)), clock_with_marks(100 * H, ())
+    return last_gain(halves, start(REST + 0.01, gap_of(REST + 0.01)), scheme, H, level)
+
+
+def last_gain(halves: Halves, state: CoupledState, scheme: Scheme, H: float, level: Seen = Seen.MIDDLE) -> Gain:
+    """Of the fifth of five windows."""
+    clock = clock_with_marks(100 * H, ())
     options = SolveOptions(scheme, Settings(scheme, ONE, Iteration(level=level)))
     bounds = [clock.ticks(k * H) for k in range(7)]
     for k in range(5):
@@ -92,3 +102,37 @@ def test_what_drives_itself_on_is_no_fault_of_the_exchange():
     driven = Gain(1.0, -0.5, 0.9, (1.0,))
     assert driven.m == pytest.approx(1.9)
     assert driven.limit == np.inf
+
+
+# A rod with forty cells: the answer of the exchange is one direction of many.
+
+@pytest.mark.parametrize(("method", "near"), [("backward_euler", 0.02), ("midpoint", 0.15)])
+def test_the_rod_that_chatters_has_its_limit(method, near):
+    """E3c: 0.11625 (backward Euler), 0.08936 (midpoint, whose many stiff modes two moments do not hold as well)."""
+    limit = e3c_limit(method)
+    for share, stable in ((0.85, True), (1.15, False)):
+        halves, state = chatter(1e-4, method)
+        found = last_gain(wanted_outputs(*halves), state, Scheme.STAGGERED, share * limit)
+        assert (found.m > -1.0) is stable, found.m
+        assert found.limit == pytest.approx(limit, rel=near)
+
+
+# The check of the trust table
+
+def judged(*multipliers: float) -> Check:
+    log = StabilityLog()
+    for k, m in enumerate(multipliers):
+        log = watched(log, Looked(np.empty(0), np.empty(0), m=m, limit=0.4), 2.0 * (k + 1), 2.0)
+    return check(log, 1)
+
+
+def test_two_windows_in_which_a_disturbance_grows_condemn_a_run():
+    found = judged(0.3, -1.5, -1.2)
+    assert found.verdict == "broken"
+    assert found.number == 1.2
+    assert "unstable exchange" in found.sentence
+    assert "windows up to about 0.4 s are stable" in found.sentence
+    assert judged(-1.5, 0.3).verdict == "holds", "one alone may be a touch"
+    assert judged(-0.7, -0.8).verdict == "noted"
+    assert judged(2.0, 3.0).verdict == "holds", "what drives itself on is physics"
+    assert check(StabilityLog(), 0).verdict == "not checked"
