@@ -69,11 +69,11 @@ def test_cycles_of_three_and_seven_windows_are_told_by_their_errors(tmp_path, si
 
 
 def test_the_seizing_rod_and_the_column_are_told_as_good_as_they_are(tmp_path):
-    """Friction heat that comes a window late is late once: the rod is 3 % off, and was told as 209 % and 502 %."""
+    """Friction heat that comes a window late is late once: told anew in every window it made T 2.99 % here."""
     rod = ran(seizing_rod(), tmp_path)
     assert rod.probe("p")[1][-1] == pytest.approx(8.132e6, rel=0.06)
     assert bound(rod, "p") < 0.1
-    assert bound(rod, "T") < 0.2
+    assert bound(rod, "T") < 0.015
     assert bound(ran(column(), tmp_path), "T1") < 0.03
 
 
