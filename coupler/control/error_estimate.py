@@ -184,6 +184,14 @@ def _order(start: CoupledState, solved: Solved, level: Seen) -> int:
     return scheme_of(solved.scheme).exchange_at(level).order(heat=made)
 
 
+def doubling_of(start: CoupledState, solved: Solved, level: Seen) -> Doubling:
+    """Return what to multiply the distance of two answers of a window by, of anything that follows T.
+
+    start : before the window.  level : `coupling.iteration.level`.
+    """
+    return _doubling("temperature", _order(start, solved, level), solved.scheme)
+
+
 def _doubling(quantity: str, order: int, scheme: Scheme) -> Doubling:
     # fault: x that is late at the start of a window is not thought of -> if False: | coupler/test_scheme_table
     if order > 0 and quantity in ("temperature", "heat") and scheme_of(scheme).sees_start_T:

@@ -9,8 +9,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
-from coupler.control import auto, error_estimate, events
-from coupler.control.accept import Attempt, accept
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.control import auto, error_estimate, events, spare
+from coupler.control.accept import Attempt, Decision, accept
 from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
@@ -18,6 +21,7 @@ from coupler.control.state import Committed, ControlState, first, monitors, open
 from coupler.rules.engine import Firing
 from coupler.scenario.options import Adaptive
 from coupler.schemes.state import CoupledState, Halves, Solved, Span
+from coupler.trust.errors import Looked
 
 # Where the next window ends, before it has been solved, and why there.
 
@@ -95,7 +99,7 @@ class Tried:
     before : what control remembered at its start.  after : all the coupler remembers then, whether the window stands
     or not.  reason : why it had this size and scheme, in words; why it does not stand is the message of `solved`.
     error : where it is known.  event : what happens at its end, or inside where it was put back for it.
-    fired : the rules that fired.
+    fired : the rules that fired.  looked : what was seen of the probes, of a window that stands.
     """
 
     number: int
@@ -111,6 +115,7 @@ class Tried:
     error: Estimate | None = None
     event: str = ""
     fired: tuple[Firing, ...] = ()
+    looked: Looked | None = None
 
     @property
     def accepted(self) -> bool:
@@ -150,8 +155,10 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     control = at.control
     with SavedStates(halves, t0, control.number + 1) as saved:
         solved = solve_once(halves, at.state, span, options, saved)
+        in_one = np.empty(0)
         if solved.taken and plan.adaptive is not None and error_estimate.wanted(
                 control.estimate, at.state, span, options.scheme, solved.state.now):
+            in_one = plan.watched(solved.state.now)
             solved = doubled(halves, at.state, span, options, saved, solved)
         if not solved.taken:
             saved.roll_back(solved.message)
@@ -159,10 +166,44 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
         # fault: halves not put back where a window is judged not to stand -> if False: | coupler/test_control
         if solved.taken and not verdict.solved.taken:
             saved.roll_back(verdict.solved.message)
+        after, looked = verdict.control, None
+        if verdict.solved.taken:
+            after, looked = _looked(_Taken(halves, at, plan, span, options, saved), verdict, in_one)
     state = solved.state if verdict.solved.taken else at.state
     return Tried(control.number, t0, span.end - t0, verdict.solved, time.perf_counter() - started,
-                 Committed(state, verdict.control), control, span, verdict.notes,
-                 "; ".join(r for r in (reason, why) if r), verdict.error, verdict.event, verdict.fired)
+                 Committed(state, after), control, span, verdict.notes,
+                 "; ".join(r for r in (reason, why) if r), verdict.error, verdict.event, verdict.fired,
+                 looked)
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """A window that stands, before it is left.  saved : the states of both halves at its start."""
+
+    halves: Halves
+    at: Committed
+    plan: Plan
+    span: Span
+    options: SolveOptions
+    saved: SavedStates
+
+
+def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> tuple[ControlState, Looked]:
+    """Control after a window with what was seen of the probes, which may take a spare solve.
+
+    in_one : (n,) the probes at the end of the window solved in one, where its two halves are kept; else empty.
+    """
+    plan, control, solved = window.plan, verdict.control, verdict.solved
+    memory, seen = spare.after(control.spare, solved.state.now.t, plan.watched(solved.state.now))
+    number, level = window.at.control.number, window.options.settings.iteration.level
+    if solved.whole is not None and in_one.size:
+        factor = error_estimate.doubling_of(window.at.state, solved, level).halves
+        seen = replace(seen, error=spare.difference(seen.values, in_one, factor))
+    elif spare.wanted(memory, seen, number, plan) and spare.can_look(window.halves, window.span):
+        taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
+        seen = spare.look(window.halves, taken, plan, seen, spare.asks_gain(memory, number))
+        memory = spare.spent(memory, seen, number)
+    return replace(control, spare=memory), seen
 
 
 def _span(at: Committed, plan: Plan) -> tuple[Span, str]:

@@ -7,6 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from coupler.control.contact_status import Branch, ContactStatus, PairNodes, contact_status, side
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme
 from coupler.scenario.rule_model import Rule
@@ -49,6 +52,7 @@ class Plan:
 
     adaptive : None where windows end as the schedule says; else its bounds are only those that must be met.
     steady : stop once max |dT/dt| stays below this [K/s]; 0: never.  probed : a level -> the values of the probes.
+    watched : a level, at which the halves are -> (n,) in SI of what errors are estimated; (0,): of nothing.
     """
 
     schedule: Schedule
@@ -61,6 +65,7 @@ class Plan:
     steady: float = 0.0
     rules: Sequence[Rule] = ()
     probed: Callable[[Level], Mapping[str, float]] = lambda level: {}
+    watched: Callable[[Level], NDArray[np.float64]] = lambda level: np.empty(0)
 
     @property
     def settings(self) -> Settings:

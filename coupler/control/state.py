@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from coupler.control import auto, error_estimate, events, two_cycle, window_size
+from coupler.control import auto, error_estimate, events, spare, two_cycle, window_size
 from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.two_cycle import home
@@ -46,6 +46,7 @@ class ControlState:
     choice: auto.Memory = field(default_factory=auto.Memory)
     rules: rules.Memory = field(default_factory=rules.Memory)
     events: events.Memory = field(default_factory=events.Memory)
+    spare: spare.Memory = field(default_factory=spare.Memory)
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,8 @@ def first(state: CoupledState, plan: Plan) -> Committed:
     if plan.rules:
         memory = rules.first_memory(plan.rules, {"t": state.now.t, **plan.probed(state.now)})
     return Committed(state, ControlState(rules.first_settings(plan.rules, plan.settings), size=size,
-                                         reason="the first" if size else "", rules=memory))
+                                         reason="the first" if size else "", rules=memory,
+                                         spare=spare.first(plan, state)))
 
 
 def opened(at: Committed, plan: Plan) -> Committed:

@@ -31,6 +31,7 @@ from coupler.record.tables import (
 from coupler.record.vtkhdf import FieldReader, FileField, in_plane
 from coupler.scenario.conditions import ConditionOutput, condition_output
 from coupler.trust.checks import Check, broken
+from coupler.trust.errors import ProbeError
 
 Array = NDArray[np.float64]
 
@@ -169,6 +170,14 @@ class Results:
     def broken(self) -> tuple[Check, ...]:
         """The checks that say the answer is not to be trusted."""
         return broken(self.trust)
+
+    @property
+    def probe_errors(self) -> Mapping[str, ProbeError]:
+        """Probe -> how far it may be off over the run, in SI, and its range (docs/trust.md); empty where none is known.
+
+        Of a run without probes those of the mean temperatures of its bodies.
+        """
+        return {n: ProbeError(**row) for n, row in self.totals.get("probe_errors", {}).items()}
 
     @property
     def probe_names(self) -> tuple[str, ...]:

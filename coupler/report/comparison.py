@@ -198,7 +198,15 @@ def write_comparison(a: Results, b: Results, path: Path) -> tuple[Path, str]:
     c = compare(a, b)
     names, unit = short_names(a, b), a.header["temperature_unit"]
     told = sentence(c, names, unit, str(a.header["geometry"]))
-    return put_page(path, lambda: _render(c, (a, b), told), a, b), told
+    # fault: a comparison keeps to itself that a run is not to be trusted -> words = "" | coupler/test_compare
+    words = "".join(f"\n  do not trust {n}: {text}" for n, text in distrusted(a, b))
+    return put_page(path, lambda: _render(c, (a, b), told), a, b), told + words
+
+
+def distrusted(a: Results, b: Results) -> list[tuple[str, str]]:
+    """Return (name, what is broken in words) of each run that is not to be trusted (docs/trust.md)."""
+    return [(n, "; ".join(f"{c.name}: {c.what}" for c in run.broken))
+            for n, run in zip(short_names(a, b), (a, b), strict=True) if run.broken]
 
 
 def short_names(a: Results, b: Results) -> tuple[str, str]:
@@ -248,7 +256,8 @@ def _render(c: Comparison, runs: tuple[Results, Results], told: str) -> str:
         title=a.header["title"], names=names, sentence=told, until=number(c.until, 6),
         rows=[told_of(d, unit) for d in c.differences], pictures=_pictures(c, names, unit, geometry),
         heats=heats, heat_unit=heat.unit, only=((names[0], c.only_a), (names[1], c.only_b)), changes=changes(a, b),
-        outcomes=[(n, run.outcome) for n, run in zip(names, runs, strict=True) if run.outcome != "completed"])
+        outcomes=[(n, run.outcome) for n, run in zip(names, runs, strict=True) if run.outcome != "completed"],
+        distrusted=distrusted(*runs))
 
 
 def changes(a: Results, b: Results) -> list[tuple[str, str, str]]:

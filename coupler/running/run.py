@@ -131,7 +131,10 @@ class Run:
             check_halves(launched.thermal, launched.mechanical, self.scenario)
             both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
-            self.plan = replace(self.plan, probed=self._probes.named)
+            units = {n: a["unit"] for n, a in self._probes.about.items()}
+            self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None)
+            watched = self._probes.values if units else self._trust_watch.means
+            self.plan = replace(self.plan, probed=self._probes.named, watched=watched)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
             self.notes += without_checkpoints(both, self.scenario.output.checkpoint)
@@ -143,8 +146,7 @@ class Run:
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
-            self._trust_watch = TrustWatch(interface, self.scenario.models)
-            self._trust = self._trust_watch.begun(self.state.now)
+            self._trust = self._trust_watch.begun(self.state.now, self.plan.watched(self.state.now))
             if self._since is not None:
                 self._continue_from(self._since, both)
             header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about,
@@ -214,7 +216,7 @@ class Run:
                          *self._damping.after(self.state.now.t, tried.solved.monitors))
                 self._trust = self._trust_watch.after(
                     self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
-                    fresh=self.state.now.t in kinks, forced=tried.solved.anyway)
+                    fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked)
                 self.ledger = self.ledger.after(tried.solved.terms)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
@@ -287,9 +289,12 @@ class Run:
             all_of_them = self.monitors()
             monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
         record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors,
-                      friction(self.halves) if tried.accepted else {},
-                      self._conditions.read() if tried.accepted else np.empty(0))
-        self._recorder.window(tried.solved, facts, self.ledger, self._probed(), record)
+                              friction(self.halves) if tried.accepted else {},
+                              self._conditions.read() if tried.accepted else np.empty(0))
+        # Read once more only where the halves went on from there.
+        followed = tried.looked is not None and len(self.scenario.probes) > 0
+        probes = tried.looked.values if tried.looked is not None and followed else self._probed()
+        self._recorder.window(tried.solved, facts, self.ledger, probes, record)
 
     def _frames_from_here(self) -> Frames:
         """Return the frames that are still due."""
@@ -363,6 +368,8 @@ class Run:
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
                 "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.everything)],
+                "probe_errors": self._trust_watch.probe_errors(self._trust),
+                "looks": {"windows": self._trust.errors.looked, "solves": self._trust.errors.solves},
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}

@@ -52,14 +52,13 @@ class RhythmLog:
     cycle_t: float = 0.0
 
 
-def watched(log: RhythmLog, levels: tuple[Level, Level], span: float, bodies: Sequence[NDArray[np.intp]],
-            fresh: bool) -> RhythmLog:
+def watched(log: RhythmLog, levels: tuple[Level, Level], span: float, means: Array, fresh: bool) -> RhythmLog:
     """Return the log after one more window.
 
-    levels : at its start and its end.  span : [K] of all temperatures so far.  bodies : of each the numbers of its
-    nodes.  fresh : the window begins at a kink or a jump of the data.
+    levels : at its start and its end.  span : [K] of all temperatures so far.  means : (n_bodies,) [K] of the bodies at
+    its end.  fresh : the window begins at a kink or a jump of the data.
     """
-    return _cycles(_ringing(log, levels, max(span, FLOOR), fresh), levels[1], bodies, fresh)
+    return _cycles(_ringing(log, levels, max(span, FLOOR), fresh), levels[1].t, means, fresh)
 
 
 def _ringing(log: RhythmLog, levels: tuple[Level, Level], span: float, fresh: bool) -> RhythmLog:
@@ -78,8 +77,7 @@ def _ringing(log: RhythmLog, levels: tuple[Level, Level], span: float, fresh: bo
     return replace(log, share=share, node=worst, t=now.t) if rings[worst] > FLOOR and share > log.share else log
 
 
-def _cycles(log: RhythmLog, now: Level, bodies: Sequence[NDArray[np.intp]], fresh: bool) -> RhythmLog:
-    row = np.array([now.T[nodes].mean() for nodes in bodies])
+def _cycles(log: RhythmLog, t: float, row: Array, fresh: bool) -> RhythmLog:
     ranges = np.array([row, row]) if not log.ranges.size else np.array([np.minimum(log.ranges[0], row),
                                                                         np.maximum(log.ranges[1], row)])
     kept = np.empty((0, len(row))) if fresh or not log.history.size else log.history
@@ -104,7 +102,7 @@ def _cycles(log: RhythmLog, now: Level, bodies: Sequence[NDArray[np.intp]], fres
                          height / np.maximum(np.ptp(ranges, axis=0), FLOOR), 0.0)
         column = int(share.argmax())
         if share[column] > log.cycle_share:
-            log = replace(log, period=period, cycle_share=float(share[column]), column=column, cycle_t=now.t)
+            log = replace(log, period=period, cycle_share=float(share[column]), column=column, cycle_t=t)
     return log
 
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from coupler.schemes.levels import Level
 from coupler.schemes.state import imbalance
-from coupler.trust import passing, rhythm, temperatures
+from coupler.trust import errors, passing, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
+from coupler.trust.errors import Looked
+
+Array = NDArray[np.float64]
 
 BALANCE = (1e-9, 1e-6)  # of the heat moved: noted, broken
 
@@ -28,6 +32,8 @@ class TrustLog:
     temperatures: temperatures.TemperatureLog = field(default_factory=temperatures.TemperatureLog)
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
+    errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
+    stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -36,36 +42,59 @@ class TrustLog:
 class TrustWatch:
     """Measures what can be wrong.  It remembers nothing between windows but what its log holds."""
 
-    def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]]) -> None:
+    def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
+                 probes: Mapping[str, str] | None = None, adaptive: bool = False) -> None:
+        """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
+        them (`means`).  adaptive : whether windows find their own size.
+        """
         self._interface = interface
+        self._adaptive = adaptive
+        self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
         self._data = temperatures.TemperatureData(models["thermal"])
         self._sides = passing.Sides(interface)
         self._prescribed = models["mechanical"].get("half") == "rigid"
-        self._bodies = [np.flatnonzero(interface.node_body == k) for k in range(len(interface.bodies))]
+        self._inside = np.flatnonzero(interface.node_body >= 0)
+        self._of = interface.node_body[self._inside]
+        self._counts = np.maximum(np.bincount(self._of, minlength=len(interface.bodies)), 1)
 
-    def begun(self, now: Level) -> TrustLog:
-        """Return the log before the first window."""
-        return TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
+    def means(self, now: Level) -> Array:
+        """Return the mean temperature of each body, (n_bodies,) [K]."""
+        return np.bincount(self._of, weights=now.T[self._inside], minlength=len(self._counts)) / self._counts
+
+    def begun(self, now: Level, values: Array | None = None) -> TrustLog:
+        """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
+        log = TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
+        return log if values is None else replace(log, errors=errors.begun(values))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool) -> TrustLog:
+              forced: bool, looked: Looked | None = None) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
-        data.  forced : it was taken though it did not converge, or its error is too large.
+        data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
+        the probes; None: they are not followed.
         """
         before, now = levels
+        if looked is not None:
+            log = replace(log, errors=errors.watched(log.errors, looked, now.t),
+                          stability=stability.watched(log.stability, looked, now.t, now.t - before.t))
         warmth = temperatures.watched(log.temperatures, self._data, before, now, terms)
         return replace(
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
             temperatures=warmth,
-            rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self._bodies, fresh),
+            rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now))
+
+    def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
+        """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
+        return {n: asdict(row) for n, row in errors.table(log.errors, self._probes).items()}
 
     def judged(self, log: TrustLog, totals: Mapping[str, float]) -> tuple[Check, ...]:
         """Return the table.  totals : all of the ledger over the run [J]."""
         off = imbalance(totals)
         return (
+            errors.check(log.errors, self._probes, self._adaptive),
+            stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node), bool(self._interface.pairs), self._prescribed),

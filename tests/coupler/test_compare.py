@@ -16,6 +16,7 @@ from coupler.cli.cli import app
 from coupler.errors import ResultsError
 from coupler.record.results import Results
 from coupler.report.comparison import compare, sentence, write_comparison
+from coupler.trust.checks import Check, TrustVerdict
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, write_run
@@ -111,3 +112,14 @@ def test_an_axisymmetric_scene_is_told_in_r_and_z(tmp_path: Path) -> None:
     c = replace(compare(a, b), differences=(apart,))
     assert "displacement u_z" in sentence(c, ("a", "b"), "K", "axisymmetric")
     assert "displacement u_y" in sentence(c, ("a", "b"), "K")
+
+
+def test_a_run_that_is_not_to_be_trusted_is_named(runs: tuple[Results, Results], tmp_path: Path) -> None:
+    a, b = runs[0], Results(runs[1].path)
+    b.totals["trust"] = [Check("exchange is stable", TrustVerdict.BROKEN, 1.5, 1.0, what="it grows").as_dict()]
+    page, text = write_comparison(a, b, tmp_path / "page.html")
+    assert text.splitlines()[-1] == "  do not trust b.h5: exchange is stable: it grows"
+    assert "Do not trust b.h5." in page.read_text(encoding="utf-8")
+    page, text = write_comparison(a, runs[1], tmp_path / "page.html")
+    assert "trust" not in text
+    assert "Do not trust" not in page.read_text(encoding="utf-8")

@@ -1,0 +1,163 @@
+"""Spare solves in fixed windows: which windows are looked at, what that finds, and that the run does not notice."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler import Results, run
+from coupler.control import spare
+from coupler.control.plan import Plan
+from coupler.running.run import Run, resume
+from coupler.scenario import Scenario
+from coupler.scenario.load import scenario_from
+from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.levels import Level
+from coupler.schemes.state import CoupledState, schedule
+from coupler.trust.course import after, begun
+from coupler.trust.errors import NAME
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from fresh_scenes import Doc, column, seizing_rod, two_rods, two_sided_rod
+
+
+def scene(doc: Doc) -> Scenario:
+    return scenario_from(json.dumps(doc), Path("scene.yaml"), {})
+
+
+def ran(doc: Doc, out: Path) -> Results:
+    return run(scene(doc), out / "run.h5")
+
+
+def bound(results: Results, probe: str) -> float:
+    """The estimated error of a probe over its range."""
+    told = results.probe_errors[probe]
+    return told.error / told.range
+
+
+def verdict(results: Results) -> str:
+    return next(c.verdict.value for c in results.trust if c.name == NAME)
+
+
+# What a run says of itself
+
+def test_two_rods_in_windows_of_half_a_second_are_not_to_be_trusted(tmp_path):
+    """T2 swings between 20.3 and 48.9 K above 300 K; in windows of 0.5 s it is off by up to 64 % of that."""
+    long = ran(two_rods(0.5), tmp_path)
+    low = long.probe("T2")[1][long.t > 30.0].min() - 300.0
+    assert abs(low - 20.33) > 5.0, "it is wrong"
+    assert verdict(long) == "broken"
+    assert "T2 may be off by" in next(c.sentence for c in long.broken if c.name == NAME)
+
+
+def test_two_rods_in_short_windows_are_right_and_told_so(tmp_path):
+    short = ran(two_rods(0.05), tmp_path)
+    late = short.probe("T2")[1][short.t > 45.0] - 300.0
+    assert late.min() == pytest.approx(20.33, abs=0.6)
+    assert late.max() == pytest.approx(48.86, abs=0.6)
+    assert not short.broken
+
+
+@pytest.mark.parametrize("size", [0.10, 0.15])
+def test_cycles_of_three_and_seven_windows_are_told_by_their_errors(tmp_path, size):
+    assert verdict(ran(two_sided_rod(size, 40 * size), tmp_path)) == "broken"
+
+
+def test_the_seizing_rod_and_the_column_are_told_as_good_as_they_are(tmp_path):
+    """Friction heat that comes a window late is late once: told anew in every window it made T 2.99 % here."""
+    rod = ran(seizing_rod(), tmp_path)
+    assert rod.probe("p")[1][-1] == pytest.approx(8.132e6, rel=0.06)
+    assert bound(rod, "p") < 0.1
+    assert bound(rod, "T") < 0.015
+    assert bound(ran(column(), tmp_path), "T1") < 0.03
+
+
+# The run does not notice
+
+def test_a_run_that_is_looked_at_is_the_same_to_the_bit(tmp_path, monkeypatch):
+    doc = two_rods(0.25, 15.0)
+    looked_at = ran(doc, tmp_path)
+    assert looked_at.totals["looks"]["windows"] >= 2
+    monkeypatch.setattr(spare, "wanted", lambda *args: False)
+    alone = ran(doc, tmp_path)
+    assert alone.totals["looks"]["windows"] == 0
+    for name in doc["probes"]:
+        assert np.array_equal(alone.probe(name)[1], looked_at.probe(name)[1])
+    assert np.array_equal(alone.windows["solves"], looked_at.windows["solves"])
+
+
+def test_a_run_that_was_stopped_looks_at_the_same_windows(tmp_path):
+    doc = two_rods(0.25, 15.0)
+    whole = ran(doc, tmp_path)
+    out = tmp_path / "stopped.h5"
+    with Run(scene(doc), out) as r:
+        for w in r.windows():
+            if w.number == 9:
+                break
+    resumed = resume(out)
+    assert resumed.totals["probe_errors"] == whole.totals["probe_errors"]
+    assert resumed.totals["looks"] == whole.totals["looks"]
+
+
+# When it looks
+
+def looks(bends: np.ndarray) -> list[int]:
+    """The windows looked at in a run of one probe.  bends : its second difference in each window."""
+    n = len(bends)
+    values = np.concatenate([[0.0], np.cumsum(np.cumsum(bends))])
+    plan = Plan(schedule(float(n), [WindowRange(float(n), 1.0, 1.0)], ()), Scheme.STAGGERED,
+                {"thermal": 1, "mechanical": 1}, watched=lambda level: np.array([values[round(level.t)]]))
+    now = Level(0.0, np.empty(0), np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+    memory, found = spare.first(plan, CoupledState(now, (), 0, {})), []
+    for k in range(n):
+        memory, seen = spare.after(memory, float(k + 1), values[k + 1: k + 2])
+        if spare.wanted(memory, seen, k, plan):
+            memory = spare.spent(memory, seen, k)
+            found.append(k)
+    return found
+
+
+@pytest.mark.parametrize(("windows", "most"), [(20, 1), (120, 2), (400, 3), (1000, 5), (4000, 14)])
+def test_looks_are_few_and_all_over_the_run(windows, most):
+    found = looks(np.ones(windows))
+    assert 1 <= len(found) <= most
+    assert len(found) * spare.LOOK <= max(0.05 * windows, spare.LOOK)
+    if windows >= 400:
+        assert max(np.diff(found)) < 0.75 * windows
+
+
+def test_what_begins_to_bend_is_looked_at_before_its_turn():
+    calm = (-1.0) ** np.arange(200)
+    bends = calm.copy()
+    bends[40:50] *= 50.0
+    assert 40 not in looks(calm)
+    assert 40 in looks(bends)
+
+
+def test_one_or_two_windows_are_looked_at_all_the_same():
+    assert looks(np.ones(1)) == [0]
+    assert looks(np.ones(2)) == [0]
+
+
+# The course of the probes
+
+def test_second_differences_are_those_of_a_parabola_whatever_the_windows():
+    course = begun(0.0, np.array([0.0]))
+    for t in (1.0, 1.5, 3.5, 4.0):
+        course, second = after(course, t, np.array([3.0 * t * t]))
+    assert second == pytest.approx([6.0 * 0.5**2])
+    assert course.range == pytest.approx([48.0])
+
+
+def test_a_probe_that_is_no_number_stays_where_it_was():
+    course = begun(0.0, np.array([np.nan]))
+    course, second = after(course, 1.0, np.array([np.nan]))
+    assert course.values == second == 0.0
+    course, _ = after(course, 2.0, np.array([5.0]))
+    course, _ = after(course, 3.0, np.array([np.nan]))
+    assert course.values == 5.0
