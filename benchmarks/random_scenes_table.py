@@ -43,7 +43,7 @@ def _outcomes(rows: Sequence[Row]) -> str:
     count = Counter(row["outcome"] for row in rows)
     worst = Counter(verdict(row) for row in rows)
     return title + "\n\n" + _table(
-        ["scenes", *OUTCOMES, "with a law that was warned of", "SILENT", "seconds a scene"],
+        ["scenes", *OUTCOMES, "with a law that was warned of", "SILENT", "CPU s a scene"],
         [[len(rows), *(count[o] for o in OUTCOMES), worst["warned"], worst["silent"],
           f"{sum(row['seconds'] for row in rows) / max(len(rows), 1):.1f}"]])
 

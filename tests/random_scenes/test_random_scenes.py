@@ -14,6 +14,7 @@ from random_scenes.draw import scene_of
 from random_scenes.invariants import INVARIANTS
 from random_scenes.judge import SILENT, judged
 from random_scenes.kept import FAULTS, Kept
+from random_scenes.story import COMPLETED
 
 HOLD = (0, 1, 2, 5, 6, 8, 10, 12, 13, 14, 15, 17, 19, 21, 22, 23, 24, 25, 27, 29)
 """The first seeds that hold; those between fail with a message, are told of, or (20) are silent."""
@@ -30,6 +31,8 @@ def test_the_scene_of_a_seed_is_always_the_same():
 @pytest.mark.parametrize("seed", HOLD)
 def test_no_law_is_broken_in_silence(seed):
     judgement = judged(seed)
+    assert judgement.outcome == COMPLETED, f"{judgement.outcome}: {judgement.message}"
+    assert judgement.rows, "no law was asked"
     assert not judgement.silent, "\n".join(f"{r.invariant}: {r.what}" for r in judgement.silent)
 
 
