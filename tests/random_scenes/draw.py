@@ -167,7 +167,7 @@ def layouts(draw: DrawFn, halves: tuple[str, str], reach: float, alone: bool = F
     gap = rounded(size * draw(one_of(0, reach, 0.1 * reach, 5 * reach, 1e-3, 0.5 * reach)))
     if "rod" in halves:
         return draw(rows(size, gap, "plane"))
-    kind = draw(one_of("stack", "stack", "corner", "rings", "row"))
+    kind = draw(one_of("stack", "stack", "corner", "rings", "row", "rings"))
     geometry = "plane" if kind in ("corner", "row") else draw(one_of("plane", "plane", "axisymmetric"))
     if kind == "corner":
         return draw(corners(size, draw(one_of(0.0, gap))))
@@ -276,6 +276,8 @@ def _symmetry(layout: Layout) -> list[Doc]:
 def _coupling(draw: DrawFn, mechanical: Doc, windows: int, end: float, alone: bool) -> Doc:
     scheme = draw(one_of("staggered", "iterated", "extrapolated", "mechanical_first", "parallel", "auto", "along_heat",
                          *(("adiabatic",) if mechanical.get("elastic", {}).get("adiabatic") else ())))
+    if alone and draw(one_in(2)):
+        scheme = draw(one_of("staggered", "mechanical_first", "parallel", "extrapolated"))  # each half solved once
     found: Doc = {"scheme": scheme, "end": end}
     size = float(f"{end / windows:.12g}")
     control = draw(one_of("fixed", "fixed", "fixed", *(("fixed",) * 4 if alone else ()), "adaptive", "growing"))
@@ -314,7 +316,7 @@ def _rules(draw: DrawFn, span: float) -> list[Doc]:
 @st.composite
 def scenes(draw: DrawFn) -> Scene:
     """A whole scene."""
-    mechanical_half = draw(one_of("elastic", "elastic", "elastic", "elastic", "rigid", "rod"))
+    mechanical_half = draw(one_of("elastic", "elastic", "elastic", "elastic", "rigid", "rod", "rod"))
     thermal_half = draw(one_of("thermal", "rod", "lumped")) if mechanical_half == "rod" else draw(
         one_of("thermal", "thermal", "thermal", "thermal", "lumped"))
     T_low, span = 300.0, draw(one_of(100.0, 500.0, 10.0))

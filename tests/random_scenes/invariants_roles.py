@@ -183,7 +183,7 @@ def _has_gaps(scene: Scene) -> bool:
     return all(pair["gap_max"] > 0.0 for pair in scene.pairs.values())
 
 
-EVEN_GAPS = Invariant("roles: heat across even gaps", _has_gaps, _same_heat, weight=2.0)
+EVEN_GAPS = Invariant("roles: heat across even gaps", _has_gaps, _same_heat, weight=4.0)
 """Across parallel or concentric gaps that stay open the heat agrees to 1 % with slave and master changed over.
 
 There the conductance is one number for both sides, so what is left is one area for the flow; meshes of parallel sides
