@@ -81,19 +81,30 @@ class Passage:
     stays: bool
 
 
+def nearing(side: Side, candidates: Flags, before: Floats, after: Floats) -> Flags:
+    """Say of candidates (n,) of side.nodes whether the box of their way meets that of the other body, beyond the limit.
+
+    before, after : (n_nodes, 2) [m].
+    """
+    nodes, ends = side.nodes[candidates], side.outline[:, 0]
+    start, end, first, last = before[nodes], after[nodes], before[ends], after[ends]
+    low, high = (np.minimum(first.min(axis=0), last.min(axis=0)), np.maximum(first.max(axis=0), last.max(axis=0)))
+    near = candidates.copy()
+    near[candidates] = ((np.maximum(start, end) >= low + side.limit)
+                        & (np.minimum(start, end) <= high - side.limit)).all(axis=1)
+    return near
+
+
 def passage(side: Side, candidates: Flags, before: Floats, after: Floats) -> Passage | None:
     """Find the node that goes deepest into the other body on its straight way, None where none goes beyond the limit.
 
     candidates : (n,) which of side.nodes to look at.  before, after : (n_nodes, 2) [m].  Of a node that is inside from
     the start and comes out, as where pressed bodies slide off each other's ends, only what it sinks in further counts.
     """
-    nodes, ends = side.nodes[candidates], side.outline[:, 0]
-    ways, boxes = np.stack([before[nodes], after[nodes]]), np.stack([before[ends], after[ends]])
-    near = ((ways.max(axis=0) >= boxes.min(axis=(0, 1)) + side.limit)
-            & (ways.min(axis=0) <= boxes.max(axis=(0, 1)) - side.limit)).all(axis=1)
+    near = nearing(side, candidates, before, after)
     if not near.any():
         return None
-    nodes = nodes[near]
+    nodes = side.nodes[near]
     # A little aside: meshes that match have nodes above nodes, and a way through a node may cross neither of its edges.
     aside = ASIDE * side.edge * np.array([0.618, 0.382])
     way = before[nodes] + aside, after[nodes] + aside

@@ -119,9 +119,7 @@ def monitors(control: ControlState, span: Span, solved: Solved, error: Estimate 
         found["error"] = error.error
         for name, parts in (("error", error.shares), ("splitting", error.splitting), ("own", error.own)):
             found |= {f"{name}.{n}": v for n, v in parts.items()}
-    ledger = Ledger()
-    for terms in solved.terms:
-        ledger = ledger.plus({n: v for n, v in terms.items() if n.startswith(PREFIX)})
+    ledger = Ledger().after({n: v for n, v in terms.items() if n.startswith(PREFIX)} for terms in solved.terms)
     return found | {"imbalance": ledger.imbalance}
 
 

@@ -187,7 +187,8 @@ def trust_in_a_word(results: Results) -> str:
     """The trust table in a sentence."""
     checks, wrong = results.trust, results.broken
     if wrong:
-        return f"No: {', '.join(c.name for c in wrong)} does not hold. What the checks measured in every window:"
+        names = "; ".join(c.name for c in wrong)
+        return f"No. What does not hold: {names}. What the checks measured in every window:"
     noted = sum(c.verdict is TrustVerdict.NOTED for c in checks)
     return ("Nothing was found that says otherwise" + (f"; {counted(noted, 'small thing')} noted" if noted else "")
             + ". What the checks measured in every window:")

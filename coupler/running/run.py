@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -209,10 +209,9 @@ class Run:
             if tried.accepted:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now))
                 self._trust = self._trust_watch.after(
-                    self._trust, (self.state.now, tried.solved.state.now), heat_of(tried.solved.terms),
+                    self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway)
-                for terms in tried.solved.terms:
-                    self.ledger = self.ledger.plus(terms)
+                self.ledger = self.ledger.after(tried.solved.terms)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
@@ -362,15 +361,6 @@ class Run:
                 # fault: what contact was asked is not in the totals -> "contact": {}, **heats} |
                 #   coupler/test_killed_in_traction
                 "contact": self._asked(), **heats}
-
-
-def heat_of(substeps: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Return the heat of a window by mechanism [J].  substeps : that of each thermal substep."""
-    found: dict[str, float] = {}
-    for terms in substeps:
-        for name, energy in terms.items():
-            found[name] = found.get(name, 0.0) + energy
-    return found
 
 
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,

@@ -144,6 +144,13 @@ class Ledger:
             totals[name] = new
         return Ledger(totals, lost)
 
+    def after(self, substeps: Iterable[Mapping[str, float]]) -> Ledger:
+        """The ledger after some more substeps."""
+        ledger = self
+        for terms in substeps:
+            ledger = ledger.plus(terms)
+        return ledger
+
     @property
     def terms(self) -> dict[str, float]:
         """Total of each term [J]."""

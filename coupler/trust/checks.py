@@ -66,9 +66,3 @@ def measured(name: str, number: float, limits: tuple[float, float], *, what: str
 def broken(checks: Iterable[Check]) -> tuple[Check, ...]:
     """Return what makes a run one not to trust."""
     return tuple(c for c in checks if c.verdict is TrustVerdict.BROKEN)
-
-
-def told(checks: Iterable[Check]) -> tuple[Check, ...]:
-    """Return what a user must be told: broken first, then what is noted."""
-    found = tuple(checks)
-    return broken(found) + tuple(c for c in found if c.verdict is TrustVerdict.NOTED)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contact.half.interface import Interface
 from contact.half.outlines import depths
-from contact.half.passing import ALLOWED, Passage, Side, passage, sides_of
+from contact.half.passing import ALLOWED, Passage, Side, nearing, passage, sides_of
 from coupler.schemes.levels import Level
 from coupler.trust.checks import Check, TrustVerdict, measured
 
@@ -56,28 +56,30 @@ class Sides:
         """Return the log at the start: how bodies overlap as drawn."""
         drawn: dict[str, float] = {}
         for side in self._sides:
-            _, depths = _inside(side, now)
-            drawn[side.pair] = max(drawn.get(side.pair, 0.0), float(depths.max(initial=0.0)) / side.edge)
+            _, deep = _inside(side, now)
+            drawn[side.pair] = max(drawn.get(side.pair, 0.0), float(deep.max(initial=0.0)) / side.edge)
         return PassingLog(drawn=drawn)
 
     def watched(self, log: PassingLog, before: Level, now: Level) -> PassingLog:
         """Return the log after one more window."""
         for side in self._sides:
-            told = np.nan_to_num(np.maximum(-now.gap[side.at], 0.0))
-            if told.max(initial=0.0) > log.soft * side.edge:
-                log = replace(log, soft=float(told.max()) / side.edge, soft_pair=side.pair, soft_t=now.t)
-            nodes, depths = _inside(side, now)
+            told = -float(np.fmin.reduce(now.gap[side.at], initial=0.0))
+            if told > log.soft * side.edge:
+                log = replace(log, soft=told / side.edge, soft_pair=side.pair, soft_t=now.t)
+            drawn = log.drawn.get(side.pair, 0.0)
+            nodes, deep = _inside(side, now, (max(ALLOWED, log.depth) + drawn) * side.edge)
             if nodes.size:
-                unseen = (depths - self._told(side, now, nodes)) / side.edge - log.drawn.get(side.pair, 0.0)
+                unseen = (deep - self._told(side, now, nodes)) / side.edge - drawn
                 worst = int(unseen.argmax())
                 # fault: what lies inside another body is not seen -> if False: | coupler/test_trust
                 if unseen[worst] > max(ALLOWED, log.depth):
                     log = replace(log, depth=float(unseen[worst]), node=int(nodes[worst]), pair=side.pair, t=now.t,
                                   crossed=False)
-            elif (found := _across(side, before, now)) is not None and not log.crossed:
-                way = found.depth / side.edge
-                if way > max(ALLOWED, log.depth):
-                    log = replace(log, depth=way, node=found.node, pair=side.pair, t=now.t, crossed=True)
+            # fault: what went across another body is not seen -> found = None | coupler/test_trust
+            found = _across(side, before, now)
+            if found is not None and found.depth > max(ALLOWED, log.depth) * side.edge:
+                log = replace(log, depth=found.depth / side.edge, node=found.node, pair=side.pair, t=now.t,
+                              crossed=True)
         return log
 
     def _told(self, side: Side, now: Level, nodes: Indices) -> Array:
@@ -91,17 +93,24 @@ class Sides:
         return found
 
 
-def _inside(side: Side, now: Level) -> tuple[Indices, Array]:
-    """Return the nodes (n,) that lie inside the other body, and how deep (n,) [m]."""
-    deep = depths(now.x[side.nodes], *(now.x[side.outline[:, k]] for k in range(2)))
-    return side.nodes[deep > 0.0], deep[deep > 0.0]
+def _inside(side: Side, now: Level, least: float = 0.0) -> tuple[Indices, Array]:
+    """Return the nodes (n,) that lie inside the other body deeper than `least` [m], and how deep (n,) [m]."""
+    x, a = now.x[side.nodes], now.x[side.outline[:, 0]]
+    # As deep as that below the outline is as deep below the sides of its box; most surfaces end the search here.
+    near = ((x > a.min(axis=0) + least) & (x < a.max(axis=0) - least)).all(axis=1)
+    if not near.any():
+        return side.nodes[near], np.empty(0)
+    deep = depths(x[near], a, now.x[side.outline[:, 1]])
+    return side.nodes[near][deep > least], deep[deep > least]
 
 
 def _across(side: Side, before: Level, now: Level) -> Passage | None:
-    """Find a node that went across the other body: unseen at the end, outside at the start."""
+    """Find a node that went across the other body: outside at the start and at the end, and unseen there."""
     unseen = side.unseen(now.gap)
     if unseen.any():
-        unseen &= depths(before.x[side.nodes], *(before.x[side.outline[:, k]] for k in range(2))) == 0.0
+        unseen = nearing(side, unseen, before.x, now.x)
+    for x in (before.x, now.x) if unseen.any() else ():
+        unseen[unseen] = depths(x[side.nodes[unseen]], *(x[side.outline[:, k]] for k in range(2))) == 0.0
     return passage(side, unseen, before.x, now.x) if unseen.any() else None
 
 
@@ -116,7 +125,7 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
         return Check(PASSES, TrustVerdict.UNCHECKED, what=none), Check(SOFT, TrustVerdict.UNCHECKED, what=none)
     how = "went across the other body in one window" if log.crossed else (
         f"lies {log.depth:.3g} edges inside the other body, beyond what contact found")
-    passes = measured(PASSES, log.depth, (0.0, 0.0), unit="edges", t=log.t,
+    passes = measured(PASSES, log.depth, (ALLOWED, ALLOWED), unit="edges", t=log.t,
                       what=f"pair {log.pair}: {where} {how}, at t = {log.t:.6g} s",
                       remedy="Smaller windows, or a smaller step of the motion; contact looks as deep as half the "
                              "thinner body, or an edge's length")

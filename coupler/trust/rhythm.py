@@ -32,8 +32,7 @@ class RhythmLog:
     """What is remembered.
 
     change : (n_nodes,) [K] of the last window.  turns : (n_nodes,) signs turned on end.  least : (n_nodes,) [K] the
-    smallest change among those.  low, high [K]: of all temperatures.  share : the largest ringing over their span, of
-    a node at t [s].
+    smallest change among those.  share : the largest ringing over the span of all temperatures, of a node at t [s].
     history : (n, n_bodies) [K] mean temperatures of the last windows, a row each: gaps and pressures of what slides go
     up and down with every edge it passes.  ranges : (2, n_bodies) [K] their least and largest.
     period [windows], cycle_share (of the range), column : of the largest cycle seen, at cycle_t [s].
@@ -42,8 +41,6 @@ class RhythmLog:
     change: Array = field(default_factory=lambda: np.empty(0))
     turns: Array = field(default_factory=lambda: np.empty(0))
     least: Array = field(default_factory=lambda: np.empty(0))
-    low: float = 0.0
-    high: float = 0.0
     share: float = 0.0
     node: int = -1
     t: float = 0.0
@@ -55,31 +52,29 @@ class RhythmLog:
     cycle_t: float = 0.0
 
 
-def watched(log: RhythmLog, before: Level, now: Level, bodies: Sequence[NDArray[np.intp]],
+def watched(log: RhythmLog, levels: tuple[Level, Level], span: float, bodies: Sequence[NDArray[np.intp]],
             fresh: bool) -> RhythmLog:
     """Return the log after one more window.
 
-    bodies : of each the numbers of its nodes.  fresh : the window begins at a kink or a jump of the data.
+    levels : at its start and its end.  span : [K] of all temperatures so far.  bodies : of each the numbers of its
+    nodes.  fresh : the window begins at a kink or a jump of the data.
     """
-    return _cycles(_ringing(log, before, now, fresh), now, bodies, fresh)
+    return _cycles(_ringing(log, levels, max(span, FLOOR), fresh), levels[1], bodies, fresh)
 
 
-def _ringing(log: RhythmLog, before: Level, now: Level, fresh: bool) -> RhythmLog:
+def _ringing(log: RhythmLog, levels: tuple[Level, Level], span: float, fresh: bool) -> RhythmLog:
+    before, now = levels
     change = now.T - before.T
-    low, high = float(now.T.min()), float(now.T.max())
     if not log.change.size or fresh:
-        n = len(change)
-        first = log if log.change.size else replace(log, low=float(before.T.min()), high=float(before.T.max()))
-        return replace(first, change=change, turns=np.zeros(n), least=np.abs(change),
-                       low=min(first.low, low), high=max(first.high, high))
-    low, high = min(log.low, low), max(log.high, high)
+        return replace(log, change=change, turns=np.zeros(len(change)), least=np.abs(change))
     turned = change * log.change < 0.0
     turns = np.where(turned, log.turns + 1.0, 0.0)
     least = np.where(turned, np.minimum(log.least, np.abs(change)), np.abs(change))
-    log = replace(log, change=change, turns=turns, least=least, low=low, high=high)
+    log = replace(log, change=change, turns=turns, least=least)
     rings = np.where(turns >= TURNS, least, 0.0)
     worst = int(rings.argmax())
-    share = float(rings[worst]) / max(high - low, FLOOR)
+    share = float(rings[worst]) / span
+    # fault: ringing is not seen -> return log | coupler/test_trust
     return replace(log, share=share, node=worst, t=now.t) if rings[worst] > FLOOR and share > log.share else log
 
 
@@ -90,6 +85,13 @@ def _cycles(log: RhythmLog, now: Level, bodies: Sequence[NDArray[np.intp]], fres
     kept = np.empty((0, len(row))) if fresh or not log.history.size else log.history
     history = np.vstack([kept, row])[-(ROUNDS * MOST_PERIOD + 1):]
     log = replace(log, history=history, ranges=ranges)
+    if len(history) <= ROUNDS * LEAST_PERIOD:
+        return log
+    # What does not come back at all, as most courses do not, ends the search here.
+    highest, now_and_then = np.ptp(history[-MOST_PERIOD - 1:], axis=0), history[-MOST_PERIOD - 1:-LEAST_PERIOD]
+    if not ((np.abs(now_and_then - row) <= RETURNS * highest) & (highest > FLOOR)).any():
+        return log
+    # fault: cycles are not seen -> for period in (): | coupler/test_trust
     for period in range(LEAST_PERIOD, MOST_PERIOD + 1):
         n = ROUNDS * period
         if len(history) <= n:

@@ -33,7 +33,7 @@ class TemperatureLog:
     """low, high [K]: bounds of the data up to now.  made, taken : whether heat was made, or taken away.
 
     least, most [K]: of all temperatures so far.  excess [K]: the largest way out of the bounds, of a node at t [s];
-    negative: below.  share : of the span then.
+    negative: below.  bound [K]: which it left.  share : of the span then.
     """
 
     low: float = math.inf
@@ -43,6 +43,7 @@ class TemperatureLog:
     least: float = math.inf
     most: float = -math.inf
     excess: float = 0.0
+    bound: float = 0.0
     share: float = 0.0
     node: int = -1
     t: float = 0.0
@@ -52,7 +53,10 @@ class TemperatureData:
     """The temperatures that a scene prescribes.  model : of the thermal half (model.json), SI and kelvin."""
 
     def __init__(self, model: Mapping[str, Any]) -> None:
-        self._fields = tuple(_fields(model))
+        fields = tuple(_fields(model))
+        steady = [float(np.sum(f.level(0.0))) for f in fields if _is_steady(f)]
+        self._steady = min(steady, default=math.inf), max(steady, default=-math.inf)
+        self._fields = tuple(f for f in fields if not _is_steady(f))
         # An FMU that lies ready has data of its own, which nobody here knows.
         self.known = not str(model.get("half", "")).endswith(".fmu")
 
@@ -61,7 +65,7 @@ class TemperatureData:
 
         x : (n, 2) [m], in whose box a field over place is bounded.  (inf, -inf) where there are no such data.
         """
-        low, high = math.inf, -math.inf
+        low, high = self._steady
         for field in self._fields:
             times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
             for t in times:
@@ -78,6 +82,10 @@ def _fields(model: Mapping[str, Any]) -> Iterator[Field]:
         for kind in ("convection", "radiation"):
             if condition.get(kind) is not None:
                 yield field_from(condition[kind]["T"])
+
+
+def _is_steady(field: Field) -> bool:
+    return field.is_uniform and all((s.value == s.value[0]).all() for s in field.signals)
 
 
 def _bounds(field: Field, t: float, side: int, x: Array) -> tuple[float, float]:
@@ -116,18 +124,15 @@ def begun(now: Level) -> TemperatureLog:
 
 
 def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Level,
-            terms: Mapping[str, float], adiabatic: bool = False) -> TemperatureLog:
-    """Return the log after one more window.
-
-    terms : of the window's heat, mechanism -> [J].  adiabatic : mechanics heats and cools by its entropy.
-    """
+            terms: Mapping[str, float]) -> TemperatureLog:
+    """Return the log after one more window.  terms : of its heat, mechanism -> [J]."""
     a, b = data.between(before.t, now.t, now.x)
     log = replace(log, low=min(log.low, a), high=max(log.high, b))
     scale = sum(abs(v) for v in terms.values())
     heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]
     # A half that keeps no ledger may make heat that is not told.
     untold = not data.known or not terms
-    both = untold or adiabatic or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
+    both = untold or any(n.removeprefix("heat.") == "entropy" and v for n, v in terms.items())
     # A flux may enter here and leave there: its sum has one sign, its parts may not.
     mixed = any(n.removeprefix("heat.") == "flux" and v for n, v in terms.items())
     made = log.made or both or mixed or any(v > 0.0 for v in heats)
@@ -136,13 +141,14 @@ def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Leve
     log = replace(log, made=made, taken=taken, least=min(log.least, least), most=max(log.most, most))
     found = log
     # Heat that is made or taken opens a span, on its own side, that the data have not.
-    for sign, outside, node, free, span in (
-            (-1.0, log.low - least, now.T.argmin(), taken, max(log.high, log.most) - log.low),
-            (1.0, most - log.high, now.T.argmax(), made, log.high - min(log.low, log.least))):
+    for sign, bound, outside, free, span in (
+            (-1.0, log.low, log.low - least, taken, max(log.high, log.most) - log.low),
+            (1.0, log.high, most - log.high, made, log.high - min(log.low, log.least))):
         share = outside / max(span, LEAST_SPAN)
         # fault: what leaves its data is not seen -> if False: | coupler/test_trust
         if not free and share > found.share:
-            found = replace(found, excess=sign * outside, share=share, node=int(node), t=now.t)
+            found = replace(found, excess=sign * outside, bound=bound, share=share, t=now.t,
+                            node=int((sign * now.T).argmax()))
     return found
 
 
@@ -151,11 +157,12 @@ def check(log: TemperatureLog, where: str) -> Check:
     remedy = ("Smaller windows, thermal.method: sdirk2 or backward_euler, or a mesh finer at the surface end it; if it "
               "grows as windows get shorter, the mesh is too coarse for them")
     if not log.least > 0.0:
-        return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K", log.t, f"the lowest is {log.least:.6g} K", remedy)
+        return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K", what=f"the lowest is {log.least:.6g} K",
+                     remedy=remedy)
     if log.made and log.taken:
         return Check(NAME, TrustVerdict.UNCHECKED,
                      what="heat is made and taken away inside, or by a flux, or it is not told")
     side = "below the lowest" if log.excess < 0.0 else "above the highest"
-    what = (f"{where} is {abs(log.excess):.3g} K {side} of the data ({log.low:.6g} to {log.high:.6g} K) at "
+    what = (f"{where} is {abs(log.excess):.3g} K {side} of its data until then, {log.bound:.6g} K, at "
             f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: undershoot or overshoot that no physics makes")
     return measured(NAME, log.share, (NOTE_AT, LIMIT), what=what, remedy=remedy, t=log.t)

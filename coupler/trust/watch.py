@@ -48,17 +48,18 @@ class TrustWatch:
         return TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool, adiabatic: bool = False) -> TrustLog:
+              forced: bool) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
         data.  forced : it was taken though it did not converge, or its error is too large.
         """
         before, now = levels
+        warmth = temperatures.watched(log.temperatures, self._data, before, now, terms)
         return replace(
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
-            temperatures=temperatures.watched(log.temperatures, self._data, before, now, terms, adiabatic),
-            rhythm=rhythm.watched(log.rhythm, before, now, self._bodies, fresh),
+            temperatures=warmth,
+            rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self._bodies, fresh),
             passing=self._sides.watched(log.passing, before, now))
 
     def judged(self, log: TrustLog, totals: Mapping[str, float]) -> tuple[Check, ...]:
