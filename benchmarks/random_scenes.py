@@ -5,7 +5,7 @@
 Each seed is a scene (tests/random_scenes); it is run and judged in a worker process, one a core, that is ended after
 `--limit` seconds of CPU, or as many by the clock in which it used none: other work on the machine makes nothing hang.
 A line of JSON a seed goes to FILE; started again, seeds that stand there are not run anew.  What is printed is a table
-in Markdown (random_scenes_table.py).
+in Markdown (random_scenes_table.py); with `--before FILE` what such lines say stands beside it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from random_scenes_clock import Clock, LateError
-from random_scenes_table import CRASHED, HUNG, written
+from random_scenes_table import CRASHED, HUNG, compared, written
 
 WORKER = Path(__file__).with_name("random_scenes_worker.py")
 JUDGE = "random_scenes.judge:judged"
@@ -190,11 +190,16 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="worker processes")
     parser.add_argument("--limit", type=float, default=60.0, help="s of CPU a seed may take")
     parser.add_argument("--warm-up", type=float, default=120.0, help="s more for the first seed of a worker")
+    parser.add_argument("--before", type=Path, help="lines of the same seeds by other code, to stand beside them")
     parser.add_argument("--judge", default=JUDGE, help="MODULE:FUNCTION of a seed")
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.seeds)
     limits = Limits(options.limit, options.warm_up)
-    print(written(judge_all(seeds, options.jobs, limits, options.judge, options.out)))
+    rows = judge_all(seeds, options.jobs, limits, options.judge, options.out)
+    if options.before is None:
+        print(written(rows))
+    else:
+        print(compared([row for row in _read(options.before) if row["seed"] in seeds], rows))
 
 
 if __name__ == "__main__":

@@ -74,11 +74,11 @@ def tilt_of(story: Story) -> float:
     return worst
 
 
-def scales(names: Mapping[str, float]) -> dict[str, float]:
-    """What a total is measured by: the largest heat, or the largest force, of the run."""
-    heat = max([abs(v) for n, v in names.items() if not n.startswith("force")], default=0.0)
-    force = max([abs(v) for n, v in names.items() if n.startswith("force")], default=0.0)
-    return {n: force if n.startswith("force") else heat for n in names}
+def scales(*runs: Mapping[str, float]) -> dict[str, float]:
+    """What a total is measured by: the largest heat, or the largest force, of the runs."""
+    heat = max([abs(v) for names in runs for n, v in names.items() if not n.startswith("force")], default=0.0)
+    force = max([abs(v) for names in runs for n, v in names.items() if n.startswith("force")], default=0.0)
+    return {n: force if n.startswith("force") else heat for n in runs[0]}
 
 
 def disagreements(scene: Scene, changed: Changed, story: Story) -> Sequence[tuple[str, float]]:
@@ -91,7 +91,7 @@ def disagreements(scene: Scene, changed: Changed, story: Story) -> Sequence[tupl
         if a.outcome != COMPLETED or b.outcome != COMPLETED:
             return []  # told, and left out
         pairs.append((totals(a), totals(b, swapped=True)))
-        scale, solved, tilt = scales(pairs[-1][0]), agreement(scene), tilt_of(a)
+        scale, solved, tilt = scales(*pairs[-1]), agreement(scene), tilt_of(a)
         floor = {n: max(solved.heat, tilt, solved.t_N if n.startswith("force") else 0.0) * scale[n] for n in scale}
         apart = {n: [p[n] - q[n] for p, q in pairs] for n in scale}
         suspect = []

@@ -26,7 +26,7 @@ from random_scenes.scene import Scene
 Floats = NDArray[np.float64]
 REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
 MOST_WINDOWS = 200  # tried ones; a scene that wants more is left: it is not small
-MOST_SECONDS = 20.0  # of CPU, so that other work on the machine changes no verdict
+MOST_SECONDS = 8.0  # of CPU, so that other work on the machine changes no verdict
 
 
 class TooLongError(Exception):

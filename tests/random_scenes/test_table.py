@@ -15,7 +15,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))
 from random_scenes_clock import Clock, LateError  # noqa: E402
-from random_scenes_table import declared, reason, written  # noqa: E402
+from random_scenes_table import compared, declared, reason, written  # noqa: E402
 
 JUDGE = '''
 import os, time
@@ -94,6 +94,18 @@ def test_keys_are_those_of_the_declaration():
     row = {"seed": 0, "features": ["plane"], "outcome": "completed", "message": "", "rows": [], "seconds": 1.0,
            "keys": ["mechanical.elastic.bodies.upper.element", "coupling.end", "no.such.key"]}
     assert f"## Keys: 2 of {len(keys)} drawn" in written([row])
+
+
+def test_two_files_stand_side_by_side():
+    def row(seed, verdict):
+        rows = [{"invariant": "law", "verdict": verdict, "what": "", "size": 1.0}] if verdict else []
+        return {"seed": seed, "features": ["plane"], "outcome": "completed" if verdict else "failed", "message": "",
+                "rows": rows, "seconds": 1.0, "keys": ["coupling.end"]}
+
+    text = compared([row(0, "silent"), row(1, "warned"), row(2, "")], [row(0, "holds"), row(1, "silent")])
+    assert "| before | 3 | 2 | 1 | 0 | 0 | 0 | 1 | 1 (33 %) |" in text
+    assert "| law | 2 | 1 | 1 | 2 | 0 | 1 |" in text
+    assert "| plane | 3 | 2 | 1 (33 %) | 2 | 2 | 1 (50 %) |" in text
 
 
 def test_equal_reasons_are_one():
