@@ -3,7 +3,7 @@
     python benchmarks/random_scenes.py --seeds 500 --out scenes.jsonl
 
 Each seed is a scene (tests/random_scenes); it is run and judged in a worker process, one a core, that is ended after
-`--limit` seconds of CPU, or as many by the clock in which it used none: other work on the machine makes nothing hang.
+`--limit` seconds of CPU, or several times as many by the clock in which it used none: other work makes nothing hang.
 A line of JSON a seed goes to FILE; started again, seeds that stand there are not run anew.  What is printed is a table
 in Markdown (random_scenes_table.py); with `--before FILE` what such lines say stands beside it.
 """
@@ -39,8 +39,7 @@ class EndedError(Exception):
 
 @dataclass(frozen=True)
 class Limits:
-    """A seed may use so many seconds of CPU, and do nothing for as many; the first of a worker so many more, in which
-    kernels are compiled or loaded."""
+    """A seed may use so many seconds of CPU, the first of a worker so many more, in which kernels are compiled or loaded."""
 
     seed: float
     warm_up: float
