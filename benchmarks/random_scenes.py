@@ -39,7 +39,7 @@ class EndedError(Exception):
 
 @dataclass(frozen=True)
 class Limits:
-    """A seed may use so many seconds of CPU, the first of a worker so many more, in which kernels are compiled or loaded."""
+    """A seed may use so many seconds of CPU; the first of a worker more, for kernels are compiled or loaded then."""
 
     seed: float
     warm_up: float
