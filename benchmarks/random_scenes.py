@@ -3,8 +3,9 @@
     python benchmarks/random_scenes.py --seeds 500 --out scenes.jsonl
 
 Each seed is a scene (tests/random_scenes); it is run and judged in a worker process, one a core, that is ended after
-`--limit` seconds.  A line of JSON a seed goes to FILE; started again, seeds that stand there are not run anew.  What is
-printed is a table in Markdown (random_scenes_table.py).
+`--limit` seconds of CPU, or several times as many by the clock in which it used none: other work makes nothing hang.
+A line of JSON a seed goes to FILE; started again, seeds that stand there are not run anew.  What is printed is a table
+in Markdown (random_scenes_table.py); with `--before FILE` what such lines say stands beside it.
 """
 
 from __future__ import annotations
@@ -18,21 +19,18 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from random_scenes_table import CRASHED, HUNG, written
+from random_scenes_clock import Clock, LateError
+from random_scenes_table import CRASHED, HUNG, compared, written
 
 WORKER = Path(__file__).with_name("random_scenes_worker.py")
 JUDGE = "random_scenes.judge:judged"
 LOG_BYTES = 2000
-
-
-class LateError(Exception):
-    """A worker is silent for too long."""
+LOOK = 1.0  # s between two looks at what a worker has used
 
 
 class EndedError(Exception):
@@ -41,7 +39,7 @@ class EndedError(Exception):
 
 @dataclass(frozen=True)
 class Limits:
-    """A seed may take so many seconds; the first of a worker so many more, in which kernels are compiled or loaded."""
+    """A seed may use so many seconds of CPU; the first of a worker more, for kernels are compiled or loaded then."""
 
     seed: float
     warm_up: float
@@ -54,19 +52,21 @@ class Worker:
         self._judge, self._limits, self._log = judge, limits, log
         self._process: subprocess.Popen[bytes] | None = None
         self._fresh = True
+        self._used = 0.0
 
     def judge(self, seed: int) -> dict[str, Any]:
         """A seed's row: what the judge says, or that it crashed or hung."""
-        started = time.monotonic()
+        self._used = 0.0
         try:
             return self._asked(seed)
         except LateError as error:
             outcome, message = HUNG, str(error)
         except (EndedError, json.JSONDecodeError) as error:
             outcome, message = CRASHED, str(error)
+        seconds = self._used
         self.end()
         return {"seed": seed, "features": [], "keys": [], "outcome": outcome, "message": message, "rows": [],
-                "seconds": time.monotonic() - started}
+                "seconds": seconds}
 
     def _asked(self, seed: int) -> dict[str, Any]:
         if self._process is None:
@@ -82,13 +82,15 @@ class Worker:
             process.stdin.flush()
         except BrokenPipeError as error:
             raise EndedError(self._last_words()) from error
-        until = time.monotonic() + self._limits.seed + self._limits.warm_up * self._fresh
+        clock = Clock(process.pid, self._limits.seed + self._limits.warm_up * self._fresh)
         self._fresh, line = False, b""
         with selectors.DefaultSelector() as selector:
             selector.register(process.stdout, selectors.EVENT_READ)
             while not line.endswith(b"\n"):
-                if not selector.select(max(0.0, until - time.monotonic())):
-                    raise LateError(f"not done after {self._limits.seed:g} s")
+                if not selector.select(LOOK):
+                    self._used = clock.used
+                    clock.look()
+                    continue
                 chunk = os.read(process.stdout.fileno(), 65536)
                 if not chunk:
                     raise EndedError(self._last_words())
@@ -185,13 +187,18 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="the first of them")
     parser.add_argument("--out", type=Path, help="a line of JSON a seed; read first, then added to")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="worker processes")
-    parser.add_argument("--limit", type=float, default=60.0, help="s a seed may take")
+    parser.add_argument("--limit", type=float, default=60.0, help="s of CPU a seed may take")
     parser.add_argument("--warm-up", type=float, default=120.0, help="s more for the first seed of a worker")
+    parser.add_argument("--before", type=Path, help="lines of the same seeds by other code, to stand beside them")
     parser.add_argument("--judge", default=JUDGE, help="MODULE:FUNCTION of a seed")
     options = parser.parse_args()
     seeds = range(options.first, options.first + options.seeds)
     limits = Limits(options.limit, options.warm_up)
-    print(written(judge_all(seeds, options.jobs, limits, options.judge, options.out)))
+    rows = judge_all(seeds, options.jobs, limits, options.judge, options.out)
+    if options.before is None:
+        print(written(rows))
+    else:
+        print(compared([row for row in _read(options.before) if row["seed"] in seeds], rows))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,32 @@ def written(rows: Sequence[Row]) -> str:
     return "\n\n".join(p for p in parts if p)
 
 
+def compared(before: Sequence[Row], after: Sequence[Row]) -> str:
+    """Outcomes, laws and features of the same seeds before and after, side by side; keys that were drawn, once."""
+    sides = (before, after)
+    outcomes = [[name, len(rows), *(Counter(row["outcome"] for row in rows)[o] for o in OUTCOMES),
+                 sum(verdict(row) == "warned" for row in rows), _share(rows)]
+                for name, rows in zip(("before", "after"), sides, strict=True)]
+    laws = []
+    for name in sorted({r["invariant"] for rows in sides for row in rows for r in row["rows"]}):
+        own = [Counter(r["verdict"] for row in rows for r in row["rows"] if r["invariant"] == name) for rows in sides]
+        laws.append([name, *(cell for count in own for cell in (count.total(), count["warned"], count["silent"]))])
+    features = []
+    for name in sorted({f for rows in sides for row in rows for f in row["features"]}):
+        own_rows = [[row for row in rows if name in row["features"]] for rows in sides]
+        features.append([name, *(cell for rows in own_rows for cell in (
+            len(rows), sum(row["outcome"] == "completed" for row in rows), _share(rows)))])
+    both = [f"{what} {when}" for when in ("before", "after") for what in ("asked", "warned", "SILENT")]
+    each = [f"{what} {when}" for when in ("before", "after") for what in ("scenes", "completed", "SILENT")]
+    return "\n\n".join([_table(["", "scenes", *OUTCOMES, "warned", "SILENT"], outcomes), _table(["law", *both], laws),
+                        _table(["feature", *each], features), _coverage([*before, *after])])
+
+
+def _share(rows: Sequence[Row]) -> str:
+    silent = sum(verdict(row) == "silent" for row in rows)
+    return f"{silent} ({100 * silent / len(rows):.0f} %)" if silent else "0"
+
+
 def verdict(row: Row) -> str:
     """The worst of a scene: silent, warned or holds; "" where no law was asked."""
     found = {r["verdict"] for r in row["rows"]}
@@ -43,7 +69,7 @@ def _outcomes(rows: Sequence[Row]) -> str:
     count = Counter(row["outcome"] for row in rows)
     worst = Counter(verdict(row) for row in rows)
     return title + "\n\n" + _table(
-        ["scenes", *OUTCOMES, "with a law that was warned of", "SILENT", "seconds a scene"],
+        ["scenes", *OUTCOMES, "with a law that was warned of", "SILENT", "CPU s a scene"],
         [[len(rows), *(count[o] for o in OUTCOMES), worst["warned"], worst["silent"],
           f"{sum(row['seconds'] for row in rows) / max(len(rows), 1):.1f}"]])
 

@@ -89,6 +89,9 @@ def test_a_run_that_is_looked_at_is_the_same_to_the_bit(tmp_path, monkeypatch):
     for name in doc["probes"]:
         assert np.array_equal(alone.probe(name)[1], looked_at.probe(name)[1])
     assert np.array_equal(alone.windows["solves"], looked_at.windows["solves"])
+    assert alone.conditions
+    for name in alone.conditions:
+        assert np.array_equal(alone.condition(name)[1], looked_at.condition(name)[1]), name
 
 
 def test_a_run_that_was_stopped_looks_at_the_same_windows(tmp_path):

@@ -17,6 +17,7 @@ from random_scenes.draw_parts import (
     courses,
     decades,
     flow_laws,
+    held_warm,
     latent_heats,
     materials,
     one_in,
@@ -139,27 +140,34 @@ def rings(draw: DrawFn, size: float, gap: float, geometry: str) -> Layout:
 
 @st.composite
 def rows(draw: DrawFn, size: float, gap: float, geometry: str) -> Layout:
-    """Two bars in a row along x, for halves of rods too."""
+    """Two bars in a row along x, the second no longer than the first, for halves of rods too."""
     n = draw(one_of(8, 4, 20))
     tall = rounded(0.2 * size)
-    second = float(f"{size + gap:.12g}")
+    second, length = float(f"{size + gap:.12g}"), rounded(size * draw(one_of(1, 0.5, 0.2, 0.1)))
+    end = float(f"{second + length:.12g}")
     recipes: dict[str, Doc] = {
         "one": {"patch": [[0, 0], [size, 0], [size, tall], [0, tall]], "cells": [n, 1]},
-        "two": {"patch": [[second, 0], [second + size, 0], [second + size, tall], [second, tall]],
+        "two": {"patch": [[second, 0], [end, 0], [end, tall], [second, tall]],
                 "cells": [draw(one_of(n, n // 2)), 1]}}
     pair = ("one.right", "two.left")
     return Layout("row", geometry, recipes, {"face": draw(one_of(pair, pair[::-1]))}, ["one.left", "two.right"],
-                  {"one": ["one.left"]}, "two", "two.right", (-1.0, 0.0), {"one": size, "two": size}, gap)
+                  {"one": ["one.left"]}, "two", "two.right", (-1.0, 0.0), {"one": size, "two": length}, gap)
 
 
 @st.composite
-def layouts(draw: DrawFn, halves: tuple[str, str], reach: float) -> Layout:
-    """A layout that suits the halves.  reach : what expansion closes, over the size of the scene."""
+def layouts(draw: DrawFn, halves: tuple[str, str], reach: float, alone: bool = False) -> Layout:
+    """A layout that suits the halves.  reach : what expansion closes, over the size of the scene.
+
+    alone : bars with a gap that heat alone closes: less than a hot bar grows that gives no heat away, more than it
+    grows where all crosses.
+    """
     size = draw(one_of(0.1, 0.01, 1))
-    gap = rounded(size * draw(one_of(0, reach, 0.1 * reach, 5 * reach, 1e-3)))
+    if alone:
+        return draw(rows(size, rounded(size * reach * draw(one_of(0.8, 0.5, 0.6, 0.7, 0.9, 1))), "plane"))
+    gap = rounded(size * draw(one_of(0, reach, 0.1 * reach, 5 * reach, 1e-3, 0.5 * reach)))
     if "rod" in halves:
         return draw(rows(size, gap, "plane"))
-    kind = draw(one_of("stack", "stack", "corner", "rings", "row"))
+    kind = draw(one_of("stack", "stack", "corner", "rings", "row", "rings"))
     geometry = "plane" if kind in ("corner", "row") else draw(one_of("plane", "plane", "axisymmetric"))
     if kind == "corner":
         return draw(corners(size, draw(one_of(0.0, gap))))
@@ -198,11 +206,11 @@ def _motion(draw: DrawFn, layout: Layout, end: float) -> tuple[Any, Any]:
     return (scaled(down, wx) if wx else aside), (scaled(down, wy) if wy else aside)
 
 
-def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: float) -> Doc:
+def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: float, alone: bool) -> Doc:
     if half == "rod":
-        return {"half": "rod", "rod": {"held": {"one": {"left": 0}, "two": {"right": draw(courses(
-            end, 0.0, -layout.gap * draw(one_of(0, 1, 2))))}}}}
-    u_x, u_y = _motion(draw, layout, end)
+        last = 0 if alone else draw(courses(end, 0.0, -layout.gap * draw(one_of(0, 1, 2))))
+        return {"half": "rod", "rod": {"held": {"one": {"left": 0}, "two": {"right": last}}}}
+    u_x, u_y = (0, 0) if alone else _motion(draw, layout, end)
     if half == "rigid":
         motion = {n: v for n, v in (("u_x", u_x), ("u_y", u_y)) if v != 0}
         return {"half": "rigid", "rigid": {"motion": {layout.driven: motion} if motion else {},
@@ -212,7 +220,7 @@ def _mechanical(draw: DrawFn, half: str, layout: Layout, stiff: float, end: floa
         boundary = [_axial(b) for b in boundary]
     rigid: Doc = {}
     if layout.driven not in layout.hold:
-        how = draw(one_of("moved", "moved", "moved", "pressed"))
+        how = "moved" if alone else draw(one_of("moved", "moved", "moved", "pressed"))
         if layout.kind == "rings":
             how = draw(one_of("still", "still", "moved", "pressure"))
             boundary.append({"on": layout.drive_on, "u_x": 0, "u_y": 0} if how == "still" else
@@ -265,12 +273,14 @@ def _symmetry(layout: Layout) -> list[Doc]:
 
 # Coupling
 
-def _coupling(draw: DrawFn, mechanical: Doc, windows: int, end: float) -> Doc:
+def _coupling(draw: DrawFn, mechanical: Doc, windows: int, end: float, alone: bool) -> Doc:
     scheme = draw(one_of("staggered", "iterated", "extrapolated", "mechanical_first", "parallel", "auto", "along_heat",
                          *(("adiabatic",) if mechanical.get("elastic", {}).get("adiabatic") else ())))
+    if alone and draw(one_in(2)):
+        scheme = draw(one_of("staggered", "mechanical_first", "parallel", "extrapolated"))  # each half solved once
     found: Doc = {"scheme": scheme, "end": end}
     size = float(f"{end / windows:.12g}")
-    control = draw(one_of("fixed", "fixed", "fixed", "adaptive", "growing"))
+    control = draw(one_of("fixed", "fixed", "fixed", *(("fixed",) * 4 if alone else ()), "adaptive", "growing"))
     if control == "adaptive":
         found["adaptive"] = {"first": rounded(0.1 * size), "least": rounded(1e-3 * size)}
     elif control == "growing":
@@ -306,15 +316,20 @@ def _rules(draw: DrawFn, span: float) -> list[Doc]:
 @st.composite
 def scenes(draw: DrawFn) -> Scene:
     """A whole scene."""
-    mechanical_half = draw(one_of("elastic", "elastic", "elastic", "elastic", "rigid", "rod"))
+    mechanical_half = draw(one_of("elastic", "elastic", "elastic", "elastic", "rigid", "rod", "rod"))
     thermal_half = draw(one_of("thermal", "rod", "lumped")) if mechanical_half == "rod" else draw(
         one_of("thermal", "thermal", "thermal", "thermal", "lumped"))
     T_low, span = 300.0, draw(one_of(100.0, 500.0, 10.0))
     T_high = T_low + span
     temperatures = [T_low, T_high, T_low + 0.5 * span]
+    # What conducts is then what heat has made of the gap: each field drives the other, and nothing else drives.
+    often = {"elastic": one_in(3), "rod": one_of(True, True, False), "rigid": st.just(False)}
+    alone = draw(often[mechanical_half])
     first = draw(materials(T_low, T_high, thermal_half == "thermal"))
     alpha = first["alpha"] or 1e-5
-    layout = draw(layouts((thermal_half, mechanical_half), alpha * span))
+    if alone:
+        first["alpha"] = alpha
+    layout = draw(layouts((thermal_half, mechanical_half), alpha * span, alone))
     stiff = first["E"] if isinstance(first["E"], float) else first["E"]["value"][0]
     named = {"first": first}
     if draw(one_in(2)):
@@ -327,14 +342,22 @@ def scenes(draw: DrawFn) -> Scene:
     size = max(layout.heights.values())
     k = _number(first["k"])
     # The time in which heat crosses a body, times a number: what a run lasts.
-    end = rounded(size**2 * first["rho"] * _number(first["c"]) / k * draw(decades(1e-3, 50, 0.2)))
-    windows = draw(one_of(10, 20, 5, 40))
+    crossing = size**2 * first["rho"] * _number(first["c"]) / k
+    if alone:
+        end, windows = rounded(crossing * draw(decades(5, 100, 20))), draw(one_of(40, 80))  # it may settle, or not
+    else:
+        end, windows = rounded(crossing * draw(decades(1e-3, 50, 0.2))), draw(one_of(10, 20, 5, 40))
     h_body = k / size
     bodies: Doc = {b: {"material": draw(st.sampled_from(sorted(named))), "T0": draw(one_of(*temperatures))}
                    for b in layout.recipes}
     boundary = []
-    for on in layout.free:
-        boundary += draw(thermal_conditions(on, h_body, temperatures, end))
+    if alone:
+        bodies["one"]["material"] = "first"  # whose growth the gap is a part of
+        boundary = [draw(held_warm(on, h_body, T, thermal_half != "lumped"))
+                    for on, T in (("one.left", T_high), ("two.right", T_low))]
+    else:
+        for on in layout.free:
+            boundary += draw(thermal_conditions(on, h_body, temperatures, end))
     if thermal_half == "thermal" and draw(one_in(8)):
         boundary = [draw(over_place(b, size, span)) for b in boundary]
     if thermal_half == "lumped":
@@ -342,8 +365,10 @@ def scenes(draw: DrawFn) -> Scene:
     if draw(one_in(6)):
         body = draw(st.sampled_from(sorted(bodies)))
         bodies[body]["Q_T"] = draw(courses(end, 0.0, k * span / size**2 * draw(one_of(1, -0.1))))
-    mechanical = _mechanical(draw, mechanical_half, layout, stiff, end)
-    contact = {name: _pair(draw, mechanical_half, layout, sides, h_body, stiff) for name, sides in layout.pairs.items()}
+    mechanical = _mechanical(draw, mechanical_half, layout, stiff, end, alone)
+    times = decades(1, 100, 10) if alone else decades(0.1, 1e4, 1)
+    contact = {name: _pair(draw, mechanical_half, layout, sides, rounded(h_body * draw(times)), stiff)
+               for name, sides in layout.pairs.items()}
     method = draw(one_of("midpoint", "sdirk2", "backward_euler", "midpoint", "theta"))
     thermal: Doc = {"half": thermal_half, "method": method, "boundary": boundary} | (
         {"theta": 0.7} if method == "theta" else {})
@@ -355,7 +380,7 @@ def scenes(draw: DrawFn) -> Scene:
                 "bodies": bodies}
     if contact:
         doc["contact"] = contact
-    doc |= {"thermal": thermal, "mechanical": mechanical, "coupling": _coupling(draw, mechanical, windows, end),
+    doc |= {"thermal": thermal, "mechanical": mechanical, "coupling": _coupling(draw, mechanical, windows, end, alone),
             "probes": _probes(layout)}
     if rules := _rules(draw, span):
         doc["rules"] = rules
@@ -379,10 +404,10 @@ def _one_temperature_a_body(boundary: list[Doc]) -> list[Doc]:
     return kept
 
 
-def _pair(draw: DrawFn, half: str, layout: Layout, sides: tuple[str, str], h_body: float, stiff: float) -> Doc:
+def _pair(draw: DrawFn, half: str, layout: Layout, sides: tuple[str, str], h: float, stiff: float) -> Doc:
     size = max(layout.heights.values())
     pair: Doc = {"slave": sides[0], "master": sides[1], "gap_max": rounded(max(0.3 * size, 3 * layout.gap)),
-                 "conduction": draw(conductions(h_body, stiff * 1e-4, max(layout.gap, 1e-5 * size)))}
+                 "conduction": draw(conductions(h, stiff * 1e-4, max(layout.gap, 1e-5 * size)))}
     if half == "elastic":
         if draw(one_in(3)):
             pair["friction"] = {"mu": draw(one_of(0.3, 0.1, 0.8))}

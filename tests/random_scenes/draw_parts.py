@@ -91,9 +91,8 @@ def latent_heats(draw: DrawFn, c: float, T_low: float, T_high: float) -> Doc:
 # Heat across a pair
 
 @st.composite
-def conductions(draw: DrawFn, h_body: float, p: float, gap: float) -> Doc:
-    """Laws of a pair.  h_body [W/m2K] : conductance of the bodies.  p [Pa], gap [m] : of the scene's size."""
-    h = rounded(h_body * draw(decades(0.1, 1e4, 1)))
+def conductions(draw: DrawFn, h: float, p: float, gap: float) -> Doc:
+    """Laws of a pair.  h [W/m2K] : where it just touches.  p [Pa], gap [m] : of the scene's size."""
     closed = draw(one_of(
         {"law": "constant", "h": h},
         {"law": "power", "h0": h, "h1": rounded(10 * h), "p0": rounded(p), "exponent": 0.95},
@@ -101,7 +100,7 @@ def conductions(draw: DrawFn, h_body: float, p: float, gap: float) -> Doc:
         {"law": "table", "x": [0, rounded(p), rounded(3 * p)], "h": [h, rounded(3 * h), rounded(5 * h)]},
         {"law": "sum", "of": [{"law": "constant", "h": h}, {"law": "cmy", "k_s": rounded(h * 1e-6), "m": 0.1,
                                                             "sigma": 1e-6, "H": rounded(30 * p)}]}))
-    layer = rounded(gap * draw(one_of(0.1, 1, 0.01)))
+    layer = rounded(gap * draw(decades(1e-3, 1, 0.1)))
     falling = {"law": "table", "x": [0, layer, rounded(4 * layer)], "h": [h, rounded(h / 3), rounded(h / 50)]}
     open_ = draw(one_of({"law": "gas", "k_g": rounded(h * layer), "g_m": layer}, None,
                         {"law": "constant", "h": rounded(0.01 * h)}, falling))
@@ -149,6 +148,14 @@ def thermal_conditions(draw: DrawFn, on: str, h_body: float, temperatures: Seque
         return [film]
     radiation = {"on": on, "radiation": {"emissivity": draw(one_of(0.8, 0.2, 1)), "T": T}}
     return [radiation] if kind == "radiation" else [film, radiation]
+
+
+@st.composite
+def held_warm(draw: DrawFn, on: str, h_body: float, T: float, sharply: bool) -> Doc:
+    """A surface kept at about T [K]: sharply where that may be, or by a film of what the body conducts or more."""
+    if sharply and draw(one_of(True, True, False)):
+        return {"on": on, "temperature": T}
+    return {"on": on, "convection": {"h": rounded(h_body * draw(decades(1, 1000, 10))), "T": T}}
 
 
 @st.composite

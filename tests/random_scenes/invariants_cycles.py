@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 ALTERNATING = 4  # increments on end, each against the one before
 SEEN = 1e-3  # of the range: an increment that counts
 LONGEST_PERIOD = 7  # windows
+AGAIN = 0.01  # of an increment: what comes again
 APART = 0.05  # of the range, from finer windows: what a cycle must be off to be one of the exchange
 FLOORS = {"temperature": 1e-3, "gap": 1e-9, "pressure": 1e3}  # [K], [m], [Pa]: less is round-off and solvers' tolerance
 FINER = 8
@@ -96,6 +97,13 @@ def swings_of(name: str, values: Floats, scale: float, calm: int) -> list[Swing]
     return [max(kind, key=lambda s: s.size) for kind in kinds if kind]
 
 
+def period_of(values: Floats, size: float) -> int:
+    """After how many windows values (n,) are again what they were, to a hundredth of an increment; 0: after none."""
+    tail = values[-3 * LONGEST_PERIOD:]
+    return next((q for q in range(2, LONGEST_PERIOD + 1)
+                 if len(tail) > 2 * q and np.abs(tail[q:] - tail[:-q]).max() < AGAIN * size), 0)
+
+
 def finer(scene: Scene, story: Story, factor: int) -> Scene:
     """The same scene in windows that many times shorter; adaptive ones as even as the median of the story."""
     doc = scene.copied_doc()
@@ -125,6 +133,8 @@ def cycles_in(story: Story, reference: Story | None) -> list[Finding]:
             v, t = values[:, swing.column], story.t
             about = (f"{name} {swing.column} turns {swing.reversals} times from t = {t[swing.first]:.6g} s to "
                      f"{t[swing.last]:.6g} s, by {swing.size:.4g} of a range of {scale:.4g}")
+            if swing.lasting and (period := period_of(v, swing.size)):
+                about += f", in a cycle of {period} windows"
             if reference is None:
                 findings.append(Finding(about, swing.size / (SEEN * scale), NAMED_BY))
                 continue

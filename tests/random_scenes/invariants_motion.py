@@ -88,7 +88,7 @@ def _unfelt(scene: Scene, story: Story, rng: np.random.Generator) -> Sequence[Fi
     return [finding for windows in WINDOWS for finding in felt(scene, story, windows)]
 
 
-TURNING = Invariant("superposed turn", _turns, _unfelt, runs=6, weight=2.0)
+TURNING = Invariant("superposed turn", _turns, _unfelt, runs=6, weight=4.0)
 """Behind the end of a plane quasi-static scene it is turned by 90 degrees in 1, 3 and 9 windows; supports, dead loads
 and weight turn with it.  Against the same scene with the same windows and no turn, temperatures, pressures, shear, heat
 and places turned back agree to 1e-6 of their scales.

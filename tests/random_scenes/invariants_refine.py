@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from random_scenes.invariant import Finding, Invariant
+from random_scenes.invariants_thermal import slowest_cell_time
 from random_scenes.refine import finer_mesh, finer_windows, windows_along
 from random_scenes.scene import Scene
 from random_scenes.story import COMPLETED, Story, told
@@ -125,6 +126,8 @@ def _on(t: Floats, story: Story, name: str) -> Floats:
 
 def check_settles(scene: Scene, story: Story, rng: np.random.Generator) -> Sequence[Finding]:
     """Cells and windows halved two times, and a third time where the second change is larger than the first."""
+    if scene.doc["thermal"]["half"] == "thermal" and slowest_cell_time(story) / 4**(LEVELS - 2) > story.t[-1]:
+        return []
     runs, refined = [story], scene
     changes: dict[str, list[float]] = {}
     for level in range(1, LEVELS):
@@ -183,7 +186,9 @@ SETTLES = Invariant("settles", _refines, check_settles, runs=2)
 
 Linear elements, cut contact edges and every scheme converge in these measures (Cea; Lax and Richtmyer), if not from the
 coarsest mesh on: only what grows three times running has no limit.  Changes below 2 % of a measure's way in time are
-none: a first contact that falls in another window moves as much.
+none: a first contact that falls in another window moves as much.  Nothing is asked where heat goes less far in the run
+than cells halved twice are long, h^2/a > t: a layer is then inside one cell on all meshes but the last, and what it
+takes grows with every halving until cells see it.
 """
 
 INVARIANTS = (ESTIMATE, SETTLES)

@@ -23,7 +23,7 @@ from random_scenes.story import COMPLETED, Story, told
 
 MOST_NODES = 2500  # of the refined meshes
 SETTLED = 5.3  # a difference of order h^p is 1/(2^p - 1) times what the last halving took off it: p = 1/4 or better
-EVEN = 0.01  # of a gap: two sides this parallel, or concentric, see one conductance everywhere
+EVEN = 0.1  # of a gap: sides this parallel, or concentric, see one mean conductance
 AT_EVEN_GAPS = 0.01  # of the heat that crosses them
 OTHER = {"slave": "master", "master": "slave"}
 
@@ -75,11 +75,11 @@ def tilt_of(story: Story) -> float:
     return worst
 
 
-def scales(names: Mapping[str, float]) -> dict[str, float]:
-    """What a total is measured by: the largest heat, or the largest force, of the run."""
-    heat = max([abs(v) for n, v in names.items() if not n.startswith("force")], default=0.0)
-    force = max([abs(v) for n, v in names.items() if n.startswith("force")], default=0.0)
-    return {n: force if n.startswith("force") else heat for n in names}
+def scales(*runs: Mapping[str, float]) -> dict[str, float]:
+    """What a total is measured by: the largest heat, or the largest force, of the runs."""
+    heat = max([abs(v) for names in runs for n, v in names.items() if not n.startswith("force")], default=0.0)
+    force = max([abs(v) for names in runs for n, v in names.items() if n.startswith("force")], default=0.0)
+    return {n: force if n.startswith("force") else heat for n in runs[0]}
 
 
 def disagreements(scene: Scene, changed: Changed, story: Story) -> Sequence[tuple[str, float]]:
@@ -92,7 +92,7 @@ def disagreements(scene: Scene, changed: Changed, story: Story) -> Sequence[tupl
         if a.outcome != COMPLETED or b.outcome != COMPLETED:
             return []  # told, and left out
         pairs.append((totals(a), totals(b, swapped=True)))
-        scale, solved, tilt = scales(pairs[-1][0]), agreement(scene), tilt_of(a)
+        scale, solved, tilt = scales(*pairs[-1]), agreement(scene), tilt_of(a)
         floor = {n: max(solved.heat, tilt, solved.t_N if n.startswith("force") else 0.0) * scale[n] for n in scale}
         apart = {n: [p[n] - q[n] for p, q in pairs] for n in scale}
         suspect = []
@@ -142,20 +142,29 @@ refined.  Sides that stand aslant to each other have no one area and no one norm
 # Gaps that are the same everywhere
 
 
-def even_gaps(story: Story) -> bool:
-    """Whether all pairs are open throughout, over the same gap to 1 % wherever they face each other, on whole sides."""
+def even_gaps(story: Story) -> float | None:
+    """The share of the sides that faces nothing, where all pairs are open throughout over gaps that are even; or None.
+
+    Even: the same to EVEN wherever all of a node's edges face the other side.  At most the two ends of a side may not:
+    normals of an arc that is cut there go past the other's end.
+    """
     if story.t_N.any() or not len(story.interface.pairs):
-        return False
+        return None
+    bare = 0.0
     for side in story.interface.pair_sides:
         for level in story.levels:
-            gap: Floats = level.gap[side.at]
-            if level.covered[side.at].min() < 1.0 - 1e-6 or np.ptp(gap) > EVEN * gap.mean():
-                return False
-    return True
+            covered: Floats = level.covered[side.at]
+            whole = covered >= 1.0 - 1e-6
+            gap: Floats = level.gap[side.at][whole]
+            if whole.sum() < max(2, len(covered) - 2) or np.ptp(gap) > EVEN * gap.mean():
+                return None
+            bare = max(bare, float((1.0 - covered).sum()) / (len(covered) - 1))
+    return bare
 
 
 def _same_heat(scene: Scene, story: Story, rng: np.random.Generator) -> Sequence[Finding]:
-    if not even_gaps(story):
+    bare = even_gaps(story)
+    if bare is None:
         return []
     other = told(sides_swapped(scene).scene)
     if other.outcome != COMPLETED:
@@ -166,7 +175,7 @@ def _same_heat(scene: Scene, story: Story, rng: np.random.Generator) -> Sequence
         if not n.startswith(("contact", "near")):
             continue
         apart = abs(a[n] - b[n])
-        allowed = AT_EVEN_GAPS * max(abs(a[n]), abs(b[n])) + agreement(scene).heat * scales(a)[n]
+        allowed = (AT_EVEN_GAPS + bare) * max(abs(a[n]), abs(b[n])) + agreement(scene).heat * scales(a)[n]
         if apart > allowed:
             found.append(Finding(f"{n}: {a[n]:.6g} J, slave and master changed over {b[n]:.6g} J, across a gap that is "
                                  f"the same everywhere", apart / allowed, ()))
@@ -181,11 +190,12 @@ def _has_gaps(scene: Scene) -> bool:
     return all(pair["gap_max"] > 0.0 for pair in scene.pairs.values())
 
 
-EVEN_GAPS = Invariant("roles: heat across even gaps", _has_gaps, _same_heat, weight=2.0)
+EVEN_GAPS = Invariant("roles: heat across even gaps", _has_gaps, _same_heat, weight=4.0)
 """Across parallel or concentric gaps that stay open the heat agrees to 1 % with slave and master changed over.
 
 There the conductance is one number for both sides, so what is left is one area for the flow; meshes of parallel sides
 have the same area, those of concentric arcs differ from it by their chords, (pi/2n)^2/6 of it for n edges a quarter:
-below 1 % from n = 7 on.
+below 1 % from n = 7 on.  A gap uneven by e has a mean conductance off by e^2/12, 0.1 % for 10 %.  What faces nothing at
+the ends of an arc is allowed besides.
 """
 ROLES = (SIDES, EVEN_GAPS)

@@ -231,6 +231,18 @@ def cell_time(story: Story) -> float:
     return min(times)
 
 
+def slowest_cell_time(story: Story) -> float:
+    """The longest h^2/a [s] of a scene's bodies: h the longest edge, a the least diffusivity."""
+    model = _model(story)
+    span = (float(story.T.min()), float(story.T.max()))
+    times = []
+    for body, shape in story.scene.shapes.items():
+        material = model["materials"][model["bodies"][body]["material"]]
+        k = min(float(np.linalg.eigvalsh(K).min()) for K in _tensors(material["k"], span))
+        times.append(shape.longest_edge**2 * material["rho"] * property_span(material["c"], *span)[1] / k)
+    return max(times)
+
+
 def in_windows_of(scene: Scene, size: float, most: int = WINDOWS) -> Scene:
     """The same scene in even windows of `size` [s], some 4 to `most` of them; without rules, studies and pictures."""
     doc = scene.copied_doc()

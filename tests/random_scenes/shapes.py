@@ -66,8 +66,16 @@ class Shape:
     @property
     def cell_size(self) -> float:
         """Length of its shortest edge [m]."""
+        return float(self._edge_lengths().min())
+
+    @property
+    def longest_edge(self) -> float:
+        """[m]"""
+        return float(self._edge_lengths().max())
+
+    def _edge_lengths(self) -> Floats:
         edges = [self.nodes[np.roll(c, -1, axis=1)] - self.nodes[c] for c in (self.quads, self.triangles) if len(c)]
-        return float(min(np.linalg.norm(e, axis=2).min() for e in edges))
+        return np.concatenate([np.linalg.norm(e, axis=2).ravel() for e in edges])
 
     def write(self, path: Path) -> None:
         """Write it as a gmsh file (2.2, text) with named groups."""

@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from random_scenes.by_hand import box, plate, two_blocks
 from random_scenes.direct_half import DirectHalf
-from random_scenes.invariants_cycles import CYCLES, swings_of
+from random_scenes.invariants_cycles import CYCLES, period_of, swings_of
 from random_scenes.scene import Scene
 from random_scenes.story import told
 
@@ -74,5 +74,7 @@ def test_cycles_of_every_period_are_seen_and_a_decay_is_not(period):
     k = np.arange(40.0)[:, None]
     cycle = 300.0 + 5.0 * np.cos(2.0 * np.pi * k / period)
     assert any(s.lasting for s in swings_of("temperature", cycle, 200.0, 0))
+    assert period_of(cycle[:, 0], 5.0) == period
     decay = 300.0 + 100.0 * np.exp(-k / 5.0) + 5.0 * np.exp(-k) * np.cos(2.0 * np.pi * k / period)
     assert not any(s.lasting for s in swings_of("temperature", decay, 200.0, 0))
+    assert period_of(300.0 + 100.0 * np.exp(-k[:, 0] / 40.0), 5.0) == 0

@@ -74,6 +74,12 @@ def test_answers_settle():
     assert found(refine_laws.check_settles, adaptive()) == []
 
 
+def test_nothing_is_asked_of_layers_that_no_mesh_sees(monkeypatch):
+    scene = pressed().edited(materials__al__k=1e-3)  # 4e-5 m in 20 s, cells of 3 mm when halved three times
+    monkeypatch.setattr(refine_laws, "told", pytest.fail)
+    assert found(refine_laws.check_settles, scene) == []
+
+
 def test_heat_that_grows_with_every_window_and_cell_is_found(monkeypatch):
     right = sweep.share_of
 

@@ -52,10 +52,10 @@ def test_heat_between_rings_has_one_area(name: str, law: Invariant) -> None:
 
 
 def test_even_gaps_are_told_from_others() -> None:
-    assert even_gaps(scene_and_story("flat")[1])
-    assert even_gaps(scene_and_story("rings")[1])
-    assert not even_gaps(scene_and_story("pressed")[1])
-    assert not even_gaps(scene_and_story("heat")[1])
+    assert even_gaps(scene_and_story("flat")[1]) == pytest.approx(0.0, abs=1e-6)
+    assert even_gaps(scene_and_story("rings")[1]) is not None
+    assert even_gaps(scene_and_story("pressed")[1]) is None
+    assert even_gaps(scene_and_story("heat")[1]) is None
     assert tilt_of(scene_and_story("flat")[1]) == pytest.approx(0.0, abs=1e-12)
     assert tilt_of(scene_and_story("heat")[1]) == pytest.approx(0.5 / 80.0**2, rel=0.01)
 

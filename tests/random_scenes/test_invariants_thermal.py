@@ -11,7 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import thermal_fmu.boundary
 from random_scenes.by_hand import plate, two_blocks
-from random_scenes.invariants_thermal import beyond_data, is_m_matrix
+from random_scenes.invariants_thermal import MAXIMUM, WITHIN, beyond_data, is_m_matrix
 from random_scenes.story import told
 
 FILM = {"on": "plate.left", "convection": {"h": 200, "T": 500}}
@@ -44,6 +44,23 @@ def test_a_film_that_aims_too_high_is_found(monkeypatch):
     assert len(found) == 1
     assert "above all its data (300 to 500 K)" in found[0].what
     assert found[0].size > 1e3
+
+
+def test_a_plate_stays_within_its_data_in_windows_of_any_length():
+    scene = plate(FILM, HOT, size=STEP, end=4 * STEP)
+    story = told(scene)
+    for seed in range(3):
+        assert not MAXIMUM.check(scene, story, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("law", [WITHIN, MAXIMUM], ids=str)
+def test_both_laws_find_a_film_that_aims_too_high(law, monkeypatch):
+    right = thermal_fmu.boundary.film_flow
+    scene = plate({"on": "plate.left", "convection": {"h": 2000, "T": 500}}, size=20 * STEP, end=400 * STEP)
+    seed = next(k for k in range(100) if 2.0 < np.random.default_rng(k).uniform(-4.0, 4.0) < 3.0)  # hundreds of h^2/a
+    assert not law.check(scene, told(scene), np.random.default_rng(seed))
+    monkeypatch.setattr(thermal_fmu.boundary, "film_flow", lambda f, h, Te, T: right(f, h, Te, T - 2.0))
+    assert law.check(scene, told(scene), np.random.default_rng(seed))
 
 
 def test_which_meshes_keep_the_principle():

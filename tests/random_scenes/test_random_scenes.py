@@ -14,9 +14,10 @@ from random_scenes.draw import scene_of
 from random_scenes.invariants import INVARIANTS
 from random_scenes.judge import SILENT, judged
 from random_scenes.kept import FAULTS, Kept
+from random_scenes.story import COMPLETED
 
-HOLD = (0, 1, 2, 5, 6, 8, 10, 12, 13, 14, 15, 17, 19, 21, 22, 23, 24, 25, 27, 29)
-"""The first seeds that hold; those between fail with a message, are told of, or (20) are silent."""
+HOLD = (2, 5, 6, 8, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27)
+"""The first seeds that hold; those between fail with a message (0, 1, 3, 4, 10, 11) or are silent (7, 9)."""
 NEW = 5
 BY_NAME = {i.name: i for i in INVARIANTS}
 
@@ -30,6 +31,8 @@ def test_the_scene_of_a_seed_is_always_the_same():
 @pytest.mark.parametrize("seed", HOLD)
 def test_no_law_is_broken_in_silence(seed):
     judgement = judged(seed)
+    assert judgement.outcome == COMPLETED, f"{judgement.outcome}: {judgement.message}"
+    assert judgement.rows, "no law was asked"
     assert not judgement.silent, "\n".join(f"{r.invariant}: {r.what}" for r in judgement.silent)
 
 
