@@ -294,8 +294,6 @@ def _has_come(system: System, until: float | str, t: float, found: ForceBalance)
         return t >= until * (1.0 - SNAP)
     if found.tractions is None:
         return False
-    # fault: any pair that closes releases -> slaves = system.contact.on_slaves([p.name for p in
-    #   system.interface.pairs]) | mechanical_fmu/test_release
     slaves = system.contact.on_slaves([until])
     return bool((found.tractions.t_N[slaves] < 0.0).any())
 
