@@ -216,7 +216,8 @@ class Run:
                          *self._damping.after(self.state.now.t, tried.solved.monitors))
                 self._trust = self._trust_watch.after(
                     self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
-                    fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked)
+                    fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
+                    inputs=tried.before.settings.inputs.get("thermal", {}))
                 self.ledger = self.ledger.after(tried.solved.terms)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)

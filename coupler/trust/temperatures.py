@@ -54,37 +54,41 @@ class TemperatureData:
 
     def __init__(self, model: Mapping[str, Any]) -> None:
         fields = tuple(_fields(model))
-        steady = [float(np.sum(f.level(0.0))) for f in fields if _is_steady(f)]
+        steady = [float(np.sum(f.level(0.0))) for f, name in fields if _is_steady(f) and not name]
         self._steady = min(steady, default=math.inf), max(steady, default=-math.inf)
-        self._fields = tuple(f for f in fields if not _is_steady(f))
+        self._fields = tuple((f, name) for f, name in fields if name or not _is_steady(f))
         # An FMU that lies ready has data of its own, which nobody here knows.
         self.known = not str(model.get("half", "")).endswith(".fmu")
 
-    def between(self, t0: float, t1: float, x: Array) -> tuple[float, float]:
+    def between(self, t0: float, t1: float, x: Array, inputs: Mapping[str, float]) -> tuple[float, float]:
         """Return the lowest and highest [K] of the data from t0 to t1 [s], jumps at both ends included.
 
-        x : (n, 2) [m], in whose box a field over place is bounded.  (inf, -inf) where there are no such data.
+        x : (n, 2) [m], in whose box a field over place is bounded.  inputs : of the half in that time, of which
+        load.NAME scales a prescribed temperature.  (inf, -inf) where there are no such data.
         """
         low, high = self._steady
-        for field in self._fields:
+        for field, name in self._fields:
+            # fault: what scales a prescribed temperature is not known -> factor = 1.0 | coupler/test_trust
+            factor = inputs.get(f"load.{name}", 1.0) if name else 1.0
             times = {t0, t1, *(float(t) for s in field.signals for t in s.kinks if t0 < t < t1)}
             for t in times:
                 for side in (-1, 1):
-                    a, b = _bounds(field, t, side, x)
-                    low, high = min(low, a), max(high, b)
+                    ends = [factor * bound for bound in _bounds(field, t, side, x)]
+                    low, high = min(low, *ends), max(high, *ends)
         return low, high
 
 
-def _fields(model: Mapping[str, Any]) -> Iterator[Field]:
+def _fields(model: Mapping[str, Any]) -> Iterator[tuple[Field, str]]:
+    """Each field of temperatures, and the name by which it is scaled; "" for none."""
     for condition in model.get("boundary", ()):
-        given = condition.get("temperature")
+        given, name = condition.get("temperature"), str(condition.get("name", ""))
         if isinstance(given, Mapping) and "dataset" in given:  # another run's: its bounds are known
-            yield from (field_from(given["least"]), field_from(given["most"]))
+            yield from ((field_from(given["least"]), name), (field_from(given["most"]), name))
         elif given is not None:
-            yield field_from(given)
+            yield field_from(given), name
         for kind in ("convection", "radiation"):
             if condition.get(kind) is not None:
-                yield field_from(condition[kind]["T"])
+                yield field_from(condition[kind]["T"]), ""
 
 
 def _is_steady(field: Field) -> bool:
@@ -126,10 +130,14 @@ def begun(now: Level) -> TemperatureLog:
     return TemperatureLog(low, high, least=low, most=high)
 
 
-def watched(log: TemperatureLog, data: TemperatureData, before: Level, now: Level,
-            terms: Mapping[str, float]) -> TemperatureLog:
-    """Return the log after one more window.  terms : of its heat, mechanism -> [J]."""
-    a, b = data.between(before.t, now.t, now.x)
+def watched(log: TemperatureLog, data: TemperatureData, levels: tuple[Level, Level], terms: Mapping[str, float],
+            inputs: Mapping[str, float]) -> TemperatureLog:
+    """Return the log after one more window.
+
+    levels : at its start and its end.  terms : its heat, mechanism -> [J].  inputs : the thermal half's, by name.
+    """
+    before, now = levels
+    a, b = data.between(before.t, now.t, now.x, inputs)
     log = replace(log, low=min(log.low, a), high=max(log.high, b))
     scale = sum(abs(v) for v in terms.values())
     heats = [v for n, v in terms.items() if n.removeprefix("heat.") in MADE and abs(v) > 1e-12 * scale]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from coupler.trust.errors import Looked
 Array = NDArray[np.float64]
 
 BALANCE = (1e-9, 1e-6)  # of the heat moved: noted, broken
+
+NO_INPUTS: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -67,18 +70,19 @@ class TrustWatch:
         return log if values is None else replace(log, errors=errors.begun(values))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool, looked: Looked | None = None) -> TrustLog:
+              forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
         data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
-        the probes; None: they are not followed.
+        the probes; None: they are not followed.  inputs : of the thermal half in this window, besides what is
+        exchanged.
         """
         before, now = levels
         if looked is not None:
             log = replace(log, errors=errors.watched(log.errors, looked, now.t),
                           stability=stability.watched(log.stability, looked, now.t, now.t - before.t))
-        warmth = temperatures.watched(log.temperatures, self._data, before, now, terms)
+        warmth = temperatures.watched(log.temperatures, self._data, levels, terms, inputs)
         return replace(
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
             temperatures=warmth,

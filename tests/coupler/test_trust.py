@@ -37,14 +37,18 @@ def level(t: float, T: float | list[float] = 300.0, *, x: np.ndarray | None = No
                  np.full(4, gap), np.zeros(4))
 
 
-def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | None = None,
-           fresh: tuple[int, ...] = (), half: str = "elastic") -> dict[str, Check]:
-    """The table of a run by its levels, check by name.  terms : heat of each window [J]; None: some is stored."""
+def judged(levels: list[Level], boundary: tuple[dict, ...] = (), terms: dict | None = None, fresh: tuple[int, ...] = (),
+           half: str = "elastic", inputs: dict | None = None) -> dict[str, Check]:
+    """The table of a run by its levels, check by name.  terms : heat of each window [J]; None: some is stored.
+
+    inputs : of the thermal half.
+    """
     terms = {"heat.stored.low": 1.0, "heat.convection": 1.0} if terms is None else terms
     watch = TrustWatch(boxes(), {"thermal": {"boundary": boundary}, "mechanical": {"half": half}})
     log = watch.begun(levels[0])
     for k in range(1, len(levels)):
-        log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh, forced=False)
+        log = watch.after(log, (levels[k - 1], levels[k]), terms, fresh=k in fresh, forced=False,
+                          inputs=inputs or {})
     return {c.name: c for c in watch.judged(log, terms)}
 
 
@@ -74,6 +78,15 @@ def test_data_count_up_to_now_and_on_both_sides_of_a_jump():
         "at": [0.0, 1.0], "value": [0.0, 50.0]}}]}}},)
     assert judged([level(0.0), level(1.0, 349.0)], film)[WITHIN].verdict == "holds"
     assert judged([level(0.0), level(1.0, 351.0)], film)[WITHIN].verdict == "broken"
+
+
+def test_a_temperature_that_a_rule_scales_is_a_datum():
+    wall = ({"on": "low.bottom", "temperature": 400.0, "name": "wall"},)
+    hot = [level(0.0), level(1.0, 500.0)]
+    assert judged(hot, wall)[WITHIN].verdict == "broken"
+    assert judged(hot, wall, inputs={"load.wall": 1.25})[WITHIN].verdict == "holds"
+    assert judged([level(0.0), level(1.0, 260.0)], wall, inputs={"load.wall": 0.625})[WITHIN].verdict == "holds"
+    assert judged([level(0.0), level(1.0, 240.0)], wall, inputs={"load.wall": 0.625})[WITHIN].verdict == "broken"
 
 
 def test_a_polynomial_over_place_is_bounded_inside_too():
