@@ -125,8 +125,8 @@ def named_forces(interface: Interface, spec: ElasticSpec, constraints: Constrain
 
 def _moment(about: Floats, dofs: NDArray[np.intp], at: ForcesAt) -> float:
     """Moment [N m] about a point of what holds some degrees of freedom."""
-    arm = at.x[dofs // 2] - about
     # fault: the moment of a rotation about another point -> arm = at.x[dofs // 2] | mechanical_fmu/test_named_forces
+    arm = at.x[dofs // 2] - about
     lever = np.where(dofs % 2 == 0, -arm[:, 1], arm[:, 0])
     return float((lever * at.held.ravel()[dofs]).sum())
 

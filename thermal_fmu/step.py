@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.functions import resolve
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
 from thermal_fmu.bridges import StepEnd, bridged
@@ -125,7 +126,14 @@ def _bridged(context: StepContext, method: TimeMethod, end: NodesAtEnd, t: float
     start = phase_change.temperature(context.scene.melting, end.s_n) if method.stores else None
     return bridged(context.scene, context.substep, factors, StepEnd(
         start, phase_change.fields(context.scene.melting, end.s), end.into / (stage.a * dt),
-        end.diagonal / (stage.a * dt)))
+        end.diagonal / (stage.a * dt), _surroundings(context.substep, loads)))
+
+
+def _surroundings(substep: SubstepData, loads: ThermalLoads) -> Floats:
+    """(n,) [K] of what films and radiating surfaces exchange heat with."""
+    films = [resolve(now.Te, film.Te) for now, film in zip(loads.films, substep.films, strict=True)]
+    rays = [resolve(now.T_inf, one.T_inf) for now, one in zip(loads.radiators, substep.radiators, strict=True)]
+    return np.concatenate([np.empty(0), *(np.atleast_1d(T) for T in (*films, *rays))])
 
 
 def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,

@@ -56,7 +56,10 @@ def halves_of(thermal: Half, mechanical: Half, plan: Plan, interface: Interface)
     """Join both halves with the outputs to ask for after every substep: exchanged, recorded, of events and rules."""
     more = status_monitors(interface) if plan.locate.on else ()
     halves = wanted_outputs(thermal, mechanical, {*outputs(wanted(plan.rules)), *more})
-    return replace(halves, bodies=interface.node_body)
+    # Around an axis nothing turns: what looks like it is bodies that deform.
+    # fault: rings turn in their plane -> return replace(halves, bodies=interface.node_body) |
+    #   scenarios/test_aluminium_can::test_the_first_minute_is_as_it_was
+    return replace(halves, bodies=None if interface.axisymmetric else interface.node_body)
 
 
 def first_state(launched: Launched, halves: Halves, interface: Interface, end: float,

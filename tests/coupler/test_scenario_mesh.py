@@ -116,7 +116,8 @@ def block_file(path: Path, *, z: float = 0.0, extra: tuple[str, list[list[int]]]
 
 WITH_FILE = GOOD.replace(RECTANGLE, "{file: {path: meshes/block.msh, unit: cm}}").replace(
     "[0, 1], size: [2, 1]", "[0, 0.01], size: [0.02, 0.01]").replace(
-    "{T: lower.top.left}", "{T: {at: [0.015, 0.0], body: lower}}").replace("upper.top.left", "lower.foot")
+    "{T: lower.top.left}", "{T: {at: [0.015, 0.0], body: lower}}").replace(
+    "on: upper.top, u_y", "on: upper.top, u_x: 0, u_y").replace("upper.top.left", "lower.foot")
 
 
 def test_a_mesh_file_brings_cells_surfaces_and_points(tmp_path: Path) -> None:

@@ -27,7 +27,8 @@ TEXT = PAGE.read_text(encoding="utf-8")
 SCENES = scenes()
 PARTS = (FieldSum, Term, Axes, Latent, Phases, Conduction, InnerSteps, Convection, FilmGap, NearRadiation, Radiation,
          RadiationGap, Thermal, ThermalBoundary)
-ELSEWHERE = {"half", "options", "tolerance", "at", "name", "T_s", "T_l", "closed_factor"}  # said in scenario.md
+# Said in scenario.md and starts.md.
+ELSEWHERE = {"half", "options", "tolerance", "at", "body", "name", "T_s", "T_l", "closed_factor"}
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -113,7 +113,9 @@ def _placed(scene: Scene, turn: Floats, shift: Floats, what: str) -> Changed:
             if part in b:
                 move.fields(b[part], ("h", "T"))
     for body in doc["bodies"].values():
-        move.fields(body, ("Q_T",))
+        if body.get("regions"):
+            raise NotApplicable("regions by rectangles are not moved")
+        move.fields(body, ("Q_T", "T0"))
     for material in doc["materials"].values():
         if isinstance(k := material.get("k"), dict) and "k_1" in k:
             k["angle"] = move.det * k["angle"] + move.degrees
@@ -137,11 +139,16 @@ def _place_elastic(elastic: dict[str, Any], move: _Move) -> None:
     elastic["boundary"] = move.merged(elastic["boundary"])
     for b in elastic["boundary"]:
         for names in VECTORS:
+            if any(isinstance(b.get(n), dict) and "terms" in b[n] for n in names):
+                raise NotApplicable("displacements as fields are not moved")
             if any(n in b for n in names):
                 move.vector(b, names)
         for n in PSEUDOSCALARS:
             if n in b:
                 b[n] = combined([(move.det, b[n])])
+        if "rotation" in b:
+            b["rotation"] = {"about": move.point(b["rotation"]["about"]),
+                             "angle": combined([(move.det, b["rotation"]["angle"])])}
     if "gravity" in elastic:
         move.vector(elastic["gravity"], ("x", "y"))
     for body in elastic["bodies"].values():

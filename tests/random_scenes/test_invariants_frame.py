@@ -89,8 +89,8 @@ def _axes_always_anticlockwise(patch: Patch) -> None:
 def _penalty(patch: Patch, factor: Callable[[Any, str, Any, Any], float]) -> None:
     right = coupler.scenario.scene._penalty
 
-    def wrong(document: Any, file: Any, name: str, nodes: Any, surfaces: Any) -> float:
-        return right(document, file, name, nodes, surfaces) * factor(file, name, nodes, surfaces)
+    def wrong(document: Any, file: Any, name: str, interface: Any) -> float:
+        return right(document, file, name, interface) * factor(file, name, interface.nodes, interface.surfaces)
 
     patch.setattr(coupler.scenario.scene, "_penalty", wrong)
 
@@ -200,7 +200,7 @@ def test_every_key_with_a_place_is_moved() -> None:
     components = {n for part in (ElasticBoundary, Motion) for n in part.model_fields if n.endswith(("_x", "_y"))}
     assert components == {n for names in VECTORS for n in names}
     assert {n for n in ElasticBoundary.model_fields if n not in components} == {
-        "on", "at", "body", "name", "pressure", *PSEUDOSCALARS}
+        "on", "at", "body", "name", "pressure", "rotation", "until", *PSEUDOSCALARS}
     pairs = set()
     for part in _parts(Part):
         if part.__module__.startswith("contact.problem"):
@@ -208,7 +208,7 @@ def test_every_key_with_a_place_is_moved() -> None:
                 for one in (hint, *get_args(hint)):
                     if get_origin(one) is tuple and len(get_args(one)) == 2 and get_args(one)[1] is not Ellipsis:
                         pairs.add(name)
-    assert pairs == {"reference", "v0"}
+    assert pairs == {"reference", "v0", "about"}
 
 
 def test_a_roller_turns_by_right_angles_only() -> None:

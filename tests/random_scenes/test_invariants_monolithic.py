@@ -55,7 +55,7 @@ def test_iterated_windows_solve_the_one_system(scene, solved):
 
 def test_geometry_of_another_time_is_found(monkeypatch):
     right = sweep.geometry_at
-    monkeypatch.setattr(sweep, "geometry_at", lambda now, slope, t: right(now, slope, t + 0.5))
+    monkeypatch.setattr(sweep, "geometry_at", lambda now, slope, t, bodies: right(now, slope, t + 0.5, bodies))
     assert any("does not solve the system" in text for text in found(one_system_laws.check_one_system, across_a_film()))
 
 

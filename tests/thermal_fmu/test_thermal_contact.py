@@ -203,8 +203,7 @@ def test_factors_switch_branches(link):
 def test_balance_over_a_long_slide(link):
     """200 substeps with pieces changing at every one: the ledger of the run closes, one solve each.
 
-    Where a column of nodes comes into contact the step overshoots: it is taken again in four.  At a cell Biot number
-    of 2.5 half of them are taken again from node to node.
+    Where a column of nodes comes into contact the step overshoots: it is taken again in four.
     """
     mesh, model = blocks(8, 0.0)
     half = load(mesh, model)
@@ -219,8 +218,8 @@ def test_balance_over_a_long_slide(link):
         outputs.append(dict(done.outputs))
     assert imbalance(outputs) < EXPECTED["A16"]["tolerance"]
     iterations = np.array([o["iterations"] for o in outputs[1:]])
-    assert (iterations > 1.0).sum() <= 110
-    assert (iterations > 2.0).sum() <= 4
+    assert set(iterations) <= {1.0, 5.0}
+    assert (iterations == 5.0).sum() <= 2
 
 
 def test_a_corner_that_stands_below_closes_nothing_beside():

@@ -28,9 +28,6 @@ CELL = 0.0025
 WINDOWS, FINER = 12, 8
 SPANS = {"M": 1e-6, "other": 1e-3}  # of the span: on meshes whose matrix is an M-matrix, and elsewhere
 ACCURACY = 0.01
-# What is taken from node to node depends on the length of a step: beside a jump of 500 K within one cell, at a cell
-# Biot number of 100, by so much.
-ACCURACY_BETWEEN_NODES = 0.06
 LENGTHS = (1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
 SCHEMES = ("staggered", "extrapolated", "iterated", "auto")
 
@@ -149,7 +146,7 @@ def holds(case: str, length: float, scheme: str) -> None:
     outside = max(low - T[2:].min(), T[2:].max() - high)
     assert outside <= SPANS[mesh] * (high - low)
     off = np.abs(T[-1] - right(case, length)).max()
-    assert off <= (ACCURACY_BETWEEN_NODES if case.startswith("contact") else ACCURACY) * (high - low)
+    assert off <= ACCURACY * (high - low)
 
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
