@@ -2,7 +2,8 @@
 
 Use: `python benchmarks/can.py`.
 Runs what FOLDER (--folder, default can_runs) does not hold yet, prints a table, and draws docs/images/can_gap.svg and
-can_flux.svg.  --only NAME ... : of coarse, coarse_half, medium, medium_half, fine.
+can_flux.svg.  --only NAME ... : of coarse, coarse_half, medium, medium_half, fine.  --variants : what else the physics
+could be, on the coarse mesh, one line each: when it is solid, the gaps then, and what touches.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "scenarios")]
 
 import numpy as np  # noqa: E402
 from can_pictures import draw  # noqa: E402
-from can_readings import CanRun, read_can  # noqa: E402
+from can_readings import CanRun, read_can, touching  # noqa: E402
 
 from coupler import Results, load_scenario, run  # noqa: E402
 
@@ -39,10 +40,45 @@ RUNS: dict[str, dict[str, Any]] = {"coarse": {}, "coarse_half": HALVED, "medium"
                                    "medium_half": finer("medium", 2) | HALVED, "fine": finer("fine", 4)}
 
 
-def made(folder: Path, name: str) -> Results:
+AUGMENTED: dict[str, Any] = {"contact.side.augmented": {}, "contact.base.augmented": {}}
+FRICTION = {"contact.side.friction": {"mu": 0.5}, "contact.base.friction": {"mu": 0.5}}
+SHRINKAGE = "materials.aluminium.liquid.shrinkage"
+
+
+def creep(factor: float) -> dict[str, Any]:
+    """Power-law creep of pure aluminium (Frost and Ashby 1982, table 4.1) as Norton's law, its mu/T taken at 900 K.
+
+    A = 3^-(n + 1)/2 A_2 D_0 b mu^(1 - n)/(k T), n = 4.4, A_2 = 3.4e6, D_0 = 1.7e-4 m2/s, b = 2.86e-10 m, mu = 17.2 GPa.
+    """
+    return {"materials.aluminium.creep": {"A": 1.08e-23 * factor, "n": 4.4, "Q": 142000}}
+
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "the scenario": {}, "a penalty of 1 MPa/mm": {"contact.side.penalty": 1e9, "contact.base.penalty": 1e9},
+    "augmented": AUGMENTED, "augmented, creep": AUGMENTED | creep(1.0),
+    "augmented, 1000 times the creep": AUGMENTED | creep(1000.0), "augmented, mu 0.5": AUGMENTED | FRICTION,
+    "augmented, a can that keeps its size": AUGMENTED | {"materials.steel.alpha": 1e-12},
+    "augmented, 1/4 of the shrinkage": AUGMENTED | {SHRINKAGE: 0.00575515},
+    "augmented, 1/10 of the shrinkage": AUGMENTED | {SHRINKAGE: 0.00230206},
+    "augmented, no shrinkage": AUGMENTED | {SHRINKAGE: 0.0},
+    "augmented, no shrinkage, mu 0.5": AUGMENTED | FRICTION | {SHRINKAGE: 0.0}}
+VARIANT_HEAD = """| variant | all solid at s | gap at half height um | in the corner um | gap under the edge um | \
+wall touches | base touches from, to mm |
+|---|---|---|---|---|---|---|"""
+
+
+def variant_row(name: str, c: CanRun) -> str:
+    """One line of the table of variants."""
+    k = int(np.argmin(abs(c.t - c.solid_at)))
+    r = 1e3 * c.base_r[c.base_p[k] > 0.0]
+    return (f"| {name} | {c.solid_at:.0f} | {1e6 * c.gap[k, len(c.z) // 2]:.0f} | {1e6 * c.gap[k, 0]:.0f} | "
+            f"{max(0.0, 1e6 * c.base_gap[k, -1]):.0f} | {touching(c, k):.0%} | {r.min():.0f}, {r.max():.0f} |")
+
+
+def made(folder: Path, name: str, overrides: dict[str, Any]) -> Results:
     """The run of that name: read, if the folder holds it already."""
     out = folder / f"{name}.h5"
-    return Results(out) if out.exists() else run(load_scenario(SCENARIO, overrides=RUNS[name]), out=out)
+    return Results(out) if out.exists() else run(load_scenario(SCENARIO, overrides=overrides), out=out)
 
 
 def row(name: str, results: Results, c: CanRun) -> str:
@@ -84,12 +120,18 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("can_runs"))
     parser.add_argument("--only", nargs="*", choices=list(RUNS), default=list(RUNS))
     parser.add_argument("--reference", action="store_true", help="store the coarse run as the test's reference")
+    parser.add_argument("--variants", action="store_true", help="what else the physics could be")
     options = parser.parse_args()
     options.folder.mkdir(exist_ok=True)
+    if options.variants:
+        print(VARIANT_HEAD)
+        for i, (name, overrides) in enumerate(VARIANTS.items()):
+            print(variant_row(name, read_can(made(options.folder, f"variant_{i}", overrides))), flush=True)
+        return
     print(HEAD)
     read = {}
     for name in options.only:
-        results = made(options.folder, name)
+        results = made(options.folder, name, RUNS[name])
         read[name] = read_can(results)
         print(row(name, results, read[name]), flush=True)
     if options.reference:

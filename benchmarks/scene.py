@@ -45,7 +45,7 @@ def blocks(n: int, mechanical: str = "elastic", **more: Any) -> Scenario:
     eps_N = E * n / L
     squeeze = P0 * (2 * L * (1 - NU**2) / E + 1 / eps_N)
     overrides: dict[str, Any] = {
-        "mechanical.half": mechanical, "contact.interface.penalty": eps_N,
+        "mechanical.half": mechanical, "contact.interface.penalty": eps_N, "contact.interface.augmented": None,
         "signals.stroke.value": [0, 0, -0.0508, -0.0508 - squeeze],
         **{f"bodies.{b}.mesh.rectangle.cells": [n, n] for b in ("lower", "upper")},
         **{name.replace("__", "."): value for name, value in more.items()}}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 5
+WIRE_VERSION = 6
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,9 @@ class Passes:
     Arrays of (n_passes,).  pair : number of the pair.  slave, master : surface numbers, the same one for a surface
     that may fold onto itself.  weight : part of the area that counts [1].  by_node : 0 for points on pieces of edges
     cut at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
-    faced [m].  eps_N, eps_T : penalties [Pa/m].  mu : Coulomb's coefficient [1].  depth : how deep behind the other
-    surface is looked [m], where that is more than an edge's length; None: nowhere.
+    faced [m].  eps_N : penalty [Pa/m], 0: at each point that of the two edges there in a row.  eps_T : penalty
+    of sticking [Pa/m], 0: as eps_N.  mu : Coulomb's coefficient [1].  depth : how deep behind the other surface is
+    looked [m], where that is more than an edge's length; None: nowhere.
     """
 
     pair: Ints
@@ -49,6 +50,8 @@ class Register:
     edge_surface : (n_edges,) number of the surface each edge belongs to; the edges of one surface are consecutive.
     axisymmetric : areas are weighted by 2 pi r (r = x), else unit depth.
     passes : which surface is searched from which, and the penalties and friction of what faces.
+    stiffness : (n_edges,) [Pa/m], of the layer of cells behind each edge; None: 0.
+    offset : (n_q,) [m], what is added to gaps at pair nodes of sides that are searched from, linear between; None: 0.
     """
 
     n_nodes: int
@@ -56,6 +59,8 @@ class Register:
     edge_surface: Ints
     axisymmetric: bool
     passes: Passes
+    stiffness: Floats | None = None
+    offset: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -122,12 +127,14 @@ class Tractions:
     force : (n_s, 2) [N] on the nodes (per metre depth when plane); both sides, adding up to zero.
     starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
     row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
-    t_N : (n_q,) nodal normal traction [Pa], <= 0, both sides.  node_gap, node_covered : (n_q,) as in Facing.
+    t_N : (n_q,) nodal normal traction [Pa], <= 0: of slave nodes the mean of -p_N over what each faces, of a master's
+    the mean of the slave's there, so that none has more than the slave.  node_gap, node_covered : (n_q,) as in Facing.
     multipliers : (n_q,) [Pa], t_N on slave sides, and mobilised : (n_q,) [1]: the new history.
     shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces.
     E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
     n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.
+    stored : [J] that the springs of contact hold, sum A (p_N depth + tau^2/eps_T)/2.
     """
 
     force: Floats
@@ -144,6 +151,7 @@ class Tractions:
     slipping: Floats
     n_touching: int
     n_slipping: int
+    stored: float
 
 
 @dataclass(frozen=True)
@@ -162,7 +170,8 @@ class Coupling:
 class Couplings:
     """What a half needs to solve for displacements and multipliers lambda at once.
 
-    residual : (n_q,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N it makes.
+    residual : (n_q,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N a slave
+    node makes.
     weight : (n_q,) [m2], W_j = sum A N_j.
     nodes : (n_b, 6) of the pieces that touch or have multipliers: the slave edge's two (0, 1), their two neighbours,
     the master edge's two (4, 5).  ends : (n_b, 4) the pair nodes of (0, 1, 4, 5).

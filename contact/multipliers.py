@@ -18,6 +18,8 @@ from contact.piece import (
     LAMBDA_2,
     MU,
     NODES,
+    OFFSET_1,
+    OFFSET_2,
     OPEN,
     SLIPS_BACK,
     SLIPS_FORWARD,
@@ -149,7 +151,8 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
     nx, ny, by_0, by_1, by_xi = field_normal(n, xi)
     sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
     cross = nx * ey - ny * ex
-    slope = c[q, LAMBDA_2] - c[q, LAMBDA_1]
+    slope, widens = c[q, LAMBDA_2] - c[q, LAMBDA_1], c[q, OFFSET_2] - c[q, OFFSET_1]
+    g -= c[q, OFFSET_1] + xi * widens  # from here on the length of the ray
     shape = (1.0 - xi, xi, 1.0 - eta, eta)
     for j in range(2 * NODES):
         i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
@@ -159,7 +162,7 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
         wx = own * along_x + d_xi[j] * sx - g * turn * ny - other * along_x
         wy = own * along_y + d_xi[j] * sy + g * turn * nx - other * along_y
         dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
-        dp = -d_xi[j] * slope - c[q, EPS_N] * dg if int(doing[q]) > OPEN else 0.0
+        dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens) if int(doing[q]) > OPEN else 0.0
         d_shape = (-d_xi[j], d_xi[j], -deta, deta)
         for k in range(4):
             whole = multipliers[at[k]] + p

@@ -22,8 +22,10 @@ Flags = NDArray[np.bool_]
 NODES = 6
 FIXED = -1  # a cut that moves with the edge; else the number of the node whose foot it is
 # Columns of a point's constants: multipliers at the slave's nodes [Pa], penalties [Pa/m], friction, the mobilised
-# friction before [1], and the shear if it sticks with its derivatives by xi and eta [Pa].
-LAMBDA_1, LAMBDA_2, EPS_N, EPS_T, MU, MOBILISED, TRIAL, TRIAL_XI, TRIAL_ETA, N_CONSTANTS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+# friction before [1], the shear if it sticks with its derivatives by xi and eta [Pa], and what is added to the gap at
+# the slave's nodes [m].
+LAMBDA_1, LAMBDA_2, EPS_N, EPS_T, MU, MOBILISED, TRIAL, TRIAL_XI, TRIAL_ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
+OFFSET_1, OFFSET_2, N_CONSTANTS = 9, 10, 11
 # State of a point, `doing`.
 OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 
@@ -169,6 +171,9 @@ def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q:
     cross = nx * ey - ny * ex
     slope = c[q, LAMBDA_2] - c[q, LAMBDA_1]
     p = -(c[q, LAMBDA_1] + xi * slope) - c[q, EPS_N] * g
+    # From here on the gap is the length of the ray.
+    widens = c[q, OFFSET_2] - c[q, OFFSET_1]
+    g -= c[q, OFFSET_1] + xi * widens
     # The shear is tau = drag p where it slips, else the trial's, which hangs on the two material points alone.
     drag, trial_xi, trial_eta, tau = 0.0, 0.0, 0.0, 0.0
     if int(doing[q]) >= SLIPS_FORWARD:
@@ -191,7 +196,9 @@ def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q:
         # fault: sliding along a tilted master edge forgotten -> dg, deta = (wy * ex - wx * ey) / cross, 0.0 * cross |
         #   contact/test_traction
         dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
-        dp = -d_xi[j] * slope - c[q, EPS_N] * dg
+        # fault: what is added to a gap does not change along the edge -> dp = -d_xi[j] * slope - c[q, EPS_N] * dg |
+        #   contact/test_offset
+        dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens)
         # fault: slip does not follow the master point -> dtau = drag * dp + trial_xi * d_xi[j] + 0.0 * trial_eta |
         #   contact/test_slip
         dtau = drag * dp + trial_xi * d_xi[j] + trial_eta * deta

@@ -4,7 +4,8 @@ A slave point faces the nearest master point on the ray along its normal (contac
 
 Arrays of all kernels: x (n_s, 2) coordinates [m]; edges (n_edges, 2) indices s; normal (n_edges, 3, 2) unit normals of
 an edge, and at its first and second node; length (n_edges,) [m]; met (n_p, 2) slave and master edge of each point;
-values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece.
+values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece; offset (n_edges, 2) [m], is
+added to the gaps of a pass at the ends of its edges.  Gaps are those with it.
 """
 
 from __future__ import annotations
@@ -81,6 +82,13 @@ def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float,
 
 
 @kernel
+def added(offset: Floats, e: int, xi: float) -> float:
+    """Return what is added to the gap [m] at xi of slave edge e; offset : (n_edges, 2) [m] at the edges' ends."""
+    # fault: what is added to a gap is that of one node -> return offset[e, 0] | contact/test_offset
+    return offset[e, 0] + xi * (offset[e, 1] - offset[e, 0])
+
+
+@kernel
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
     """Return whether gap g [m] of master edge m is preferred to the best so far: the nearest, then the lower number."""
     # fault: the farther of two master edges met -> return abs(g) > abs(best) + slack or (m < best_m and abs(g) <=
@@ -98,7 +106,7 @@ def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> N
 
 
 @kernel
-def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Floats,
+def cut_edge(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Ints, count: int, cuts: Floats,
              spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
@@ -121,7 +129,7 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts:
                 if -NODE_TOLERANCE <= xi <= 1.0 + NODE_TOLERANCE:
                     _, g, facing = ray(frame, xi, x, edges, m)
                     if facing < -FACING_COS:
-                        note_node(near, s, g, back, ahead)
+                        note_node(near, s, g + added(offset, e, xi), back, ahead)
                 # fault: slave edges cut at some of the master's nodes only -> if 0.4 < xi < 0.6: | contact/test_facing
                 if 0.0 < xi < 1.0:
                     i = n
@@ -140,8 +148,8 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts:
 
 
 @kernel
-def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Floats, n_cuts: int,
-         spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
+def meet(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Ints, count: int, cuts: Floats,
+         n_cuts: int, spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
     """Find the nearest master edge that the middle ray of each piece of a slave edge meets.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,) [1].  spans : (>= count, 2) [1].
@@ -162,6 +170,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, cuts: Flo
         while i < n_cuts - 1 and cuts[i] < spans[k, 1]:
             middle = 0.5 * (cuts[i] + cuts[i + 1])
             xi_m, g, facing = ray(frame, middle, x, edges, m)
+            g += added(offset, e, middle)
             # fault: areas not clipped at the master's end -> hit = -0.5 <= xi_m <= 1.5 and facing < -FACING_COS and
             #   -back <= g < ahead | contact/test_facing
             hit = -CUT_TOLERANCE <= xi_m <= 1.0 + CUT_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
@@ -198,8 +207,8 @@ def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
 
 
 @kernel
-def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float, m: int, low: float, high: float,
-          axisymmetric: bool, values: Floats, i: int) -> None:
+def place(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, length_s: float, length_m: float, m: int,
+          low: float, high: float, axisymmetric: bool, values: Floats, i: int) -> None:
     """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
@@ -211,7 +220,7 @@ def place(x: Floats, edges: Ints, frame: Frame, length_s: float, length_m: float
         xi_m, g, _ = ray(frame, xi, x, edges, m)
         xi_m = min(max(xi_m, 0.0), 1.0)
         if k < 2:
-            values[i + k, 0], values[i + k, 1], values[i + k, 2] = xi, xi_m, g
+            values[i + k, 0], values[i + k, 1], values[i + k, 2] = xi, xi_m, g + added(offset, e, xi)
             # fault: area of contact halved -> values[i + k, 3] = 0.25 * (high - low) * length_s * ring(frame[0],
             #   frame[2], xi, axisymmetric) | mechanical_fmu/test_hertz contact/test_traction
             values[i + k, 3] = 0.5 * (high - low) * length_s * ring(frame[0], frame[2], xi, axisymmetric)
@@ -245,8 +254,9 @@ def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
 
 
 @kernel
-def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints, count: int, end: int,
-               back: float, ahead: float, axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
+def place_node(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, length_s: float, hits: Ints, count: int,
+               end: int, back: float, ahead: float, axisymmetric: bool, met_edges: Ints, values: Floats,
+               i: int) -> bool:
     """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
 
     So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).
@@ -256,6 +266,7 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
         xi_m, g, facing = ray(frame, float(end), x, edges, hits[k])
+        g += offset[e, end]
         hit = -END_TOLERANCE <= xi_m <= 1.0 + END_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
         if hit and (best_m < 0 or nearer(g, hits[k], best, best_m, END_TOLERANCE * length_s)):
             best, best_m, best_xi = g, hits[k], min(max(xi_m, 0.0), 1.0)
@@ -270,13 +281,15 @@ def place_node(x: Floats, edges: Ints, frame: Frame, length_s: float, hits: Ints
 
 
 @kernel
-def meets_middle(x: Floats, edges: Ints, frame: Frame, hits: Ints, count: int, back: float, ahead: float) -> bool:
+def meets_middle(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Ints, count: int, back: float,
+                 ahead: float) -> bool:
     """Say whether the middle ray of a slave edge meets a candidate; x : (n_s, 2) [m], back, ahead : its reach [m].
 
     edges : (n_edges, 2).  hits : (>= count,).
     """
     for k in range(count):
         xi_m, g, facing = ray(frame, 0.5, x, edges, hits[k])
+        g += added(offset, e, 0.5)
         if 0.0 <= xi_m <= 1.0 and facing < -FACING_COS and -back <= g < ahead:
             return True
     return False
@@ -299,9 +312,9 @@ def distance_to(x: Floats, edges: Ints, frame: Frame, masters: Ints) -> float:
 
 
 @kernel
-def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int, last: int, masters: Ints,
-              gap_max: float, depth: float, axisymmetric: bool, itself: bool, by_node: bool, met_edges: Ints,
-              values: Floats, near: Floats) -> int:
+def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, offset: Floats, first: int, last: int,
+              masters: Ints, gap_max: float, depth: float, axisymmetric: bool, itself: bool, by_node: bool,
+              met_edges: Ints, values: Floats, near: Floats) -> int:
     """Search one pass; return how many points there are, which may be more than the capacity.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
@@ -321,39 +334,41 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, first: int
         # A body thinner than its edges are long must not meet its own far side.
         back = SELF_CONTACT_DEPTH * length[e] if itself else max(length[e], longest)
         frame = frame_of(x, edges, normal, e)
-        count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
-        if (depth > back and not meets_middle(x, edges, frame, hits, count, back, gap_max)
-                and candidates(boxes, masters, normal, frame, depth, 0.0, hits) > 0):
+        # Limits are of gaps as told; rays reach farther by what is added to them.
+        more, less = max(offset[e, 0], offset[e, 1], 0.0), max(-offset[e, 0], -offset[e, 1], 0.0)
+        count = candidates(boxes, masters, normal, frame, back + more, gap_max + less, hits)
+        if (depth > back and not meets_middle(x, edges, frame, offset, e, hits, count, back, gap_max)
+                and candidates(boxes, masters, normal, frame, depth + more, less, hits) > 0):
             # What is met deep behind must be about the nearest there is: a step beside the body is not.
-            back = max(back, min(depth, NEAREST * distance_to(x, edges, frame, masters)))
-            count = candidates(boxes, masters, normal, frame, back, gap_max, hits)
+            back = max(back, min(depth, NEAREST * (distance_to(x, edges, frame, masters) + less)))
+            count = candidates(boxes, masters, normal, frame, back + more, gap_max + less, hits)
         if itself:
             count = drop_neighbours(edges, e, hits, count)
-        n_cuts = cut_edge(x, edges, frame, hits, count, cuts, spans, near, back, gap_max)
+        n_cuts = cut_edge(x, edges, frame, offset, e, hits, count, cuts, spans, near, back, gap_max)
         for k in range(count):
             for end in range(2):
                 xi_m, g, facing = ray(frame, float(end), x, edges, hits[k])
                 if -NODE_TOLERANCE <= xi_m <= 1.0 + NODE_TOLERANCE and facing < -FACING_COS:
-                    note_node(near, edges[e, end], g, back, gap_max)
+                    note_node(near, edges[e, end], g + offset[e, end], back, gap_max)
         if by_node:
             for end in range(2):
                 if n_points + 2 <= values.shape[0]:
                     met_edges[n_points, 0], met_edges[n_points + 1, 0] = e, e
-                    if place_node(x, edges, frame, length[e], hits, count, end, back, gap_max, axisymmetric,
-                                  met_edges, values, n_points):
+                    if place_node(x, edges, frame, offset, e, length[e], hits, count, end, back, gap_max,
+                                  axisymmetric, met_edges, values, n_points):
                         n_points += 2
                 else:
                     n_points += 2
             continue
-        meet(x, edges, frame, hits, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
+        meet(x, edges, frame, offset, e, hits, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:
                 continue
             if n_points + 2 <= values.shape[0]:
                 for q in range(n_points, n_points + 2):
                     met_edges[q, 0], met_edges[q, 1] = e, met[i]
-                place(x, edges, frame, length[e], length[met[i]], met[i], cuts[i], cuts[i + 1], axisymmetric,
-                      values, n_points)
+                place(x, edges, frame, offset, e, length[e], length[met[i]], met[i], cuts[i], cuts[i + 1],
+                      axisymmetric, values, n_points)
             n_points += 2
     return n_points
 
@@ -432,8 +447,8 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
     itself, by_node = bool(slave == master), bool(p.by_node[i])
     while True:
         met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, 5))
-        n = face_pass(x, r.edges, length, normal, first, last, masters, float(p.gap_max[i]), float(depth[i]),
-                      r.axisymmetric, itself, by_node, met, values, near)
+        n = face_pass(x, r.edges, length, normal, surfaces.offsets[i], first, last, masters, float(p.gap_max[i]),
+                      float(depth[i]), r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
             of = surfaces.pair_nodes
             lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], float(p.gap_max[i]))

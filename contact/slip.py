@@ -19,12 +19,12 @@ from contact.surfaces import FACING_COS, Frame, frame_of
 
 @kernel
 def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, normal: Floats, e: int, xi: float, m: int,
-               eta: float) -> tuple[float, float, float, float, float]:
+               eta: float) -> tuple[float, float, float, float, float, int]:
     """Return the slip [m] of point xi of slave edge e, which faces eta of master edge m now, and its derivatives.
 
     before : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  normal : (n_edges, 3, 2) [1],
     those of `before`.  Returns slip, its derivatives by xi and by eta [m], the gap [m] that xi had before and its
-    derivative by xi [m]; the gap is inf where the point faced nothing.
+    derivative by xi [m], and the edge it faced; the gap is inf where the point faced nothing.
 
     From m one walks edge by edge to the point faced before.  Where the master ends on the way, or no longer faces the
     slave, the rest is measured along t.
@@ -62,13 +62,13 @@ def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, nor
     if found:
         d_foot = (nx * sy - ny * sx + g * turn) / (nx * ey - ny * ex)
         by_xi = np.sqrt(ex * ex + ey * ey) * d_foot
-        return slip, by_xi, by_eta, g, nx * (ex * d_foot - sx) + ny * (ey * d_foot - sy)
+        return slip, by_xi, by_eta, g, nx * (ex * d_foot - sx) + ny * (ey * d_foot - sy), edge
     vx = before[c, 0] + at * ex - before[a, 0] - xi * sx
     vy = before[c, 1] + at * ey - before[a, 1] - xi * sy
     slip += nx * vy - ny * vx
     if way == 0:
         by_eta = nx * ey - ny * ex
-    return slip, ny * sx - nx * sy - turn * (nx * vx + ny * vy), by_eta, np.inf, 0.0
+    return slip, ny * sx - nx * sy - turn * (nx * vx + ny * vy), by_eta, np.inf, 0.0, edge
 
 
 @kernel

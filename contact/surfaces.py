@@ -6,7 +6,8 @@ All but normals and boxes follows from connectivity alone and is computed once, 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,23 @@ class RegisteredSurfaces:
     following: Ints
     pair_nodes: PairLayout
 
+    @property
+    def stiffness(self) -> Floats:
+        """Return (n_edges,) [Pa/m] as registered."""
+        assert self.register.stiffness is not None
+        return self.register.stiffness
+
+    @cached_property
+    def offsets(self) -> Floats:
+        """Return (n_passes, n_edges, 2) [m], what is added to gaps at the ends of each edge that a pass searches from.
+        """
+        assert self.register.offset is not None
+        of, found = self.pair_nodes, np.zeros((self.passes.slave.size, len(self.register.edges), 2))
+        for i, slave in enumerate(self.passes.slave):
+            own = slice(int(self.start[slave]), int(self.start[slave + 1]))
+            found[i, own] = self.register.offset[of.first[i, 0] + of.place[own]]
+        return found
+
 
 def surfaces_of(message: Register) -> RegisteredSurfaces:
     """Check a Register message and build its RegisteredSurfaces.  Raises ValueError saying what is wrong with it."""
@@ -49,7 +67,10 @@ def surfaces_of(message: Register) -> RegisteredSurfaces:
     _check_passes(p, n_surfaces)
     previous, following = _neighbours(r)
     start = np.searchsorted(r.edge_surface, np.arange(n_surfaces + 1)).astype(np.int32)
-    return RegisteredSurfaces(r, p, _key(r), start, _chain(previous, following), previous, following, pair_layout_of(r))
+    layout = pair_layout_of(r)
+    offset = np.zeros(layout.size) if r.offset is None else checked_reals("offset", r.offset, (layout.size,))
+    r = replace(r, offset=offset)
+    return RegisteredSurfaces(r, p, _key(r), start, _chain(previous, following), previous, following, layout)
 
 
 def _canonical(m: Register) -> Register:
@@ -76,6 +97,9 @@ def _canonical(m: Register) -> Register:
         edge_surface=_integers("edge_surface", m.edge_surface, (n_edges,)),
         axisymmetric=bool(m.axisymmetric),
         passes=passes,
+        stiffness=(np.zeros(n_edges) if m.stiffness is None
+                   else checked_reals("stiffness", m.stiffness, (n_edges,))),
+        offset=m.offset,
     )
 
 
@@ -119,6 +143,8 @@ def _check_edges(r: Register) -> None:
     same = np.flatnonzero(r.edges[:, 0] == r.edges[:, 1])
     if same.size:
         raise ValueError(f"edge {same[0]} has node {r.edges[same[0], 0]} at both ends")
+    if r.stiffness is not None and not r.stiffness.min(initial=0.0) >= 0.0:
+        raise ValueError(f"stiffness of edge {int(np.argmin(r.stiffness))} must be >= 0, got {r.stiffness.min()!r}")
     if r.edge_surface.size and (r.edge_surface[0] != 0 or not np.isin(np.diff(r.edge_surface), (0, 1)).all()):
         raise ValueError("edge_surface must number the surfaces from 0, the edges of one surface consecutive")
 
@@ -183,7 +209,8 @@ def _chain(previous: Ints, following: Ints) -> Ints:
 def _key(r: Register) -> str:
     digest = hashlib.sha256(f"{r.n_nodes} {r.axisymmetric}".encode())
     p = r.passes
-    for a in (r.edges, r.edge_surface, *vars(p).values()):
+    for a in (r.edges, r.edge_surface, r.stiffness, r.offset, *vars(p).values()):
+        assert a is not None
         digest.update(f"{a.dtype.str}{a.shape}".encode())
         digest.update(a.tobytes())
     return digest.hexdigest()[:32]

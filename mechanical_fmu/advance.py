@@ -14,6 +14,7 @@ from mechanical_fmu.carrying import carried
 from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after
 from mechanical_fmu.enforcement import solve_step
 from mechanical_fmu.heat import at_frozen_entropy
+from mechanical_fmu.impact import with_its_energy
 from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.newton import Equilibrium, SolverSettings
@@ -231,7 +232,7 @@ def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSett
     while share < 1.0:
         goal = min(share + size, 1.0)
         try:
-            piece = _piece(system, task, begin, (share, goal), settings)
+            piece = _piece(system, task, begin, (share, goal), settings, left == 0)
         except ArithmeticError as exc:
             failed = failed if isinstance(failed, CellError) else exc
             if left == 0:
@@ -248,7 +249,8 @@ def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSett
 
 
 def _piece(system: System, task: Task, begin: Departure, span: tuple[float, float],
-           settings: SolverSettings) -> StepResult:
+           settings: SolverSettings, last: bool) -> StepResult:
+    """One piece of a step.  last : whether it cannot be cut any more."""
     motion, history = begin.motion, begin.history
     (a, b), dt, dynamics = span, (span[1] - span[0]) * task.dt, system.spec.dynamics
     if settings.method == "explicit":
@@ -273,7 +275,8 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         start = _carried(system, free_flight(dynamics, motion, dt), moved)
         equilibrium = solved(system, motion.u, loading, system.balance(start, loading, True), None, settings)
         found = equilibrium.balance
-        after = motion_after(dynamics, motion, found, inertia, dt)
+        after = motion_after(system, motion, found, inertia, dt)
+        after = with_its_energy(system, motion, after, found, loading, owes=last)
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
                       work=equilibrium.work)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanical_fmu.constraints import rotated, turn_between
+from contact.half.turns import rotated, turn_between
 from mechanical_fmu.system import Loading, System
 
 Floats = NDArray[np.float64]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
 from contact.half.interface import Interface
+from contact.half.turns import rotated, turn_between
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.motions import Motions, motions_of
 from mechanical_fmu.problem import Displacement
@@ -191,20 +192,6 @@ def _centre(interface: Interface, kinds: tuple[Cells, ...], body: int) -> Floats
         volume += float(cells.weight[here].sum())
         moment += np.einsum("eq,eqi->i", cells.weight[here], at)
     return moment / volume
-
-
-def turn_between(a: Floats, b: Floats) -> float:
-    """Find the angle [rad] by which arms a : (n, 2) [m] turn best into b : (n, 2) [m], in (-pi, pi].
-
-    The least squares of Wahba's problem in the plane; 0 where all arms vanish.
-    """
-    return float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum()))
-
-
-def rotated(arm: Floats, angle: float) -> Floats:
-    """Compute (n, 2) R(angle) arm - arm [m] of arm : (n, 2) [m]."""
-    c1, s = -2.0 * np.sin(0.5 * angle) ** 2, np.sin(angle)
-    return np.stack([c1 * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c1 * arm[:, 1]], axis=1)
 
 
 # A node nearer to the axis than this share of the mesh's size is on it.

@@ -61,18 +61,31 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
     return bsr_matrix((tractions.blocks, tractions.columns, tractions.starts), shape=(size, size))
 
 
-def contact_variables(n_q: int, slips: bool = False) -> tuple[Variable, ...]:
-    """List the contact outputs of both mechanical halves; n_q : pair nodes, slips : whether a pair has friction."""
+# What a pair node does (contact.status).
+ALONE, OPEN, TOUCHES, SLIPS = range(4)
+
+
+def contact_variables(n_q: int, slips: bool = False, with_status: bool = False) -> tuple[Variable, ...]:
+    """List the contact outputs of both mechanical halves; n_q : pair nodes, slips : whether a pair has friction.
+
+    with_status : whether the half tells what each of them does.
+    """
     variables = [Variable("contact.t_N", (n_q,), unit="Pa", description="normal traction, <= 0", on="pair_nodes"),
                  Variable("contact.gap", (n_q,), unit="m", description="normal gap", on="pair_nodes"),
                  Variable("contact.covered", (n_q,), unit="1", description="share of a node's side that is faced",
                           on="pair_nodes"),
                  Variable("contact.touching", description="facing points that touch")]
+    if with_status:
+        variables.append(Variable("contact.status", (n_q,), unit="1", on="pair_nodes", description="0 faces nothing, "
+                                  "1 open, 2 touches (with friction: sticks), 3 slips: most of what it touches"))
     if slips:
         variables += [Variable("contact.t_T", (n_q,), unit="Pa", description="shear traction of slave nodes",
                                on="pair_nodes"),
                       Variable("contact.E_friction", (n_q,), unit="J", description="friction heat of the substep",
                                on="pair_nodes"),
+                      Variable("contact.E_friction.at", (), "output", start="end", kind="String",
+                               variability="constant",
+                               description="at which time of a step the pressure is that makes its friction heat"),
                       Variable("contact.slipping", description="facing points that slip"),
                       Variable("contact.slip_share", (n_q,), unit="1",
                                description="of what a slave node touches, the share at Coulomb's bound",
@@ -80,11 +93,19 @@ def contact_variables(n_q: int, slips: bool = False) -> tuple[Variable, ...]:
     return tuple(variables)
 
 
+def status(tractions: Tractions) -> Floats:
+    """Tell what each pair node does: (n_q,) ALONE, OPEN, TOUCHES or SLIPS; nodes of a master never slip."""
+    faces = np.where(tractions.node_covered > 0.0, OPEN, ALONE)
+    slides = np.where(tractions.slipping > 0.5, SLIPS, TOUCHES)
+    # fault: what slips is told to stick -> slides = np.full(faces.shape, TOUCHES) | mechanical_fmu/test_fields
+    return np.where(tractions.t_N < 0.0, slides, faces).astype(np.float64)
+
+
 def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Value]:
     """Return the values of contact_variables."""
     outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
                                  "contact.covered": tractions.node_covered,
-                                 "contact.touching": float(tractions.n_touching)}
+                                 "contact.touching": float(tractions.n_touching), "contact.status": status(tractions)}
     if slips:
         outputs |= {"contact.t_T": tractions.shear, "contact.E_friction": tractions.E_friction,
                     "contact.slipping": float(tractions.n_slipping), "contact.slip_share": tractions.slipping}

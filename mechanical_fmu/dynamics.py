@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.linalg import factorise
-from mechanical_fmu.constraints import with_diagonal
 from mechanical_fmu.loads import edge_shares
 from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.newton import NoEquilibriumError
 from mechanical_fmu.problem import DynamicsOptions
 from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import constrained
 from mechanical_fmu.volume import PointStep
 
 Floats = NDArray[np.float64]
@@ -26,12 +23,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """u : (n, 2) [m], v : (n, 2) [m/s], a : (n, 2) [m/s2], f : (n, 2) [N] internal less external, all at one time."""
+    """u : (n, 2) [m], v : (n, 2) [m/s], a : (n, 2) [m/s2], f : (n, 2) [N] internal less external, all at one time.
+
+    push : (n, 2) [N] contact forces of f, (0, 2) where they were not noted.  stored : [J] in the springs of contact.
+    """
 
     u: Floats
     v: Floats
     a: Floats
     f: Floats
+    push: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    stored: float = 0.0
 
 
 def inertia_of(masses: Masses, how: DynamicsOptions, now: BodyMotion, dt: float) -> Inertia:
@@ -56,11 +58,24 @@ def free_flight(how: DynamicsOptions, now: BodyMotion, dt: float) -> Floats:
     return now.u + dt * now.v + dt * dt * (0.5 - how.beta) * now.a
 
 
-def motion_after(how: DynamicsOptions, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
+def motion_after(system: System, now: BodyMotion, found: ForceBalance, inertia: Inertia, dt: float) -> BodyMotion:
     """Compute the motion at the end of a step solved for."""
+    how = system.spec.dynamics
+    assert how is not None
     a = (found.u - inertia.origin) / (how.beta * dt * dt)
     v = now.v + dt * ((1.0 - how.gamma) * now.a + how.gamma * a)
-    return BodyMotion(found.u, v, a, found.r - inertia.force(found.u))
+    # Without mass a node's own rates are differences of places, and ring; inertia asks for those of what moves it.
+    follow = system.masses.followed
+    return BodyMotion(found.u, follow(v), follow(a), found.r - inertia.force(found.u), *contact_of(system, found))
+
+
+def contact_of(system: System, found: ForceBalance) -> tuple[Floats, float]:
+    """Return the contact forces (n, 2) [N], a rigid body's at its reference rows, and the energy [J] in their springs.
+    """
+    if found.tractions is None:
+        return np.zeros_like(found.u), 0.0
+    force = system.contact.force(found.tractions)
+    return force if system.rigid is None else system.rigid.reduced(force, found.u), found.tractions.stored
 
 
 def end_residual(system: System, found: ForceBalance, motion: BodyMotion) -> Floats:
@@ -93,13 +108,16 @@ def first_motion(system: System, found: ForceBalance, lumped: bool) -> BodyMotio
     free = system.constraints.free
     v = (v.ravel() * free).reshape(v.shape) if system.rigid is None else v
     v.ravel()[system.constraints.fixed] = 0.0
-    b = -found.r.ravel() * free
-    if lumped:
-        m = system.masses.lumped
+    masses, f = system.masses, found.r.copy()
+    # Nodes without mass are in equilibrium from the first step on; what pushes them now is no inertia.
+    f[masses.without] *= 1.0 - free.reshape(-1, 2)[masses.without]
+    b = -f.ravel() * free
+    if lumped and not masses.without.any():
+        m = masses.lumped
         a = np.divide(b, m, out=np.zeros_like(b), where=m > 0.0)
     else:
-        a = factorise(constrained(system, with_diagonal(system.masses.matrix(False))))(b) * free
-    return BodyMotion(found.u, v, a.reshape(v.shape), found.r)
+        a = system.accelerations(b) * system.moving
+    return BodyMotion(found.u, v, masses.followed(a.reshape(v.shape)), f, *contact_of(system, found))
 
 
 # Explicit dynamics: central differences with a diagonal mass, cut into stable pieces.

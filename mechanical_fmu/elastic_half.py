@@ -13,8 +13,9 @@ from contact.half.contact_client import History
 from contact.half.functions import SNAP
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
+from contact.half.memory import LAYOUT
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
-from contact.problem.mechanical import Solution
+from contact.problem.mechanical import Solution, Start
 from mechanical_fmu.advance import (
     NOT_GIVEN,
     Departure,
@@ -42,6 +43,7 @@ from mechanical_fmu.problem import METHODS, parse_elastic
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep, von_mises
+from mechanical_fmu.warm import Beginning, beginning, memory_layout
 
 # The state of the elastic half: all that evolves.
 
@@ -57,6 +59,7 @@ class ElasticState:
     drive : what u is in equilibrium with.  solved : the time of that [s]; later steps were skipped.
     history : (n_history,) of points and cells (System.start_history).
     v, a : (n, 2) [m/s], [m/s2], and f : (n, 2) [N] internal less external force; (0, 2) without inertia.
+    push : (n, 2) [N] the contact forces of f, stored : [J] in contact's springs (dynamics.BodyMotion).
     skipped : steps left out in a row, all_skipped : since the start.
     damped : [J] of what damped bodies that contact did not hold yet, since the start.
     released : numbers of the displacements that prescribe nothing any more.  handed : (n, 2) [N] what held those that
@@ -75,6 +78,8 @@ class ElasticState:
     v: Floats
     a: Floats
     f: Floats
+    push: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    stored: float = 0.0
     skipped: int = 0
     all_skipped: int = 0
     damped: float = 0.0
@@ -121,12 +126,17 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                         on="nodes"),
                Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
                Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),
+               Variable("strain", (n_cells, 4), description="Green-Lagrange strain 11, 22, 12, 33, cell mean",
+                        on="cells"),
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
                Variable("cuts", description="pieces of the step beyond the first")]
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements",
                          on="none")
                 for name in interface.bodies]
-    outputs += system.named.variables
+    outputs += [Variable(LAYOUT, kind="String", start=memory_layout(system).text(), variability="constant"),
+                *system.named.variables]
+    if interface.axisymmetric:
+        outputs.append(Variable("sigma_hoop", (n_cells,), unit="Pa", description="hoop stress, cell mean", on="cells"))
     outputs += flow_variables(system)
     if makes_heat(system):
         outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
@@ -145,7 +155,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
                     for b in system.rigid.body]
-    return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips) if n_q else ()))
+    return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True) if n_q else ()))
 
 
 def damps(system: System) -> bool:
@@ -162,9 +172,9 @@ def mesh_nodes(system: System) -> int:
 def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
     """Compute all outputs at the end of a step that was solved."""
     balance, n = found.balance, mesh_nodes(system)
-    sigma, sigma_v, increment = _stresses(system, found, moved)
+    sigma, strain, sigma_v, increment = _stresses(system, found, moved)
     outputs: dict[str, Value] = {
-        "x": system.interface.nodes[:n] + balance.u[:n], "sigma": sigma, "sigma_v": sigma_v,
+        "x": system.interface.nodes[:n] + balance.u[:n], "sigma": sigma, "sigma_v": sigma_v, "strain": strain,
         "iterations": float(found.iterations), "residual": found.residual,
         "max_strain_increment": increment, "cuts": float(found.cuts)}
     # An explicit step has no acceleration of what is held: their own masses, lumped at the nodes, are left out.
@@ -184,6 +194,10 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs["skipped"] = float(state.all_skipped)
     if damps(system):
         outputs["work.stabilisation"] = state.damped
+    if system.interface.axisymmetric:
+        # fault: the axial stress is told as the hoop stress -> outputs["sigma_hoop"] = sigma[:, 1].copy() |
+        #   mechanical_fmu/test_fields
+        outputs["sigma_hoop"] = sigma[:, 3].copy()
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
@@ -191,8 +205,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     return outputs
 
 
-def _stresses(system: System, found: StepResult, moved: Moved) -> tuple[Floats, Floats, float]:
-    """(n_cells, 4) stress 11, 22, 12, 33 and (n_cells,) von Mises stress [Pa], means of the points of each cell.
+def _stresses(system: System, found: StepResult, moved: Moved) -> tuple[Floats, Floats, Floats, float]:
+    """(n_cells, 4) stress [Pa] and strain [1], 11, 22, 12, 33, and (n_cells,) von Mises stress [Pa], means in a cell.
 
     And the largest change of a Green-Lagrange component over the step, each end by the history and moduli of its own.
     """
@@ -201,17 +215,18 @@ def _stresses(system: System, found: StepResult, moved: Moved) -> tuple[Floats, 
     # fault: a liquid's stress lost after its step -> now = volume.stress(found.balance.u, moduli, PointStep(0.0,
     #   found.balance.history)) | mechanical_fmu/test_solution_melting
     now = volume.stress(found.balance.u, moduli, found.last if system.melts else PointStep(0.0, found.balance.history))
-    sigma, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
-    for cells, (stress, _) in zip(volume.kinds, now, strict=True):
+    sigma, strain, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
+    for cells, (stress, green) in zip(volume.kinds, now, strict=True):
         # fault: shear for thickness in the stress that goes out -> sigma[cells.number], sigma_v[cells.number] =
         #   stress[:, :, [0, 1, 3, 2]].mean(axis=1), von_mises(stress).mean(axis=1) | mechanical_fmu/test_solution_fmu
         sigma[cells.number], sigma_v[cells.number] = stress.mean(axis=1), von_mises(stress).mean(axis=1)
+        strain[cells.number] = green.mean(axis=1)
     then = moduli if volume.elastic else system.moduli(moved.drive.T, moved.drive.f_s)
     # fault: strain before a step by the history after it -> before = volume.stress(moved.u, then, PointStep(0.0,
     #   found.balance.history)) | mechanical_fmu/test_solution_melting
     before = volume.stress(moved.u, then, PointStep(0.0, moved.history))
     increment = max([float(np.abs(a[1] - b[1]).max()) for a, b in zip(now, before, strict=True)], default=0.0)
-    return sigma, sigma_v, increment
+    return sigma, strain, sigma_v, increment
 
 
 def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
@@ -315,15 +330,19 @@ class ElasticHalf:
         self._without: dict[tuple[int, ...], ElasticHalf] = {}
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[ElasticState, Mapping[str, Value]]:
-        """Find the equilibrium at t from the reference at once; with inertia, the reference itself and its velocity.
+        """Find the equilibrium at t, from the reference or where another run ended, at once, under loads before a jump.
 
+        With inertia, the reference itself and its velocity.
         Raises ArithmeticError where there is none, or nothing can hold a body.
         """
         system = self.system
-        drive = drive_of(system, inputs, t, 1)
-        history = system.contact.no_history(system.interface.nodes)
-        u, none = np.zeros((system.volume.n_nodes, 2)), np.empty((0, 2))
-        loading = self._loading(inputs, t, 1, history, link)
+        # Inertia needs the force just after a jump, and nothing has moved by then.
+        # fault: a jump at the start has happened before it -> side = 1 | coupler/test_load_at_the_start
+        side = 1 if system.spec.stated.inert or system.spec.stated.start is Start.EQUILIBRIUM else -1
+        drive = drive_of(system, inputs, t, side)
+        begin, none = beginning(system), np.empty((0, 2))
+        u, history = begin.u, begin.contact
+        loading = self._loading(drive, begin, link)
         motion = BodyMotion(u, none, none, none)
         if system.spec.stated.inert:
             at = system.constraints.moved(u, loading.target, system.interface.nodes)
@@ -334,14 +353,19 @@ class ElasticHalf:
             explicit = system.spec.stated.method is Solution.EXPLICIT
             found = StepResult(balance, motion, balance.heat, 0, 0.0, last=loading.step,
                                dt_stable=stable_step(system, balance.u, loading) if explicit else 0.0)
+        elif begin.as_left:
+            # Solved again, friction would be taken from points to nodes once more than in a run that goes on.
+            balance = replace(system.balance(u, loading), history=begin.history)
+            found = StepResult(balance, motion, balance.heat, 0, 0.0, last=loading.step)
         else:
             refuse_unheld(system)
             settings = replace(self.settings, method=self._method(0))
             equilibrium = solved(system, u, loading, resting(system, u, loading), None, settings)
             found = replace(_found(equilibrium, motion), last=loading.step)
         now = found.balance
-        state = ElasticState(t, now.u, contact_history(system, now, history), now.u, drive.T, False, drive, t,
-                             now.history, motion.v, motion.a, motion.f, damped=found.work)
+        contact = begin.contact if begin.as_left else contact_history(system, now, history)
+        state = ElasticState(t, now.u, contact, now.u, drive.T, False, drive, t, now.history, motion.v, motion.a,
+                             motion.f, motion.push, motion.stored, damped=found.work)
         outputs = outputs_of(system, found, Moved(loading, u, loading.step.history, drive, False), state)
         return after_release(system, state, found.balance), outputs
 
@@ -382,7 +406,8 @@ class ElasticHalf:
         motion = found.motion
         contact = contact_history(system, found.balance, state.contact)
         after = replace(after, t=t + h, u=found.balance.u, contact=contact, drive=drive, solved=t + h,
-                        history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, skipped=0,
+                        history=found.balance.history, v=motion.v, a=motion.a, f=motion.f, push=motion.push,
+                        stored=motion.stored, skipped=0,
                         damped=state.damped + found.work)
         moved = Moved(loading, u, _array(state.history), state.drive, frozen is not None)
         outputs = outputs_of(system, found, moved, after)
@@ -396,15 +421,15 @@ class ElasticHalf:
             self._without[state.released] = ElasticHalf(self.system.without(state.released), self.settings)
         return self._without[state.released]
 
-    def _loading(self, inputs: Values, t: float, side: int, history: History, link: Link) -> Loading:
-        """The loading at t of points without a past."""
-        drive = drive_of(self.system, inputs, t, side)
-        task = Task(drive, drive, 0.0, contact_query(self.system, link, history), None)
-        return loading_of(self.system, task, 1.0, 0.0, self.system.start_history())
+    def _loading(self, drive: StepDrive, begin: Beginning, link: Link) -> Loading:
+        """The loading of what a scene begins with."""
+        task = Task(drive, drive, 0.0, contact_query(self.system, link, begin.contact), None)
+        return loading_of(self.system, task, 1.0, 0.0, begin.history)
 
     def _in_pieces(self, state: ElasticState, task: Task, method: str,
                    failed: ArithmeticError | None = None) -> StepResult:
-        motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f))
+        motion = BodyMotion(_array(state.u), _array(state.v), _array(state.a), _array(state.f), _array(state.push),
+                            state.stored)
         settings = replace(self.settings, method=method)
         cuts = 0 if method == "explicit" else self.system.spec.stated.cuts
         return in_pieces(self.system, task, Departure(motion, _array(state.history)), settings, cuts, failed)
@@ -503,7 +528,9 @@ class ElasticHalf:
 def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
     """Make the elastic half of an interface and a model.json.  Raises ValueError naming what is wrong."""
     spec = parse_elastic(interface, model)
-    return ElasticHalf(system_of(interface, spec), SolverSettings(spec.stated.tolerance))
+    system = system_of(interface, spec)
+    beginning(system)  # what does not fit is told before anything runs
+    return ElasticHalf(system, SolverSettings(spec.stated.tolerance))
 
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:

@@ -87,9 +87,12 @@ def flowing_bodies(system: System) -> tuple[int, ...]:
 
 
 def flow_variables(system: System) -> tuple[Variable, ...]:
-    """List the outputs `flow.<body>` [1] and `flow_rate.<body>` [1/s] of bodies that can flow."""
+    """List the outputs `flow.<body>` [1] and `flow_rate.<body>` [1/s] of bodies that can flow, and those of cells."""
     names = [system.interface.bodies[b] for b in flowing_bodies(system)]
-    return (*(Variable(f"flow.{n}", description="equivalent inelastic strain, mean over the body") for n in names),
+    of_cells = tuple(Variable(name, (system.volume.n_cells,), on="cells", description=f"{what}, cell mean")
+                     for name, (law, _, what) in IN_CELLS.items() if _has(system, law))
+    return (*of_cells,
+            *(Variable(f"flow.{n}", description="equivalent inelastic strain, mean over the body") for n in names),
             *(Variable(f"flow_rate.{n}", unit="1/s", description="its mean rate in the substep") for n in names))
 
 
@@ -104,6 +107,8 @@ def flow_outputs(system: System, before: PointStep, history: Floats) -> dict[str
     bodies = flowing_bodies(system)
     if not bodies:
         return out
+    out |= {name: _of_cells(system, history, number) for name, (law, number, _) in IN_CELLS.items()
+            if _has(system, law)}
     now, then = _of_bodies(system, history), _of_bodies(system, before.history)
     for b in bodies:
         name = system.interface.bodies[b]
@@ -114,6 +119,33 @@ def flow_outputs(system: System, before: PointStep, history: Floats) -> dict[str
     return out
 
 
+# Equivalent strains of cells: output -> law that makes it, its place in a point's history, in words.
+IN_CELLS = {"peeq": (PLASTIC, H_PLASTIC, "equivalent plastic strain (PEEQ)"),
+            "ceeq": (CREEP, H_CREEP, "equivalent creep strain (CEEQ)")}
+
+
+def _has(system: System, law: int) -> bool:
+    return any(cells.treatment.kind & law for cells in system.volume.kinds)
+
+
+def _of_cells(system: System, history: Floats, number: int) -> Floats:
+    """(n_cells,) means over the volume of what points have at a place of their history; 0 in cells that cannot flow."""
+    out, at = np.zeros(system.volume.n_cells), 0
+    for cells in system.volume.kinds:
+        size = len(cells.nodes) * cells.n_row
+        if _flows(cells):
+            e = _points_of(cells, history[at : at + size])[..., number]
+            out[cells.number] = (e * cells.weight).sum(axis=1) / cells.volume
+        at += size
+    return out
+
+
+def _points_of(cells: Cells, rows: Floats) -> Floats:
+    """(n_e, nq, width) what the points of cells remember, of their part of the history."""
+    width = history_size(cells.treatment.kind) + cells.treatment.plane_stress
+    return rows.reshape(len(cells.nodes), cells.n_row)[:, cells.n_modes :].reshape(*cells.weight.shape, width)
+
+
 def _of_bodies(system: System, history: Floats) -> Floats:
     """(n_bodies,) means; 0 for bodies that cannot flow."""
     strain, volume = np.zeros(len(system.interface.bodies)), np.zeros(len(system.interface.bodies))
@@ -121,9 +153,7 @@ def _of_bodies(system: System, history: Floats) -> Floats:
     for cells in system.volume.kinds:
         size = len(cells.nodes) * cells.n_row
         if _flows(cells) and history.size:
-            rows = history[at : at + size].reshape(len(cells.nodes), cells.n_row)[:, cells.n_modes :]
-            width = history_size(cells.treatment.kind) + cells.treatment.plane_stress
-            points = rows.reshape(*cells.weight.shape, width)
+            points = _points_of(cells, history[at : at + size])
             # fault: the flow of bodies leaves creep out -> e = points[..., H_PLASTIC] | mechanical_fmu/test_flow_strain
             e = points[..., H_PLASTIC] + points[..., H_CREEP]
             np.add.at(strain, cells.body, (e * cells.weight).sum(axis=1))

@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import csr_matrix, diags_array, eye_array, kron
 
 from contact.half.interface import Interface
 from mechanical_fmu.cells import Cells
 from mechanical_fmu.constraints import RigidBodies
+from mechanical_fmu.contact_mass import taken_along
 from mechanical_fmu.loads import DeadForces, NodalShares, RigidRows, dead_forces, nodal_shares
 from mechanical_fmu.problem import ElasticSpec
 
@@ -67,8 +68,39 @@ class Masses:
         return m if self.rigid is None else self._gathered(m)
 
     def matrix(self, lumped: bool) -> csr_matrix:
-        """Return M : (2 n, 2 n) [kg], consistent or lumped."""
-        return csr_matrix(diags_array(self.lumped, format="csr")) if lumped else self.consistent
+        """Return M : (2 n, 2 n) [kg], consistent or lumped; the nodes `without` have none where that is asked for."""
+        return self._matrices[lumped]
+
+    @cached_property
+    def _matrices(self) -> _Matrices:
+        return _Matrices(self)
+
+    @cached_property
+    def _taken_along(self) -> tuple[csr_matrix, NDArray[np.bool_]]:
+        """T : (n, n) and (n,) of contact_mass.py, where the scene has the mass of its contact surfaces moved."""
+        how = self.spec.dynamics
+        if how is None or not how.contact_mass_behind or not self.interface.pairs:
+            return csr_matrix(eye_array(self.n)), np.zeros(self.n, dtype=np.bool_)
+        massless = np.zeros(len(self.interface.nodes), dtype=np.bool_)
+        massless[self.interface.contact_nodes] = True
+        deformable = self.kinds
+        if self.rigid is not None:
+            massless[self.rigid.nodes] = False
+            deformable = self.rigid.deformable(self.kinds)
+        return taken_along(self.interface.nodes, [cells.nodes for cells in deformable], massless, self.n)
+
+    @property
+    def without(self) -> NDArray[np.bool_]:
+        """Say, (n,), which nodes have no mass: those of contact surfaces, as far as there are others to move them."""
+        return self._taken_along[1]
+
+    def followed(self, v: Floats) -> Floats:
+        """Return v : (n, 2) with what the nodes without mass have taken from those that move them."""
+        return np.asarray(self._taken_along[0] @ v) if self.without.any() else v
+
+    def handed_on(self, f: Floats) -> Floats:
+        """Return f : (n, 2) [N] with what acts on nodes without mass at those that move them: force and moment stay."""
+        return np.asarray(self._taken_along[0].T @ f) if self.without.any() else f
 
     @cached_property
     def consistent(self) -> csr_matrix:
@@ -111,6 +143,24 @@ class Masses:
             rho = self.density[body]  # one for all of it: elastic_wrongs refuses others
             out[self.rigid.dofs[k]] = rho * np.array([total, total, inertia / self.rigid.size[k] ** 2])
         return out
+
+
+class _Matrices(dict[bool, csr_matrix]):
+    """lumped -> M, made when first asked for."""
+
+    def __init__(self, masses: Masses) -> None:
+        super().__init__()
+        self.masses = masses
+
+    def __missing__(self, lumped: bool) -> csr_matrix:
+        m = self.masses
+        M = csr_matrix(diags_array(m.lumped, format="csr")) if lumped else m.consistent
+        if m.without.any():
+            T = kron(m._taken_along[0], eye_array(2), format="csr")
+            # fault: nodes of contact surfaces keep their mass -> M = csr_matrix(M) | mechanical_fmu/test_impact
+            M = csr_matrix(T.T @ M @ T)
+        self[lumped] = M
+        return M
 
 
 # Inertia forces of a step, linear in the displacement at its end.  Eq. (23).

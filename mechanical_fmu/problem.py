@@ -90,7 +90,8 @@ class DynamicsOptions:
     M ((1 - alpha_m) a_{n+1} + alpha_m a_n) + (1 - alpha_f) f_{n+1} + alpha_f f_n = 0, f internal less external,
     u_{n+1} = u_n + dt v_n + dt2 ((1/2 - beta) a_n + beta a_{n+1}),
     v_{n+1} = v_n + dt ((1 - gamma) a_n + gamma a_{n+1}).
-    lumped : whether the mass matrix is diagonal.
+    lumped : whether the mass matrix is diagonal.  contact_mass_behind : whether nodes of contact surfaces have none
+    (contact_mass.py).
     """
 
     beta: float = 0.25
@@ -98,6 +99,7 @@ class DynamicsOptions:
     alpha_m: float = 0.0
     alpha_f: float = 0.0
     lumped: bool = False
+    contact_mass_behind: bool = True
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
         displacements=tuple(b for b in conditions if isinstance(b, Displacement)),
         pressures=tuple(b for b in conditions if isinstance(b, Pressure)),
         dead=tuple(b for b in conditions if isinstance(b, DeadLoad)),
-        dynamics=None if problem.dynamics is None else _dynamics(problem.dynamics),
+        dynamics=None if problem.dynamics is None else _dynamics(problem.dynamics, problem.method),
         rho=np.array([float("nan") if m.rho is None else m.rho for m in materials]),
         c=tuple(_one_phase(m.c) for m in materials))
 
@@ -213,16 +215,19 @@ def _gravity(interface: Interface, gravity: mechanical.Gravity | None) -> list[C
             for i, spec in enumerate((gravity.x, gravity.y)) if spec != 0.0 for body in interface.bodies]
 
 
-def _dynamics(spec: mechanical.Dynamics) -> DynamicsOptions:
+def _dynamics(spec: mechanical.Dynamics, method: mechanical.Solution) -> DynamicsOptions:
     lumped = spec.mass is mechanical.Mass.LUMPED
+    # An explicit step divides by the mass of every node.
+    behind = (spec.contact_mass is mechanical.ContactMass.BEHIND) and method is not mechanical.Solution.EXPLICIT
     if spec.rho_inf is not None:
         # The spectral radius at infinite frequency is rho_inf; of order 2 whatever it is.
         alpha_m, alpha_f = ((2.0 * spec.rho_inf - 1.0) / (spec.rho_inf + 1.0), spec.rho_inf / (spec.rho_inf + 1.0))
-        return DynamicsOptions(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped)
+        return DynamicsOptions(0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f, alpha_m, alpha_f, lumped,
+                               behind)
     if spec.alpha is not None:
         # Hilber, Hughes & Taylor 1977.
-        return DynamicsOptions(0.25 * (1.0 - spec.alpha) ** 2, 0.5 - spec.alpha, 0.0, -spec.alpha, lumped)
-    return DynamicsOptions(spec.beta or 0.25, spec.gamma or 0.5, 0.0, 0.0, lumped)
+        return DynamicsOptions(0.25 * (1.0 - spec.alpha) ** 2, 0.5 - spec.alpha, 0.0, -spec.alpha, lumped, behind)
+    return DynamicsOptions(spec.beta or 0.25, spec.gamma or 0.5, 0.0, 0.0, lumped, behind)
 
 
 # Materials

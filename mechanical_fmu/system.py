@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags_array
 
 from contact.half.interface import Interface
-from contact.half.linalg import Pattern, pattern_of
+from contact.half.linalg import Pattern, Solve, factorise, pattern_of
 from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
@@ -116,6 +116,21 @@ class System:
     def can_be_loose(self) -> bool:
         """Say whether a body needs contact to be held."""
         return bool(self.constraints.loose_motions(self.interface.nodes))
+
+    @cached_property
+    def moving(self) -> Floats:
+        """Say, (2 n_nodes,), 1.0 where a component is free and has mass, else 0.0."""
+        dynamics = self.spec.dynamics
+        mass = self.masses.matrix(dynamics is not None and dynamics.lumped).diagonal()
+        return np.asarray(self.constraints.free * (mass > 0.0))
+
+    @cached_property
+    def accelerations(self) -> Solve:
+        """Factor the mass matrix of what moves: forces (2 n_nodes,) [N] -> accelerations [m/s2]."""
+        dynamics = self.spec.dynamics
+        M, moving = self.masses.matrix(dynamics is not None and dynamics.lumped), diags_array(self.moving)
+        still = (1.0 - self.moving) * float(M.diagonal().max())
+        return factorise(csr_matrix(moving @ M @ moving + diags_array(still)), True)
 
     @cached_property
     def loads(self) -> tuple[Pressure, ...]:

@@ -36,6 +36,7 @@ class BoundaryHeat:
     """Heat into the nodes except by conduction inside.
 
     f : (n,) heat flow into the nodes [W].  inside : (n,) the part of it that is made inside the bodies [W].
+    given : (n,) the part of it that comes whatever the surroundings are: sources, fluxes, friction [W].
     terms : (n_terms,) by mechanism [W], as TERMS.  each : (n,) by flux, film, radiating surface, source of a part, and
     of each pair the slave's and the master's side [W].  magnitude : sum of the sizes of all nodal contributions [W].
     The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
@@ -44,6 +45,7 @@ class BoundaryHeat:
 
     f: Floats
     inside: Floats
+    given: Floats
     terms: Floats
     each: Floats
     magnitude: float
@@ -108,6 +110,7 @@ def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T:
     if power_M.any():
         inside = inside + power_M
         total.gain("mechanical", power_M)
+    given = total.f.copy()
     _add_surroundings(total, substep, loads, T)
     _add_pairs(total, substep, loads, T)
     if substep.friction is not None:
@@ -115,9 +118,10 @@ def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T:
         total.gain("friction.slave", substep.friction.slave)
         total.gain("friction.master", substep.friction.master)
         total.pairs += substep.friction.pairs
+        given += substep.friction.slave + substep.friction.master
     sources = np.zeros(len(loads.Q_T)) if total.sources is None else total.sources
     each = np.concatenate([total.fluxes, total.surroundings, sources, total.pairs.ravel()])
-    return BoundaryHeat(total.f, inside, np.array([total.terms[name] for name in TERMS]), each, total.magnitude,
+    return BoundaryHeat(total.f, inside, given, np.array([total.terms[name] for name in TERMS]), each, total.magnitude,
                         tuple(total.places), tuple(total.across))
 
 

@@ -166,13 +166,13 @@ class MatrixEntries:
     """The entries of the matrix M + slope K while it is assembled.
 
     data : (nnz,) [J/K], empty where no matrix is asked for.  slope : factor of K [s].  filled : blocks, by their place
-    in
-    the mesh, whose entries are in data already.
+    in the mesh, whose entries are in data already.  secant : K is the matrix with K T what flows, not its derivative.
     """
 
     data: Floats
     slope: float
     filled: frozenset[int] = frozenset()
+    secant: bool = False
 
     def of(self, b: int) -> Floats:
         """Return where block b adds its own entries: data, or an empty array where they are in it already."""
@@ -280,10 +280,9 @@ def conduct(volume: CellMesh, shapes: Sequence[CellGeometry], parts: Sequence[Th
         k_q = k(T_q)
         if not k.is_constant:
             _check_positive("conductivity", k_q, block, parts[block.part].name)
-        # fault: derivative of k forgotten -> add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC,
-        #   0.0 * shape.dC, f, | thermal_fmu/test_thermal_nonlinear
-        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC, k.slope(T_q) * shape.dC, f,
-                       block.slots, into.slope, data)
+        # fault: derivative of k forgotten -> dk = 0.0 * shape.dC | thermal_fmu/test_thermal_nonlinear
+        dk = 0.0 * shape.dC if into.secant else k.slope(T_q) * shape.dC
+        add_conduction(at.T, block.cells, block.table.N, shape.G, k_q * shape.dC, dk, f, block.slots, into.slope, data)
 
 
 def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at: NodalFields, f: Floats,
@@ -294,14 +293,15 @@ def _conduct_tensor(block: CellBlock, shape: CellGeometry, body: ThermalBody, at
     k = tensors(body.material.k, T_q, f_q, shape.turn)
     for k_q in k.principal:
         _check_positive("conductivity", k_q, block, body.name)
-    dT = np.ones(at.T.size) if at.dT is None else at.dT
+    dT = np.ones(at.T.size) if at.dT is None or into.secant else at.dT
     df = np.zeros(at.T.size) if at.df is None else at.df
     dV = shape.dC[:, :, None]
+    changes = dV * (0.0 if into.secant else 1.0)
     # fault: the derivative of a tensor left out -> add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, 0.0 *
-    #   k.dK * dV, k.dK_f * dV, dT, df, f, block.slots, |
+    #   k.dK * changes, k.dK_f * changes, dT, df, f, |
     #   thermal_fmu/test_thermal_newton::test_newton_is_quadratic_on_smooth_problems
-    add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, k.dK * dV, k.dK_f * dV, dT, df, f, block.slots,
-                          into.slope, into.data)
+    add_conduction_tensor(at.T, block.cells, N, shape.G, k.K * dV, k.dK * changes, k.dK_f * changes, dT, df, f,
+                          block.slots, into.slope, into.data)
 
 
 def store(volume: CellMesh, references: Sequence[ReferenceCells], parts: Sequence[ThermalBody], s0: Floats, s: Floats,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,7 @@ class ConductionGroup:
 
     argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
     N_s, N_m : (n, 2) [1].  area : (n,) [m2], where open that of the gas between the sides.  by_node : (n,) how far the
-    exchange goes from node to node in place of by shape functions [1] (bridges.py); None: nowhere.
+    exchange goes from node to node in place of by shape functions [1] (monotone.py); None: nowhere.
     """
 
     pair: int
@@ -81,12 +81,16 @@ def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Flo
     # fault: one-sided interface flux -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
     #   thermal_fmu/test_thermal_contact
     out = np.concatenate([group.N_s, -group.N_m], axis=1)
-    jump = (group.N_s * T[group.nodes[:, :2]]).sum(axis=1) - (group.N_m * T[group.nodes[:, 2:]]).sum(axis=1)
+    # Differences to a node of the point: of temperatures as they are, round-off times a large conductance is a flow.
+    # fault: round-off of whole temperatures across contact -> T = T[group.nodes] |
+    #   thermal_fmu/test_thermal_ledger
+    T = T[group.nodes] - T[group.nodes[:, :1]]
+    jump = (group.N_s * T[:, :2]).sum(axis=1) - (group.N_m * T[:, 2:]).sum(axis=1)
     by_one, dq = jump[:, None] * out, W[:, None] * out
     slope = out[:, :, None] * dq[:, None, :]
     if group.by_node is not None:
         other = group.by_node[:, None, None] * (between_nodes(group.N_s, group.N_m) - out[:, :, None] * out[:, None, :])
-        by_one += (other * T[group.nodes][:, None, :]).sum(axis=2)
+        by_one += (other * T[:, None, :]).sum(axis=2)
         slope += W[:, None, None] * other
     if dW.any():
         slope += by_one[:, :, None] * (0.5 * dW[:, None] * np.abs(out))[:, None, :]
@@ -187,3 +191,20 @@ def gap_radiation_flow(group: RadiationGroup, sigma: float, T: Floats) -> tuple[
     out = np.concatenate([group.N_s, -group.N_m], axis=1)
     dq = np.concatenate([dq_s[:, None] * group.N_s, dq_m[:, None] * group.N_m], axis=1)
     return q[:, None] * out, out[:, :, None] * dq[:, None, :]
+
+
+def radiated_along_edges(groups: Sequence[RadiationGroup], sigma: float,
+                         T: Floats) -> Iterator[tuple[Ints, Floats]]:
+    """Yield nodes : (n, 2) of edges that radiate to others, and (n,) what that couples them by at most [W/K].
+
+    T : (n_nodes,) [K], sigma : [W/m2K4].  What the warmer node of an edge takes up, N_1 S (T_m^4 - T_s^4) where T_m is
+    no warmer than T_1, is at most 4 T_1^3 S N_1 N_2 (T_1 - T_2); with the larger T^3 it holds for both nodes.
+    """
+    for group in groups:
+        sides = ((group.nodes[:, :2], group.N_s), (group.nodes[:, 2:], group.N_m))
+        (eps_s, _), (eps_m, _) = (emissivity_at(eps, (N * T[nodes]).sum(axis=1))
+                                  for eps, (nodes, N) in zip(group.emissivities, sides, strict=True))
+        strength = sigma * group.area / (group.part_s / eps_s + group.part_m / eps_m
+                                         - np.minimum(group.part_s, group.part_m))
+        for nodes, N in sides:
+            yield nodes, 4.0 * strength * N.prod(axis=1) * np.abs(T[nodes]).max(axis=1) ** 3

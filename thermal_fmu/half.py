@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from thermal_fmu.cells import (
 from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.kernels import at_points, mean_flux
+from thermal_fmu.known import KnownRange, range_of, widened
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import AnchorMatrix, Factors, NotConvergedError
 from thermal_fmu.phase_change import NodalFields
@@ -152,7 +153,7 @@ class ThermalState:
     x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
     from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
-    given : heat since the start, by condition.
+    given : heat since the start, by condition.  known : the data of bodies so far; None: as they are.
     """
 
     s: Floats
@@ -164,6 +165,7 @@ class ThermalState:
     anchor_S: AnchorMatrix | None = None
     controller: StepController = NO_STEPS_YET
     given: HeatSoFar = NOTHING_COUNTED
+    known: KnownRange | None = None
 
 
 class ThermalHalf:
@@ -190,7 +192,7 @@ class ThermalHalf:
         X = np.array(inputs["x"], dtype=np.float64)
         T = scene.start(self._masses_of(X))
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
-                             0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)))
+                             0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)), known=range_of(scene, T))
         points = contact_at(scene.surfaces, X, inputs, link)
         touching = 0 if points is None else int((points.p > 0).sum())
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
@@ -230,10 +232,12 @@ class ThermalHalf:
         load = factors_of(scene.model, inputs)
         # fault: E_M as power -> context = StepContext(scene, substep, load, self._calendar, substep.E_M, self._factors)
         #   | thermal_fmu/test_thermal_nonlinear
-        context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors)
+        context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors, state.known)
         event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_jump(context, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
+        if jump is not None and state.known is not None:
+            context = replace(context, known=widened(state.known, jump.known))
         # fault: entropy part without its jump -> start = SubstepStart(np.array(state.s), state.anchor, |
         #   thermal_fmu/test_thermal_entropy
         start = SubstepStart(np.array(state.s) if jump is None else jump.s, state.anchor,
@@ -246,12 +250,14 @@ class ThermalHalf:
         # fault: heat of a condition of the last substep alone -> given = no_heat_yet(done.heat.each.size).plus(
         #   done.heat.each) | thermal_fmu/test_named_heat
         given = state.given.plus(done.heat.each)
+        anchor_S = state.anchor_S if jump is None else jump.anchor
+        # fault: controller not part of the state -> controller = state.controller | thermal_fmu/test_thermal_adaptive
+        controller = result.controller
+        known = result.done.known
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
-        #   | thermal_fmu/test_thermal_solver
-        new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor,
-                           # fault: controller not part of the state -> state.anchor_S if jump is None else jump.anchor,
-                           #   state.controller, given) | thermal_fmu/test_thermal_adaptive
-                           state.anchor_S if jump is None else jump.anchor, result.controller, given)
+        #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
+        new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
+                           known)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, substep.shapes, new.s,

@@ -26,6 +26,7 @@ from thermal_fmu.cells import (
 )
 from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
+from thermal_fmu.edges import AddedConduction, Couplings
 from thermal_fmu.exchange import ConductionGroup, RadiationGroup, conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
@@ -82,6 +83,11 @@ class ThermalScene:
     def owners(self) -> NDArray[np.int32]:
         """(n_fixed,) which prescribed temperature each fixed node belongs to."""
         return owners(self.fixed, [b.nodes for b in self.model.prescribed])
+
+    @cached_property
+    def couplings(self) -> Couplings:
+        """Places in the matrix data by nodes."""
+        return Couplings.of(self.volume.pattern)
 
     @cached_property
     def fixed_entries(self) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
@@ -166,7 +172,7 @@ class SubstepData:
     flux_areas : one (n,) or, by terms, (n_terms, n) [m2] a prescribed flux.
     films, radiators : surfaces open to the surroundings.  conduction_groups, radiation_groups : where bodies exchange
     heat.
-    friction : [W] at nodes, None where none is made.
+    friction : [W] at nodes, None where none is made.  added : conduction that makes up for wrong signs (monotone.py).
     """
 
     sigma_SB: float
@@ -184,6 +190,7 @@ class SubstepData:
     radiation_groups: tuple[RadiationGroup, ...]
     touching: int
     friction: FrictionHeat | None = None
+    added: AddedConduction | None = None
 
 
 def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E_M: Floats,

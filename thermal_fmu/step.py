@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from contact.half.functions import resolve
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
-from thermal_fmu.bridges import StepEnd, bridged
 from thermal_fmu.cells import BadPropertyError, spread_energies
-from thermal_fmu.limiter import NodesAtEnd, end_of, went_beyond
+from thermal_fmu.known import KnownRange, Surroundings, data_range, range_of
+from thermal_fmu.limiter import end_of, went_beyond
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
+from thermal_fmu.monotone import StepEnd, Try, eased, monotone, needed
 from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
@@ -28,7 +30,8 @@ class ThermalStep:
     s : (n,) [K] at the end.  heat : of the step.  iterations : linear solves.  residual : worst relative residual [1].
     overshoots : whether a node went beyond what pulls it (limiter.py).  anchor : of the next solve.
     moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
-    increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.
+    increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.  substep : the data
+    it was taken with, wrong signs taken off.  known : the data of bodies after it.
     """
 
     s: Floats
@@ -38,6 +41,8 @@ class ThermalStep:
     anchor: AnchorMatrix | None
     moved: Floats
     inside: Floats
+    substep: SubstepData
+    known: KnownRange
     overshoots: bool = False
 
     def then(self, more: ThermalStep) -> ThermalStep:
@@ -51,7 +56,8 @@ class ThermalStep:
 class StepContext:
     """What every step of a substep needs beside time and state.
 
-    power_M : (n,) [W], E_M spread evenly over the substep.
+    power_M : (n,) [W], E_M spread evenly over the substep.  known : the data of bodies before the step; None: what they
+    are at its start.
     """
 
     scene: ThermalScene
@@ -60,50 +66,119 @@ class StepContext:
     calendar: Calendar
     power_M: Floats
     factors: Factors
+    known: KnownRange | None = None
 
 
-MOST_BRIDGED = 4  # times a step is taken again without wrong signs between surfaces
+MOST_RETAKEN = 8  # times a step is taken again without wrong signs,
+MOST_EASED = 6  # and with as much of it as takes nodes back to their data
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A step as it was tried.
+
+    substep : the data it was taken with.  stages : solved, in order.  rings : whether nodes left their data because
+    wrong signs were taken off: another operator is a jump, which needs a method that damps.  known : data after it.
+    """
+
+    substep: SubstepData
+    stages: tuple[SolvedStage, ...]
+    iterations: int
+    known: KnownRange
+    rings: bool = False
+
+    @property
+    def last(self) -> SolvedStage:
+        """The stage at the end of the step."""
+        return self.stages[-1]
 
 
 def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
               dt: float) -> ThermalStep:
     """Take one step from s_n : (n,) [K], T where nothing melts, at t to t + dt [s].
 
-    It is taken again without the wrong signs of an exchange between surfaces where a node left its data by them.
     Raises NotConvergedError, SingularMatrixError, BadPropertyError.
     """
-    scene, iterations = context.scene, 0
-    for left in reversed(range(MOST_BRIDGED + 1)):
-        stages = _stages(context, method, s_n, anchor, t, dt)
-        last, stage = stages[-1], method.stages[-1]
-        iterations += sum(s.iterations for s in stages)
-        across = left > 0 and bool(context.substep.conduction_groups)
-        end = None
-        if across or method.damped is not None:
-            end = end_of(scene, context.substep, stage, s_n, last, dt)
-        substep = _bridged(context, method, end, t, dt) if across and end is not None else None
+    scene, stage = context.scene, method.stages[-1]
+    done = _within_data(context, method, s_n, anchor, t, dt)
+    moved, inside = np.zeros(s_n.size), np.zeros(s_n.size)
+    for weight, one in zip(method.weights, done.stages, strict=True):
+        moved += weight * dt * one.balance.flow
+        inside += weight * dt * one.balance.inside
+    over = method.damped is not None and (done.rings or went_beyond(
+        end_of(scene, done.substep, stage, s_n, done.last, dt), stage.theta))
+    return ThermalStep(done.last.s, _heat(scene, method, done.stages, dt), done.iterations,
+                       max(one.residual for one in done.stages), done.last.anchor, moved, inside, done.substep,
+                       done.known, over)
+
+
+def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
+                 dt: float) -> Attempt:
+    """Take a step, and take it again without wrong signs where nodes left their data by them (monotone.py)."""
+    scene, stage = context.scene, method.stages[-1]
+    stages = _stages(context, method, s_n, anchor, t, dt)
+    loads, melting = _stage_loads(context, stage, t, dt), scene.melting
+    factors = [loads.pairs[group.pair].of(group.closed) for group in context.substep.conduction_groups]
+    T_first = T = phase_change.temperature(melting, stages[-1].s)
+    known = None
+    if method.stores:
+        known = context.known or range_of(scene, phase_change.temperature(melting, s_n))
+    data = data_range(scene, context.substep, known, T, _surroundings(context.substep, loads))
+
+    def attempt(substep: SubstepData, stages: tuple[SolvedStage, ...]) -> Attempt:
+        end = stages[-1]
+        T = phase_change.temperature(melting, end.s)
+        after = data.after(T, end.balance.given if method.stores else np.ones(T.size))
+        return Attempt(substep, stages, sum(one.iterations for one in stages), after)
+
+    def again(substep: SubstepData) -> Attempt:
+        return attempt(substep, _stages(replace(context, substep=substep), method, s_n, done.last.anchor, t, dt))
+
+    first = done = attempt(context.substep, stages)
+    left_first, spent = data.left_by(T), first.iterations
+
+    for _ in range(MOST_RETAKEN):
+        left = data.left_by(T)
+        if not left.any():
+            break
+        end = end_of(scene, done.substep, stage, s_n, done.last, dt)
+        substep = monotone(scene, done.substep, factors, StepEnd(
+            phase_change.fields(scene.melting, done.last.s), left, end.into / (stage.a * dt), done.last.balance.given,
+            end.diagonal / (stage.a * dt)))
         if substep is None:
             break
-        context = replace(context, substep=substep)
-    moved, inside = np.zeros(s_n.size), np.zeros(s_n.size)
-    for weight, done in zip(method.weights, stages, strict=True):
-        moved += weight * dt * done.balance.flow
-        inside += weight * dt * done.balance.inside
-    over = method.damped is not None and end is not None and went_beyond(end, stage.theta)
-    return ThermalStep(last.s, _heat(scene, method, stages, dt), iterations, max(s.residual for s in stages),
-                       last.anchor, moved, inside, over)
+        done = again(substep)
+        T, spent = phase_change.temperature(melting, done.last.s), spent + done.iterations
+        # fault: steps that ring without wrong signs stay -> if False: | thermal_fmu/test_thermal_exchange
+        if method.damped is not None and ((data.left_by(T) != 0) & (left_first == 0)).any():
+            return replace(first, iterations=spent, rings=True)
+    if done is first:
+        return first
+    before = last = Try(np.zeros(T.size), T_first)
+    for _ in range(MOST_EASED):
+        much = needed(data, last, before, T)
+        less = again(eased(done.substep, much))
+        before, last = last, Try(much, phase_change.temperature(melting, less.last.s))
+        spent += less.iterations
+        if not ((data.left_by(last.T) != 0) & (data.left_by(T) == 0)).any():
+            return replace(less, iterations=spent)
+    return replace(done, iterations=spent)
+
+
+def _stage_loads(context: StepContext, stage: Stage, t: float, dt: float) -> ThermalLoads:
+    # The end of a step is before a jump that happens then.
+    at = context.calendar.snap(t + stage.c * dt, dt)
+    # fault: jump seen too early -> return loads_at(context.scene.model, context.load_factors, at, 1) |
+    #   thermal_fmu/test_thermal_time
+    return loads_at(context.scene.model, context.load_factors, at, -1 if stage.c == 1.0 else 1)
 
 
 def _stages(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
-            dt: float) -> list[SolvedStage]:
+            dt: float) -> tuple[SolvedStage, ...]:
     model = context.scene.model
     solved: list[SolvedStage] = []
     for stage in method.stages:
-        # The end of a step is before a jump that happens then.
-        at = context.calendar.snap(t + stage.c * dt, dt)
-        # fault: jump seen too early -> loads = loads_at(model, context.load_factors, at, 1) |
-        #   thermal_fmu/test_thermal_time
-        loads = loads_at(model, context.load_factors, at, -1 if stage.c == 1.0 else 1)
+        loads = _stage_loads(context, stage, t, dt)
         end = context.calendar.snap(t + dt, dt)
         held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, context.load_factors, end, -1)
         earlier = np.zeros(s_n.size)
@@ -114,26 +189,15 @@ def _stages(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Ancho
         guess = with_prescribed(context, held_T, solved[-1].s if solved else s_n)
         solved.append(solve_stage(problem, guess, model.stated.tolerance, context.factors, anchor))
         anchor = solved[-1].anchor
-    return solved
+    return tuple(solved)
 
 
-def _bridged(context: StepContext, method: TimeMethod, end: NodesAtEnd, t: float, dt: float) -> SubstepData | None:
-    """Return the substep without the wrong signs by which a node left its data; None where none did."""
-    model, stage = context.scene.model, method.stages[-1]
-    loads = loads_at(model, context.load_factors, context.calendar.snap(t + stage.c * dt, dt),
-                     -1 if stage.c == 1.0 else 1)
-    factors = [loads.pairs[group.pair].of(group.closed) for group in context.substep.conduction_groups]
-    start = phase_change.temperature(context.scene.melting, end.s_n) if method.stores else None
-    return bridged(context.scene, context.substep, factors, StepEnd(
-        start, phase_change.fields(context.scene.melting, end.s), end.into / (stage.a * dt),
-        end.diagonal / (stage.a * dt), _surroundings(context.substep, loads)))
-
-
-def _surroundings(substep: SubstepData, loads: ThermalLoads) -> Floats:
-    """(n,) [K] of what films and radiating surfaces exchange heat with."""
-    films = [resolve(now.Te, film.Te) for now, film in zip(loads.films, substep.films, strict=True)]
-    rays = [resolve(now.T_inf, one.T_inf) for now, one in zip(loads.radiators, substep.radiators, strict=True)]
-    return np.concatenate([np.empty(0), *(np.atleast_1d(T) for T in (*films, *rays))])
+def _surroundings(substep: SubstepData, loads: ThermalLoads) -> list[Surroundings]:
+    """List what films and radiating surfaces exchange heat with."""
+    films = [(film.points, resolve(now.Te, film.Te)) for now, film in zip(loads.films, substep.films, strict=True)]
+    rays = [(one.points, resolve(now.T_inf, one.T_inf))
+            for now, one in zip(loads.radiators, substep.radiators, strict=True)]
+    return [Surroundings(points.nodes, np.atleast_1d(T)) for points, T in (*films, *rays)]
 
 
 def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,
@@ -167,6 +231,7 @@ def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: Anc
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
         start = end - h / parts
+        context = replace(context, known=done.known)
         done = done.then(take_step(context, damping, done.s, done.anchor, start, h / parts))
     return done
 
@@ -201,7 +266,7 @@ def flow_at(context: StepContext, s: Floats, t: float, dt: float, side: int) -> 
     return NodalFlow(s, -balance(problem, s, jacobian=False).R)
 
 
-def _heat(scene: ThermalScene, method: TimeMethod, solved: list[SolvedStage], dt: float) -> Heat:
+def _heat(scene: ThermalScene, method: TimeMethod, solved: Sequence[SolvedStage], dt: float) -> Heat:
     """Sum the energies of a step with the weights of its stages; a stage's reaction is its residual at fixed nodes."""
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     through = np.zeros(np.count_nonzero(scene.fixed))
@@ -233,6 +298,11 @@ def local_error(context: StepContext, start: NodalFlow, done: ThermalStep, t: fl
     factors are at hand: A^-1 f and A^-1 d, so that the stiff modes the step did not resolve do not drown the rest.
     Raises BadPropertyError, SingularMatrixError.
     """
+    # fault: local error of a step as if it had wrong signs -> if False: | thermal_fmu/test_thermal_monotone
+    if done.substep is not context.substep:  # wrong signs taken off, in the step alone
+        own = replace(context, substep=done.substep)
+        of_step, _ = local_error(own, flow_at(own, start.s, t, h, 1), done, t, h)
+        return of_step, flow_at(context, done.s, t + h, h, -1)
     free = ~context.scene.fixed
     s_0, f_0 = start.s, start.f
     end = flow_at(context, done.s, t + h, h, -1)
@@ -275,4 +345,5 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     # fault: entropy part at fixed nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
     #   terms, each) | thermal_fmu/test_thermal_entropy
     heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each, solved.balance.moved)
-    return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given)
+    return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given,
+                       context.substep, range_of(scene, phase_change.temperature(scene.melting, solved.s)))

@@ -243,6 +243,8 @@ def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix 
              stop: float) -> SolvedStep | str:
     """Solve the step from `point` to stop [s] and measure it; return why it failed where it did."""
     method, context, h = plan.method, plan.context, stop - point.t
+    if progress.done is not None:
+        context = replace(context, known=progress.done.known)
     # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
     take = damped_step if progress.damped > 0 else limited_step
     try:

@@ -13,11 +13,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.outlines import Indices, outline, thickness
+from contact.half.outlines import Indices, cross, outline, thickness
 from contact.messages import Passes, Register
 
 FORMAT = "slideline.interface"
-FORMAT_VERSION = 2  # 1: contact told one value a node, whatever the pair
+FORMAT_VERSION = 3  # 1: contact told one value a node, whatever the pair; 2: one penalty for a whole pair
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -29,7 +29,8 @@ class Pair:
 
     gap_max : farther than this [m] nothing is faced.  eps_N : penalty stiffness [Pa/m], 0 where no half needs it.
     mu : Coulomb's coefficient.  eps_T : stiffness of sticking [Pa/m], 0 for that of the penalty.  two_pass : searched
-    from either side with half the weight.  by_node : one point a slave node, not points on cut edges.
+    from either side with half the weight.  by_node : one point a slave node, not points on cut edges.  local : the
+    penalty is at each place that of the two edges there in a row (Interface.stiffness), and eps_N bounds it.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Pair:
     eps_T: float = 0.0
     two_pass: bool = False
     by_node: bool = False
+    local: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,9 @@ class Interface:
     node_sets : name -> node numbers.
     regions : of bodies with more than one material, start or source, "body.region".  *_region : (n_quads,),
         (n_triangles,) index into regions, -1 where a cell is of its body alone; None without regions.
+    stiffness : surface -> (n_edges,) [Pa/m], of the layer of cells behind each edge, of pairs whose bodies have one.
+    offset : pair -> [m], what is added to the gap at its pair nodes: of its slave, then of its master (where the master
+        is searched from too); pairs without have none.
     start : name -> what another run left, a row a node, NaN where a body takes nothing: "T" (n_nodes,) [K].
     """
 
@@ -88,6 +93,8 @@ class Interface:
     quad_region: Ints | None = None
     triangle_region: Ints | None = None
     start: dict[str, Floats] = field(default_factory=dict)
+    stiffness: dict[str, Floats] = field(default_factory=dict)
+    offset: dict[str, Floats] = field(default_factory=dict)
 
     @property
     def axisymmetric(self) -> bool:
@@ -116,6 +123,15 @@ class Interface:
     def pair_nodes(self) -> Ints:
         """Return the node number (n_q,) of every pair node q: side after side, of each its nodes, ascending."""
         return np.concatenate([np.empty(0, dtype=np.int32), *(side.nodes for side in self.pair_sides)])
+
+    @cached_property
+    def gap_offset(self) -> Floats:
+        """Return (n_q,) [m] what is added to the gap at every pair node q."""
+        found = np.zeros(self.pair_nodes.size)
+        for pair, offset in self.offset.items():
+            of = [side.at for side in self.pair_sides if side.pair == pair]
+            found[of[0].start:of[-1].stop] = offset
+        return found
 
     def side_of(self, pair: str, surface: str) -> PairSide:
         """Return a side of a pair.  Raises KeyError where the pair has no such surface."""
@@ -189,7 +205,9 @@ class Interface:
         text = json.dumps([FORMAT_VERSION, *(vars(p) for p in self.pairs)])
         names = sorted({n for p in self.pairs for n in (p.slave, p.master)})
         return _hash(self.geometry.encode(), text.encode(), self.contact_nodes,
-                     self.nodes[self.contact_nodes], *(self.surfaces[n] for n in names))
+                     self.nodes[self.contact_nodes], *(self.surfaces[n] for n in names),
+                     *(self.stiffness[n] for n in names if n in self.stiffness),
+                     *(self.offset[p.name] for p in self.pairs if p.name in self.offset))
 
 
 def _part(body: Ints, region: Ints | None, n_bodies: int) -> Ints:
@@ -216,7 +234,8 @@ def write_interface(interface: Interface, path: Path) -> None:
         if interface.regions:
             f.attrs["regions"] = json.dumps(interface.regions)
             f["quad_region"], f["triangle_region"] = interface.quad_region, interface.triangle_region
-        groups = ("surfaces", "node_sets", *(("start",) if interface.start else ()))
+        more = ("start", "stiffness", "offset")
+        groups = ("surfaces", "node_sets", *(name for name in more if getattr(interface, name)))
         for group in groups:
             f.create_group(group, track_order=True)
             for name, value in getattr(interface, group).items():
@@ -242,6 +261,8 @@ def read_interface(path: Path) -> Interface:
                 pairs=tuple(Pair(**p) for p in json.loads(f.attrs["pairs"])),
                 regions=tuple(json.loads(f.attrs.get("regions", "[]"))), **regions,
                 start={k: v[()].astype(np.float64) for k, v in f.get("start", {}).items()},
+                stiffness={k: v[()].astype(np.float64) for k, v in f.get("stiffness", {}).items()},
+                offset={k: v[()].astype(np.float64) for k, v in f.get("offset", {}).items()},
             )
     except (OSError, KeyError, TypeError) as exc:
         raise ValueError(f"{path}: not a readable {FORMAT} file ({exc})") from exc
@@ -269,6 +290,9 @@ def register_message(interface: Interface) -> Register:
         edge_surface=np.repeat(np.arange(len(names)), [len(e) for e in edges]).astype(np.int32),
         axisymmetric=interface.axisymmetric,
         passes=passes_of(interface, number),
+        stiffness=np.concatenate([np.empty(0), *(interface.stiffness.get(name, np.zeros(len(e)))
+                                                 for name, e in zip(names, edges, strict=True))]),
+        offset=interface.gap_offset,
     )
 
 
@@ -280,7 +304,8 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
         # A surface that meets itself finds every place from both sides in one search.
         # fault: two passes of full weight -> weight = 1.0 | mechanical_fmu/test_contact_patch
         weight = 0.5 if pair.two_pass or slave == master else 1.0
-        rest = (weight, int(pair.by_node), pair.gap_max, pair.eps_N, pair.eps_T or pair.eps_N, pair.mu,
+        eps_N = 0.0 if pair.local else pair.eps_N
+        rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T or eps_N, pair.mu,
                 search_depth(interface, pair))
         rows.append((i, slave, master, *rest))
         if pair.two_pass and slave != master:
@@ -296,13 +321,36 @@ def search_depth(interface: Interface, pair: Pair) -> float:
     What overlaps deeper may as well have gone through.  0, so that an edge's length has to do, where both surfaces are
     of one body, or of none.
     """
+    # fault: contact looks no deeper than an edge -> return 0.0 | mechanical_fmu/test_passing
+    return 0.5 * thickness_behind(interface, pair)
+
+
+def thickness_behind(interface: Interface, pair: Pair) -> float:
+    """Return how thick [m] the thinner body of a pair is behind its surface; 0 where both are of one body, or none."""
     first, second = (int(interface.node_body[interface.surfaces[side].flat[0]]) for side in (pair.slave, pair.master))
     if first == second or min(first, second) < 0:
         return 0.0
     thick = [thickness(interface.nodes, interface.surfaces[side], outline_of(interface, body))
              for side, body in ((pair.slave, first), (pair.master, second))]
-    # fault: contact looks no deeper than an edge -> return 0.0 | mechanical_fmu/test_passing
-    return 0.5 * min(thick) if np.isfinite(thick).all() else 0.0
+    return min(thick) if np.isfinite(thick).all() else 0.0
+
+
+def cell_sizes(interface: Interface, edges: Ints) -> Floats:
+    """Return the size [m] of the cell behind each edge (n, 2): its depth (area over edge; a triangle's height) or the
+    edge, whichever is more.
+    """
+    x, n = interface.nodes, len(interface.nodes)
+    of_cell: list[tuple[Ints, Floats]] = []
+    for cells, share in ((interface.quads, 1.0), (interface.triangles, 2.0)):
+        ends = np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1)
+        area = 0.5 * np.abs(cross(x[ends[..., 0]], x[ends[..., 1]]).sum(axis=1))
+        of_cell.append((ends.reshape(-1, 2), np.repeat(share * area, cells.shape[1])))
+    ends = np.concatenate([e for e, _ in of_cell]).astype(np.int64)
+    keys, areas = ends @ (n, 1), np.concatenate([a for _, a in of_cell])
+    order = np.argsort(keys)
+    own = order[np.searchsorted(keys, edges.astype(np.int64) @ (n, 1), sorter=order)]
+    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    return np.asarray(np.maximum(areas[own] / length, length))
 
 
 def outline_of(interface: Interface, body: int) -> Indices:

@@ -13,7 +13,7 @@ Flags = NDArray[np.bool_]
 OWN_EDGE = 1e-9  # of its length
 
 
-def outline(*cells: Ints) -> Indices:
+def outline(*cells: NDArray[np.integer]) -> Indices:
     """Return the edges (m, 2) that belong to one cell only, the body on the left hand.
 
     cells : (n, 3) or (n, 4) nodes of the cells of one body, each.

@@ -73,7 +73,9 @@ def sides_of(interface: Interface) -> tuple[Side, ...]:
                     if (here := np.isin(side.nodes, nodes)).any()]
             ends = interface.nodes[interface.surfaces[own]]
             edge = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
-            limit = ALLOWED * min(edge, mean_thickness(interface.nodes, outlines[other]))
+            # Sides that are told to be farther apart than they are drawn overlap in the drawing by as much.
+            limit = (ALLOWED * min(edge, mean_thickness(interface.nodes, outlines[other]))
+                     + max(float(interface.gap_offset[told.at].max(initial=0.0)), 0.0))
             # Where nothing is faced a node's gap is gap_max.
             sides.append(Side(pair.name, own, other, nodes, np.arange(told.at.start, told.at.stop),
                               np.concatenate([np.column_stack(rows) for rows in both]).astype(np.intp),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Field, Signal, field_from, signal_from
 from contact.half.interface import Interface
+from contact.half.turns import rotated
 from contact.problem.boundary import HELD
 from contact.problem.errors import Wrong
 from contact.problem.values import did_you_mean
@@ -41,12 +42,7 @@ class Turn:
 
         X : (n, 2) [m].  u : (n, 2) or (2,) [m], what comes before the turn.  angle : [rad].
         """
-        # cos - 1 by half angles: small turns keep their digits.
-        c1, s = -2.0 * np.sin(0.5 * angle) ** 2, np.sin(angle)
-        x, y = (X + u - self.about).T
-        # fault: points go along the chord of a turn -> return u + np.stack([-angle * y, angle * x], axis=1) |
-        #   mechanical_fmu/test_motions
-        return np.asarray(u + np.stack([c1 * x - s * y, s * x + c1 * y], axis=1))
+        return np.asarray(u + rotated(X + u - self.about, angle))
 
 
 def turn_from(spec: Rotation | None, name: str = "") -> Turn | None:

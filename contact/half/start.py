@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Field, field_from
 from contact.half.interface import Interface
+from contact.half.memory import U
 from contact.problem.curves import FieldSum
 from contact.problem.start import Course, FromFrames
 
@@ -92,6 +93,11 @@ def start_temperature(T0: Any, interface: Interface, nodes: NDArray[np.integer])
     if np.isnan(T).any():
         raise ValueError(f"interface.h5: start/T has no temperature for node {int(nodes[np.argmax(np.isnan(T))]) + 1}")
     return T
+
+
+def start_coordinates(interface: Interface) -> Floats:
+    """Return where the nodes are at the start, (n_nodes, 2) [m]: as drawn, or where another run left them."""
+    return interface.nodes + np.nan_to_num(interface.start[U], nan=0.0) if U in interface.start else interface.nodes
 
 
 def mean_start(T0: Any, interface: Interface, nodes: NDArray[np.integer]) -> float:

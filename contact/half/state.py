@@ -60,10 +60,11 @@ def to_bytes(value: Any) -> bytes:
     return b"".join([_HEAD.pack(MAGIC, VERSION, len(header)), header, *body])
 
 
-def from_bytes(data: bytes, packages: Collection[str]) -> Any:
+def from_bytes(data: bytes, packages: Collection[str] | None) -> Any:
     """Restore the state behind bytes made by to_bytes.
 
-    packages : top-level packages whose dataclasses may be made; nothing else is imported or called.
+    packages : top-level packages whose dataclasses may be made; nothing else is imported or called.  None : none at
+    all, a dataclass is the dict of its fields.
     Raises StateError where the bytes are cut, of another version, or name what is not there.
     """
     if len(data) < _HEAD.size:
@@ -115,7 +116,7 @@ def _tree(value: Any, arrays: list[np.ndarray], where: str) -> Any:
     raise StateError(f"{where}: a {type(value).__name__} cannot be kept in a state")
 
 
-def _value(tree: Any, data: bytes, at: int, packages: Collection[str]) -> tuple[Any, int]:
+def _value(tree: Any, data: bytes, at: int, packages: Collection[str] | None) -> tuple[Any, int]:
     """Return the value of a tree whose arrays begin at byte `at`, and the byte after them."""
     if not isinstance(tree, dict):
         return tree, at
@@ -136,7 +137,7 @@ def _value(tree: Any, data: bytes, at: int, packages: Collection[str]) -> tuple[
     named = {}
     for name, item in tree["m"] if "m" in tree else tree["f"]:
         named[name], at = _value(item, data, at, packages)
-    return (named if "m" in tree else _rebuilt(_class(tree["d"], packages), named)), at
+    return (named if "m" in tree or packages is None else _rebuilt(_class(tree["d"], packages), named)), at
 
 
 def _array(tree: dict[str, Any], data: bytes, at: int) -> tuple[Any, int]:

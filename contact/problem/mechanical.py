@@ -43,11 +43,25 @@ class State(StrEnum):
     PLANE_STRESS = "plane_stress"
 
 
+class Start(StrEnum):
+    """Under which loads the start is solved, where a load jumps at t = 0."""
+
+    BEFORE_JUMPS = "before_jumps"
+    EQUILIBRIUM = "equilibrium"
+
+
 class Mass(StrEnum):
     """The mass matrix."""
 
     CONSISTENT = "consistent"
     LUMPED = "lumped"
+
+
+class ContactMass(StrEnum):
+    """Where the mass of nodes on contact surfaces is."""
+
+    BEHIND = "behind"
+    KEPT = "kept"
 
 
 class Rotation(Part):
@@ -165,6 +179,9 @@ class Dynamics(Part):
     alpha: Annotated[Number | None, Entry("instead: the same by Hilber, Hughes and Taylor", least=-1.0 / 3.0,
                                           most=0.0, kind="-1/3 to 0")] = None
     mass: Annotated[Mass, Entry("mass matrix")] = Mass.CONSISTENT
+    contact_mass: Annotated[ContactMass, Entry(
+        "mass of nodes on the surfaces of pairs: carried by the nodes behind them, so that contact does not rattle, or "
+        "kept; `explicit` keeps it")] = ContactMass.BEHIND
 
     @model_validator(mode="after")
     def _one_family(self) -> Dynamics:
@@ -195,6 +212,8 @@ class ElasticSettings(Part):
     cuts: Annotated[Count, Entry("how often a step that fails is halved inside the half before it is given up",
                                most=MOST_CUTS)] = 4
     element: Annotated[Element, Entry("`enhanced` for bending")] = Element.MEAN_DILATATION
+    start: Annotated[Start, Entry("without inertia: a load or displacement that jumps at t = 0 acts just after it, or "
+                                  "the start is in `equilibrium` under it")] = Start.BEFORE_JUMPS
     state: Annotated[State, Entry("plane geometry only")] = State.PLANE_STRAIN
     gravity: Annotated[Gravity | None, Entry("weight of all bodies")] = None
     dynamics: Annotated[Dynamics | None, Entry("inertia: `{}` is Newmark's method with 1/4 and 1/2; needs `rho`",

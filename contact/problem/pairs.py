@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Tag, model_validator
 
 from contact.problem.boundary import RadiationGap
-from contact.problem.curves import PropertySpec, SignalSpec
+from contact.problem.curves import FieldSpec, PropertySpec, SignalSpec
 from contact.problem.laws import LawSpec
 from contact.problem.part import Entry, Part
 from contact.problem.values import Flag, NotNegative, Number, Positive, Text, problem
@@ -103,7 +103,8 @@ class ContactForm(StrEnum):
 class PairData(Part):
     """What the halves do with a pair."""
 
-    augmented: Annotated[Augmented | None, Entry("no penetration")] = None
+    augmented: Annotated[Augmented | None, Entry(
+        "no penetration (elastic); `null`: by the penalty alone", default="`{}`; with inertia `null`")] = None
     friction: Annotated[Friction | None, Entry("friction")] = None
     conduction: Annotated[Conduction | None, Entry("heat across contact and gap",
                                                    default="none: no heat crosses")] = None
@@ -125,9 +126,24 @@ class ContactPair(PairData):
     form: Annotated[ContactForm, Entry("contact on edges cut at the other side's nodes; or, as in the paper, at one "
                                        "point a slave node")] = ContactForm.EDGES
     two_pass: Annotated[Flag, Entry("searched from either side, each counting half")] = False
+    clearance: Annotated[FieldSpec | None, Entry(
+        "the gap where the surfaces face each other as drawn, whatever the drawing says; 0: as drawn they touch", "m",
+        default="as drawn")] = None
+    interference: Annotated[FieldSpec | None, Entry("the same with the other sign: how far they would overlap", "m",
+                                                    default="as drawn")] = None
     penalty: Annotated[Stiffness, Entry(
-        "contact stiffness; `auto` = E/h: h the mean slave edge, E the smaller of the two bodies' at their `T0`; what "
-        "it costs is said below", "Pa/m", kind="number > 0 or `auto`")] = "auto"
+        "contact stiffness; `auto`: at each place that of the two cells there in a row, of each its constrained "
+        "modulus at `T0`, at most 10 E, over its size", "Pa/m", kind="number > 0 or `auto`")] = "auto"
+
+    @model_validator(mode="after")
+    def _fits_once(self) -> ContactPair:
+        if self.clearance is not None and self.interference is not None:
+            raise problem("an interference is a clearance with the other sign", "Give one of the two.",
+                          at=("interference",))
+        if self.slave == self.master and (self.clearance is not None or self.interference is not None):
+            raise problem("a surface that faces itself has no clearance of its own", "Leave it out.",
+                          at=("clearance" if self.clearance is not None else "interference",))
+        return self
 
     @model_validator(mode="after")
     def _passes_differ(self) -> ContactPair:

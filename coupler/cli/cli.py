@@ -25,11 +25,14 @@ from coupler.cli.console import ProgressLine, summary
 from coupler.control.plan import Plan
 from coupler.errors import ResultsError, ScenarioError, SlidelineError
 from coupler.experiments.advise import AdviceOptions, advise
+from coupler.experiments.confidence import check_companions
+from coupler.experiments.confidence import confidence as errors_of_probes
 from coupler.experiments.pool import TrialLine
 from coupler.experiments.variants import CELLS
 from coupler.fmu.launch import build_halves, make_folder
 from coupler.init.init import init_command
 from coupler.init.templates import SCENARIO, shipped_scenarios
+from coupler.record.confidence import write_confidence
 from coupler.record.paths import check_free, check_target, new_files
 from coupler.record.results import Results
 from coupler.report import write_report
@@ -185,10 +188,19 @@ def _sizes(sizes: Sequence[float], plan: Plan) -> str:
 def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: SetOption = None,
                 swaps: SwapOption = None,
                 processes: ProcessesOption = False, until: UntilOption = None,
+                confidence: Annotated[bool, typer.Option(
+                    "--confidence", help="Run it in windows of 2 and 4 times the size too, for the error of each probe."
+                )] = False,
+                confidence_mesh: Annotated[bool, typer.Option(
+                    "--confidence-mesh", help="The same, and on a mesh of half as many cells along each edge."
+                )] = False,
                 report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False) -> None:
     """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
     s = _scenario(scenario, sets, swaps)
     check_target(out, report=report)
+    judged = confidence or confidence_mesh
+    if judged:
+        check_companions(s, mesh=confidence_mesh)
     plan = plan_of(s)
     count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "adaptive windows"
     typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
@@ -196,7 +208,14 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit) as line:
         results = run(s, out, processes=processes, until=until, on_window=line)
+    if judged and results.outcome == "completed":
+        with TrialLine() as trials:
+            found = errors_of_probes(s, results, mesh=confidence_mesh, on_trial=trials)
+        write_confidence(out, found)
+        results = Results(out)
     typer.echo(summary(results, printed={*s.notes, *line.printed}))
+    for name, of in results.confidence.items():
+        typer.echo(f"  {name}: {of.failed or f'error {100 * of.share:.2g} % of its range, {of.words}'}")
     if report:
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:

@@ -119,7 +119,7 @@ def accept(attempt: Attempt) -> Decision:
     found, events_memory = _event(attempt)
     if found is not None and not found.located:
         control = replace(attempt.at.control, aim=found.tick, events=events_memory)
-        return Decision(_rejected(attempt.solved, Verdict.EVENT, found.text), tried_again(attempt, control, found.text),
+        return Decision(rejected(attempt.solved, Verdict.EVENT, found.text), tried_again(attempt, control, found.text),
                       event=found.text)
     solved, adaptive = attempt.solved, attempt.plan.adaptive
     if adaptive is None:
@@ -130,8 +130,9 @@ def accept(attempt: Attempt) -> Decision:
         if not at_least(attempt):
             size = window_size.rejected(attempt.H, error.size, error.order)
             again = replace(shorter(attempt, size, error.words),
-                            controller=window_size.failed(attempt.at.control.controller))
-            return Decision(_rejected(solved, Verdict.ERROR, error.words), again, error=error)
+                            controller=window_size.failed(attempt.at.control.controller),
+                            choice=auto.rejected(attempt.at.control.choice))
+            return Decision(rejected(solved, Verdict.ERROR, error.words), again, error=error)
         solved = replace(solved, verdict=Verdict.ERROR, message=f"{error.words}; the window is at its least",
                          anyway=True)
         attempt = replace(attempt, solved=solved)
@@ -186,7 +187,7 @@ def _ruled(attempt: Attempt, found: _Found) -> Decision:
         why = "; ".join(f"rule {f.rule!r}: {f.text}" for f in fired.log)
         again = replace(cut(attempt, fired.retry, why), settings=fired.settings,
                         rules=rules.retried(control.rules, fired), stop=fired.stop)
-        return Decision(_rejected(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
+        return Decision(rejected(solved, Verdict.RULE, why), again, error=found.error, fired=fired.log)
     contraction = math.nan if solved.history is None else solved.history.contraction
     watch = control.cycle.plus(attempt.at.state.now, solved.state.now)
     if not (watch.home or watch.cycling):
@@ -199,7 +200,7 @@ def _ruled(attempt: Attempt, found: _Found) -> Decision:
         #   coupler/test_rules
         settings = act(watch, control.settings, plan.on_cycle, summary).settings
         again = replace(cut(attempt, 0.5, done.notes[0]), cycle=done.watch, settings=settings)
-        return Decision(_rejected(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
+        return Decision(rejected(solved, Verdict.CYCLE, done.notes[0]), again, done.notes, found.error)
     return _stands(attempt, found, fired, done)
 
 
@@ -225,16 +226,17 @@ def _taken(attempt: Attempt, found: _Found, fired: rules.Fired, done: CycleActio
         cycle=done.watch,
         estimate=(error_estimate.after(control.estimate, start, solved, found.error) if plan.adaptive
                   else control.estimate),
-        choice=_learned(attempt),
+        choice=_learned(attempt, found.error),
         events=events.settled(found.events, start.now, solved) if plan.locate.on else found.events)
 
 
-def _learned(attempt: Attempt) -> auto.Memory:
+def _learned(attempt: Attempt, error: Estimate | None) -> auto.Memory:
     """What `auto` knows after a window that stands; other schemes pay nothing for it."""
     control = attempt.at.control
     if not auto.chooses(control.settings.scheme):
         return control.choice
-    return auto.learn(control.choice, attempt.at.state, attempt.solved, attempt.H, control.settings.iteration.level)
+    return auto.learn(control.choice, attempt.at.state, attempt.solved, attempt.H, control.settings.iteration.level,
+                      error)
 
 
 def _sized(attempt: Attempt, control: ControlState, error: Estimate | None) -> ControlState:
@@ -271,5 +273,6 @@ def _is_slow(attempt: Attempt) -> bool:
     return change < plan.steady * attempt.H
 
 
-def _rejected(solved: Solved, verdict: Verdict, message: str) -> Solved:
+def rejected(solved: Solved, verdict: Verdict, message: str) -> Solved:
+    """Return a window that does not stand, with the verdict and why."""
     return replace(solved, verdict=verdict, message=message, anyway=False)

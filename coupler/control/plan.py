@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.control.contact_status import Branch, ContactStatus, PairNodes, contact_status, side
-from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme
+from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Schedule, Settings
@@ -62,6 +62,7 @@ class Plan:
     adaptive: Adaptive | None = None
     locate: Locate = Locate()
     on_cycle: OnCycle = OnCycle.NOTE
+    on_unstable: OnUnstable = OnUnstable.WARN
     steady: float = 0.0
     rules: Sequence[Rule] = ()
     probed: Callable[[Level], Mapping[str, float]] = lambda level: {}

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from coupler.control import error_estimate, gain
 from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, keep
-from coupler.schemes.state import CoupledState, Halves, Solved, Span
+from coupler.scenario.options import Scheme, Seen
+from coupler.schemes.schemes import scheme_of
+from coupler.schemes.state import AHEAD, CoupledState, EnergyAccount, Halves, Solved, Span
 from coupler.trust import course
 from coupler.trust.course import Course
 from coupler.trust.errors import Looked
@@ -32,9 +34,13 @@ HISTORY = 2
 # A probe that bends more than so many times as much as at any look before, and by this share of its range, is looked at
 # as soon as this part of the usual pause is over: what grows doubles often.
 BENDS_MORE, VISIBLE, PART = 2.0, 0.01, 0.25
-# Probes that bend by more of their range in two windows on end are not resolved: then a look past the first measures,
-# too, whether the exchange is stable (coupler.control.gain), for four windows more.
+# Probes that bend by more of their range in two windows on end are not resolved: then it is measured, too, whether the
+# exchange is stable (coupler.control.gain), for two windows where it answers weakly, five or six where it does not.
+# For that there is a share of all windows, at least enough for one, and more of every rough one and of one in which a
+# probe turns round by so much: what a window does to a disturbance changes where something opens and closes, and a
+# cycle of the exchange turns more often than anything that its windows resolve.
 ROUGH, ON_END = 0.05, 2
+GAIN, GAIN_SHARE, MOST_GAINS, EARNED_TURN = 2.0, 0.02, 4.0, 0.5
 
 
 def _none() -> Array:
@@ -46,6 +52,8 @@ class Memory:
     """course : of the probes.  credit [windows]: what may be spent.  since : windows since the last look.
 
     rough : windows on end in which a probe bent by much.  highest : (n,) in SI, of each its largest bend at a look.
+    for_gain [windows]: what may be spent on gains.  rings : whether the last one measured rings.
+    turns : whether a probe turned round in the last window, by much.
     """
 
     course: Course = field(default_factory=Course)
@@ -53,20 +61,27 @@ class Memory:
     since: int = 0
     rough: int = 0
     highest: Array = field(default_factory=_none)
+    for_gain: float = 0.0
+    rings: bool = False
+    turns: bool = False
 
 
 def first(plan: Plan, state: CoupledState) -> Memory:
     """Return the memory before the first window."""
     values = plan.watched(state.now)
-    return Memory(course.begun(state.now.t, values), max(_on_credit(plan), LOOK), highest=np.zeros(len(values)))
+    return Memory(course.begun(state.now.t, values), max(_on_credit(plan), LOOK), highest=np.zeros(len(values)),
+                  for_gain=min(max(GAIN_SHARE * _windows(plan), GAIN), MOST_GAINS))
 
 
 def after(memory: Memory, t: float, values: Array) -> tuple[Memory, Looked]:
     """Return the memory after a window to t [s] that was taken, and what its end tells.  values : of the probes."""
     now, second = course.after(memory.course, t, values)
-    rough = memory.rough + 1 if (second > ROUGH * now.range).any() else 0
+    by_much = second > ROUGH * now.range
+    rough = memory.rough + 1 if by_much.any() else 0
+    turns = bool((by_much & (now.slope * memory.course.slope < 0.0)).any())
     memory = replace(memory, course=now, credit=memory.credit + _earned(now, second), since=memory.since + 1,
-                     rough=rough)
+                     rough=rough, turns=turns,
+                     for_gain=memory.for_gain + (EARNED_ROUGH if rough else 0.0) + (EARNED_TURN if turns else 0.0))
     return memory, Looked(values, second)
 
 
@@ -121,24 +136,20 @@ class Window:
     solved: Solved
 
 
-def look(halves: Halves, window: Window, plan: Plan, seen: Looked, with_gain: bool) -> Looked:
+def look(halves: Halves, window: Window, plan: Plan, seen: Looked) -> Looked:
     """Return what was seen of a window with the errors of the probes, if they can be known, and what that cost.
 
-    with_gain : whether the gain of the window is measured as well.  The halves are as before, afterwards.
+    The halves are as before, afterwards.
     """
     solved, span = window.solved, window.span
     options = replace(window.options, scheme=solved.scheme, extrapolation=solved.extrapolation, instead=keep)
     with SavedStates(halves, solved.state.now.t, window.saved.number) as end:
-        found = doubled(halves, _as_halved(window.before), span, options, window.saved, solved)
+        found = doubled(halves, _as_halved(window.before, solved.scheme), span, options, window.saved, solved)
         other = plan.watched(found.state.now) if found.taken else seen.values
-        known = gain.measured(halves, window.before, span, options, window.saved, solved) if (
-            with_gain and 2 * span.k1 - span.k0 <= plan.last) else None
         # fault: a look leaves the halves where it ended -> pass | coupler/test_spare
         end.roll_back("a window was only looked at")
     work, own = found.work, solved.work
     solves = work.thermal_solves + work.mechanical_solves - own.thermal_solves - own.mechanical_solves
-    if known is not None:
-        seen, solves = replace(seen, m=known.m, limit=known.limit), solves + gain.SOLVES
     seen = replace(seen, solves=solves)
     if not found.taken:
         return seen
@@ -146,9 +157,28 @@ def look(halves: Halves, window: Window, plan: Plan, seen: Looked, with_gain: bo
     return replace(seen, error=difference(seen.values, other, factor))
 
 
-def asks_gain(memory: Memory, number: int) -> bool:
-    """Whether a look at a window measures its gain.  memory : after it.  number : of it, from 0."""
-    return memory.since < number and memory.rough >= ON_END
+def asks_gain(memory: Memory, seen: Looked, number: int, window: Window, plan: Plan) -> bool:
+    """Whether the gain of a window is measured.  memory, seen : after it.  number : of it, from 0."""
+    span = window.span
+    if plan.adaptive is not None or not seen.values.size or number < HISTORY or 2 * span.k1 - span.k0 > plan.last:
+        return False
+    # What rings is looked at again, whatever that costs.
+    return memory.rough >= ON_END and (memory.for_gain >= GAIN or memory.rings)
+
+
+def gain_of(halves: Halves, window: Window) -> gain.Gain | None:
+    """Return the gain of a window; None where it cannot be known.  The halves are as before, afterwards."""
+    solved = window.solved
+    with SavedStates(halves, solved.state.now.t, window.saved.number) as end:
+        found = gain.measured(halves, window.before, window.span, window.options, window.saved, solved)
+        # fault: measuring a gain leaves the halves where it ended -> pass | coupler/test_spare
+        end.roll_back("a window was only looked at")
+    return found
+
+
+def after_gain(memory: Memory, found: gain.Gain | None) -> Memory:
+    """Return the memory after a gain was measured."""
+    return replace(memory, for_gain=memory.for_gain - GAIN, rings=found is not None and found.rings)
 
 
 def difference(values: Array, other: Array, factor: float) -> Array:
@@ -156,14 +186,22 @@ def difference(values: Array, other: Array, factor: float) -> Array:
     return np.nan_to_num(factor * np.abs(values - other), nan=0.0, posinf=0.0)
 
 
-def _as_halved(state: CoupledState) -> CoupledState:
+def _as_halved(state: CoupledState, scheme: Scheme) -> CoupledState:
     """The state from which two halves are solved: with half of the heat that comes a window late.
 
-    That is what windows of half the size would carry.  All of it, delivered in the first half, would be told as an
-    error in every window, while what is late is late once.
+    That is what windows of half the size would carry, and a quarter of what was delivered ahead.  All of it, delivered
+    in the first half, would be told as an error in every window, while what is late is late once.
     """
+    ahead = scheme_of(scheme).exchange_at(Seen.MIDDLE).friction is not None
     # fault: late heat is told as an error of every window -> return state | coupler/test_spare
-    return replace(state, accounts={n: replace(a, carry=0.5 * a.carry) for n, a in state.accounts.items()})
+    return replace(state, accounts={n: _halved(a, ahead and n in AHEAD) for n, a in state.accounts.items()})
+
+
+def _halved(account: EnergyAccount, ahead: bool) -> EnergyAccount:
+    late = None if account.late is None else 0.5 * account.late
+    if not ahead or late is None:
+        return replace(account, carry=(0.25 if ahead else 0.5) * account.carry, late=late)
+    return replace(account, carry=late + 0.25 * (account.carry - 2.0 * late), late=late)
 
 
 def can_look(halves: Halves, span: Span) -> bool:

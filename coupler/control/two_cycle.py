@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coupler.scenario.options import OnCycle, Scheme
+from coupler.scenario.options import OnCycle, Scheme, Seen
 from coupler.schemes.levels import Level
 from coupler.schemes.state import Settings
 
@@ -28,10 +28,15 @@ GROWING = 3
 TURNS, LASTING = 4, 0.99
 # Below these an increment is round-off and iteration error: T [K], gap [m], t_N [Pa].
 FLOORS = {"temperature": 1e-3, "gap": 1e-8, "pressure": 1e3}
+# A contraction of plain iteration up to this, (b dt/2)/(1 + a dt) <= .4, means b dt < 1 where a dt is small: every
+# scheme of one solve a half is stable there (docs/theory.md, limits of stability).
+CALM = 0.4
 EXCHANGE = ("the exchange between the halves does that, or a midpoint rule that rings; smaller windows, scheme: "
             "iterated (acceleration: aitken or iqn_ils) or thermal.method: sdirk2 end it")
-ALONE = ("what the halves tell each other does not go with it, so one half's own method rings; smaller windows or, for "
-         "temperature, thermal.method: sdirk2 end it")
+THERMAL = ("gaps and pressures do not go with it, so the thermal half's own method rings; smaller windows or "
+           "thermal.method: sdirk2 end it")
+MECHANICAL = ("temperatures do not go with it, so bodies or their contact swing by themselves; smaller windows or, "
+              "with inertia, mechanical.elastic.dynamics: {rho_inf: 0.8} end it")
 PHYSICS = "What is still there in windows of half the size is physics"
 
 
@@ -59,7 +64,9 @@ class Watch:
     """What is remembered of the exchange.  swings : by quantity.  told : quantities already noted since a kink.
 
     home : the scheme in use before windows were iterated because of a cycle; "": they are not.  calm : windows on end
-    in which that scheme would have held.  cap [s] : the longest window before they were halved; halved : how often.
+    in which that scheme would have held; calm_at : contraction of plain iteration up to which it does.
+    home_level : `coupling.iteration.level` before; "": as it is.  cap [s] : the longest window before they were halved;
+    halved : how often.
     """
 
     swings: Mapping[str, Swing] = field(default_factory=dict)
@@ -68,6 +75,8 @@ class Watch:
     calm: int = 0
     cap: float = math.inf
     halved: int = 0
+    home_level: str = ""
+    calm_at: float = CALM
 
     def plus(self, before: Level, now: Level) -> Watch:
         """After one more window; quantities that are not known (nan) or not there are left out."""
@@ -76,7 +85,7 @@ class Watch:
         news = {"temperature": now.T - before.T, "pressure": now.t_N - before.t_N,
                 "gap": now.gap - before.gap if known else (now.x - before.x).ravel()}
         swings = {name: swung(self.swings.get(name), d, FLOORS[name]) for name, d in news.items() if d.size}
-        return Watch(swings, self.told, self.home, self.calm, self.cap, self.halved)
+        return replace(self, swings=swings)
 
     @property
     def cycling(self) -> tuple[str, ...]:
@@ -85,6 +94,13 @@ class Watch:
             return ()
         # One may turn a window later than the other, or settle from above.
         return tuple(n for n, s in self.swings.items() if s.cycles or s.turns >= GROWING - 1)
+
+    @property
+    def exchanged(self) -> bool:
+        """Whether both halves' quantities cycle: gap and pressure are both the mechanical half's."""
+        # fault: gap and pressure alone are taken for the exchange -> return len(self.cycling) > 1 |
+        #   coupler/test_cycle_action
+        return "temperature" in self.cycling and len(self.cycling) > 1
 
     def tell(self) -> Watch:
         """The watch after its finds were told: each quantity once."""
@@ -133,7 +149,7 @@ def note(watch: Watch, window: int, t: float) -> str:
     found = [(name, watch.swings[name]) for name in watch.cycling]
     sizes = " and ".join(f"{name} by {float(np.abs(s.increment).max()):.3g} {units[name]}" for name, s in found)
     first = window - max(s.turns for _, s in found)
-    why = EXCHANGE if len(found) > 1 else ALONE
+    why = EXCHANGE if watch.exchanged else THERMAL if "temperature" in watch.cycling else MECHANICAL
     return f"windows {first} to {window} (to t = {t:.6g} s) go up and down, {sizes}: {why}. {PHYSICS}"
 
 
@@ -142,9 +158,6 @@ def note(watch: Watch, window: int, t: float) -> str:
 # Iterating ends a cycle of the exchange at any window; it ends when plain iteration has contracted well for some
 # windows on end, for then the scheme that cycled would hold too, or at the next kink.  Halving holds to the next kink.
 
-# A contraction of plain iteration up to this, (b dt/2)/(1 + a dt) <= .4, means b dt < 1 where a dt is small: every
-# scheme of one solve a half is stable there (docs/theory.md, limits of stability).
-CALM = 0.4
 # So many windows on end: no longer than a cycle takes to show, so going back too soon costs no more than it did.
 CALM_WINDOWS = 5
 # What still cycles in windows of a 64th is no cycle of the exchange.
@@ -180,10 +193,10 @@ def act(watch: Watch, settings: Settings, on: OnCycle, window: WindowSummary) ->
     # At rest nothing tells a contraction (nan), and an iterated window is one iterate.
     if watch.home and not math.isnan(window.contraction):
         # fault: back from iterating at once -> watch = replace(watch, calm= watch.calm + 1) | coupler/test_cycle_action
-        watch = replace(watch, calm=0 if window.contraction > CALM else watch.calm + 1)
+        watch = replace(watch, calm=0 if window.contraction > watch.calm_at else watch.calm + 1)
         if watch.calm >= CALM_WINDOWS:
-            told = (f"window {window.number} (to t = {window.t:.6g} s): plain iteration has contracted by {CALM:g} or "
-                    f"better for {CALM_WINDOWS} windows; on with scheme {watch.home}")
+            told = (f"window {window.number} (to t = {window.t:.6g} s): plain iteration has contracted by "
+                    f"{watch.calm_at:.2g} or better for {CALM_WINDOWS} windows; on with scheme {watch.home}")
             return CycleAction(Watch(), home(watch, settings), (told,))
     if not watch.cycling:
         return CycleAction(watch, settings)
@@ -192,9 +205,10 @@ def act(watch: Watch, settings: Settings, on: OnCycle, window: WindowSummary) ->
         cap = watch.cap if watch.halved else settings.window_cap
         settings = replace(settings, window_cap=min(settings.window_cap, 0.5 * window.H))
         text = f"{text}; no window is longer than {settings.window_cap:.3g} s up to the next kink"
-        return CycleAction(Watch(home=watch.home, cap=cap, halved=watch.halved + 1), settings, (text,), cut=True)
+        watch = replace(watch, swings={}, told=frozenset(), calm=0, cap=cap, halved=watch.halved + 1)
+        return CycleAction(watch, settings, (text,), cut=True)
     # What one half does alone is there whatever the other is told.
-    if on is OnCycle.ITERATE and len(watch.cycling) > 1 and settings.scheme is not Scheme.ITERATED:
+    if on is OnCycle.ITERATE and watch.exchanged and settings.scheme is not Scheme.ITERATED:
         text = f"{text}; windows are iterated from here on"
         watch = replace(watch.tell(), home=settings.scheme.value, calm=0)
         # fault: a cycle is told and nothing follows -> return CycleAction(watch, settings, (text,)) |
@@ -206,5 +220,6 @@ def act(watch: Watch, settings: Settings, on: OnCycle, window: WindowSummary) ->
 def home(watch: Watch, settings: Settings) -> Settings:
     """The settings with what was changed because of a cycle as it was."""
     if watch.home and settings.scheme is Scheme.ITERATED:
-        settings = replace(settings, scheme=Scheme(watch.home))
+        level = Seen(watch.home_level) if watch.home_level else settings.iteration.level
+        settings = replace(settings, scheme=Scheme(watch.home), iteration=settings.iteration.changed(level=level))
     return replace(settings, window_cap=watch.cap) if watch.halved else settings

@@ -118,7 +118,7 @@ def _stiffness(block: KeywordBlock | None, log: Log) -> Tree:
     if block is not None and kind == "LINEAR" and block.data:
         if any(block.data[0].fields[1:]):
             log.miss(block.data[0], "only the stiffness, the first number, is understood")
-        return {"penalty": number(block.data[0], 0, "the stiffness")}
+        return {"penalty": number(block.data[0], 0, "the stiffness"), "augmented": None}
     if block is not None and kind != "HARD":
         log.miss(block, f"{kind[:30]} is not understood; the surfaces do not overlap, as with HARD")
     return {"augmented": {}}

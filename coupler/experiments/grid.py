@@ -62,8 +62,9 @@ def _windows(axis: str, factor: float, tree: Tree) -> Sets:
 
 def _tolerance(axis: str, factor: float, tree: Tree) -> Sets:
     """Scale every tolerance of adaptive windows, defaults too."""
-    adaptive = tree.get("coupling", {}).get("adaptive")
-    if not isinstance(adaptive, dict):
+    coupling = tree.get("coupling", {})
+    adaptive = coupling.get("adaptive", {})
+    if "windows" in coupling or not isinstance(adaptive, dict):
         raise ScenarioError("the scenario has no adaptive windows", key=f"grid {axis}", value=factor,
                             remedy="Give coupling.adaptive in the grid too; fixed windows go with the axis `windows`.")
     given = ErrorTolerances.model_validate(adaptive.get("tolerance", {}))

@@ -22,8 +22,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from contact.codec import decode, encode, kinds_of
 from contact.half.diagnostics import ContactLog
+from contact.half.interface import Interface
+from contact.half.memory import LAYOUT, layout_from, remembered
 from contact.records import WireError
 from coupler.control.plan import Plan
 from coupler.control.state import Committed
@@ -251,6 +256,16 @@ def state_of(half: Half) -> bytes:
         return half.serialise(token)
     finally:
         half.release(token)
+
+
+def memory_of(half: Half, interface: Interface) -> dict[str, NDArray[np.float64]]:
+    """What another run may start from of a half as it stands (contact.half.memory); nothing of one that tells nothing.
+
+    Raises HalfError where its state cannot be had, ValueError where it is not what the half says of it.
+    """
+    if LAYOUT not in half.strings or not half.can_serialise:
+        return {}
+    return remembered(state_of(half), layout_from(half.strings[LAYOUT]), interface)
 
 
 def put_back(halves: Mapping[str, Half], checkpoint: Checkpoint, name: str) -> None:

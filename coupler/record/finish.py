@@ -50,7 +50,7 @@ class Gathered:
     t [s], probes, conditions, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start
     and the ends of the windows taken.
     frames : numbers of the frames to be kept, from 0.  rewound : windows and what was spent on them.
-    max_T : [K] at the start.
+    max_T : [K] at the start.  memory : what another run may start from at the end (contact.half.memory).
     """
 
     rows: list[tuple[Any, ...]] = field(default_factory=list)
@@ -68,6 +68,7 @@ class Gathered:
     frames: dict[int, float] = field(default_factory=dict)
     rewound: dict[str, float] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=lambda: KILLED)
+    memory: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 def gathered(records: Iterable[JournalRecord]) -> Gathered:
@@ -85,7 +86,7 @@ def gathered(records: Iterable[JournalRecord]) -> Gathered:
         elif kind == "rewind":
             _rewind(told, float(m["t_now"]), int(m["rows"]))
         elif kind == "end":
-            told.end = m
+            told.end, told.memory = m, a
         if kind in ("start", "window") and "probes" in a:
             told.t.append(float(m["t_now"]))
             told.probes.append(a["probes"])
@@ -258,6 +259,7 @@ def _make(journal: Path, path: Path) -> bool:
             _write_mesh(f, arrays)
             _write_contact(f, meta, arrays, told)
             _write_outputs(f, meta["field_files"], loose)
+            _write_end(f, arrays, told)
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
     return str(told.end["outcome"]) == "completed"
@@ -324,6 +326,18 @@ def _write_mesh(f: h5py.File, header: Mapping[str, NDArray[Any]]) -> None:
     group = f.create_group("mesh", track_order=True)
     for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
         group[name] = header[name]
+
+
+def _write_end(f: h5py.File, header: Mapping[str, NDArray[Any]], told: Gathered) -> None:
+    """What another run may start from at the end, where the mechanical half told it; with the nodes of pair nodes."""
+    if not told.memory:
+        return
+    group = f.create_group("end", track_order=True)
+    group.attrs["t"] = told.end["t_now"]
+    group["pair_nodes"] = header["pair_nodes"]
+    for name, data in told.memory.items():
+        # Most points of a body have not flowed: a row of zeros takes no room.
+        group.create_dataset(name, data=data, **({"compression": "gzip", "compression_opts": 1} if data.size else {}))
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:

@@ -192,6 +192,18 @@ class ProbeReader:
             found.append(probe.of(fields[probe.quantity]))
         return np.array(found)
 
+    def measurable(self, level: Level) -> Array:
+        """Return the probes as `values` does, but nan for a gap where a node faces nothing.
+
+        There it is told as `gap_max`, and from one answer of a window to the other it may jump by all of that: no error
+        of time tells of it.
+        """
+        out_of_reach = [pair.gap_max for pair in self._interface.pairs]
+        gaps = np.array([probe.quantity == "gap" for probe in self._probes.values()], dtype=bool)
+        found = self.values(level)
+        # fault: a node that faces nothing counts as an error of its gap -> return found | coupler/test_trust_errors
+        return np.where(gaps & np.isin(found, out_of_reach), np.nan, found)
+
     def named(self, level: Level) -> dict[str, float]:
         """Name -> value."""
         return dict(zip(self._probes, self.values(level).tolist(), strict=True))

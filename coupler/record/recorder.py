@@ -145,9 +145,14 @@ class Recorder:
             "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **more})
         self._seconds += time.perf_counter() - started
 
-    def end(self, outcome: str, message: str, totals: Mapping[str, Any]) -> None:
-        """Close the journal with what became of the run and make run.h5 of it."""
-        self._journal.write("end", {"outcome": outcome, "message": message, "totals": dict(totals)})
+    def end(self, outcome: str, message: str, totals: Mapping[str, Any], t: float = 0.0,
+            memory: Mapping[str, Array] = MappingProxyType({})) -> None:
+        """Close the journal with what became of the run and make run.h5 of it.
+
+        t : the time it reached [s].  memory : what another run may start from then (contact.half.memory).
+        """
+        meta = {"outcome": outcome, "message": message, "totals": dict(totals), "t_now": t}
+        self._journal.write("end", meta, memory)
         self._journal.close()
         finish(self._journal.path, self.out)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from contact.problem.values import did_you_mean
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, output_field
+from coupler.record.confidence import read_confidence
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
 from coupler.record.paths import journal_of
@@ -103,6 +104,7 @@ class Results:
     estimates, errors : one row a window whose error is known (ESTIMATE_FIELDS, ERROR_FIELDS).  max_T [K] : the highest
     temperature at the start and the ends of windows.  firings : of rules, in order.
     conditions : heat and force of each named condition over time; empty for a file of an earlier version.
+    confidence : probe -> its error against companions in coarser windows (`slideline run --confidence`); else empty.
     contact : pair -> what contact did along its slave surface; empty for a file of an earlier version.
     rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
     later : the journal of a later, unfinished run to the same file, if there is one.
@@ -154,6 +156,7 @@ class Results:
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
         self._conditions = {of.name: ConditionSeries(of, f["conditions"][of.name][()])
                             for of in map(condition_output, self.header.get("conditions", ()))}
+        self.confidence = read_confidence(f)
         self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
 
     @property

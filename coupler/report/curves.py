@@ -102,10 +102,16 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     ax = axes_of(figure, "time [s]", f"{what} [{scale.unit}]")
     for k, (name, value) in enumerate(zip(names, values, strict=True)):
         ax.plot(results.t, scale(value), label=plain(name), **line_style(k))
-    error = error_of(results, quantity)
+    bands = {n: results.confidence[n] for n in names if n in results.confidence and not results.confidence[n].failed}
+    error = None if bands else error_of(results, quantity)
     if error is not None:
         for k, value in enumerate(values):
             ax.fill_between(results.t, scale(value - error), scale(value + error), color=line_style(k)["color"],
+                            alpha=BAND, linewidth=0)
+    for k, (name, value) in enumerate(zip(names, values, strict=True)):
+        if name in bands:
+            wide = bands[name].error
+            ax.fill_between(results.t, scale(value - wide), scale(value + wide), color=line_style(k)["color"],
                             alpha=BAND, linewidth=0)
     low, high = near or (float(results.t[0]), float(results.t[-1]))
     ax.set_xlim(low, high)
@@ -117,6 +123,9 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     of = counted(len(names), "probe") if len(names) > 1 else f"probe {names[0]}"
     title = f"{what[0].upper()}{what[1:]} of {of} against time, {span}"
     caption = _caption(quantity, title, span, near is not None, bool(kinks_of(results)))
+    if bands and not near:
+        told = "; ".join(f"{plain(n)} {of.words}" for n, of in bands.items())
+        caption += f" Bands: the error by {next(iter(bands.values())).by}; {told}."
     if error is not None and not near:
         worst = float(np.nanmax(error))
         apart = replace(shown(results.unit(names[0]), worst), shift=0.0)

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
-from coupler.errors import CouplingError, ResultsError
+from coupler.errors import CouplingError, HalfError, ResultsError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
 from coupler.record.checkpoint import (
@@ -29,6 +29,7 @@ from coupler.record.checkpoint import (
     Origin,
     RunRecord,
     header_of,
+    memory_of,
     put_back,
     read_checkpoint,
     versions,
@@ -42,7 +43,15 @@ from coupler.rules import engine as rules
 from coupler.running.damping import DampingNotes
 from coupler.running.interactive import Changes, Snapshot, Snapshots, changed
 from coupler.running.progress import Progress, RemainingTime, RunStatus, progress
-from coupler.running.setup import check_halves, first_state, halves_of, plan_of, what_is_missing, without_checkpoints
+from coupler.running.setup import (
+    check_halves,
+    first_state,
+    halves_of,
+    heat_of_the_start,
+    plan_of,
+    what_is_missing,
+    without_checkpoints,
+)
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 from coupler.scenario.timing import SAME_TIME, Frames
@@ -133,7 +142,7 @@ class Run:
             self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
             units = {n: a["unit"] for n, a in self._probes.about.items()}
             self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None)
-            watched = self._probes.values if units else self._trust_watch.means
+            watched = self._probes.measurable if units else self._trust_watch.means
             self.plan = replace(self.plan, probed=self._probes.named, watched=watched)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
             self._asked = launched.asked
@@ -146,6 +155,7 @@ class Run:
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
+            self.notes += heat_of_the_start(launched.mechanical)
             self._trust = self._trust_watch.begun(self.state.now, self.plan.watched(self.state.now))
             if self._since is not None:
                 self._continue_from(self._since, both)
@@ -170,6 +180,7 @@ class Run:
             outcome, message = "stopped", f"stopped at t = {self.state.now.t:.9g} s as asked"
         elif error is None and not self._finished:
             outcome, message = "stopped", f"left at t = {self.state.now.t:.9g} s by its caller"
+        memory: Mapping[str, Array] = {}
         try:
             if error is None or isinstance(error, CouplingError):
                 # fault: a run that ends early leaves the checkpoint it had written last, not one of its end -> if
@@ -177,7 +188,8 @@ class Run:
                 if not self._finished and self._keeper.on:
                     self._keeper.keep(*self._committed)
                 self._frame()  # where the run stopped; both halves are at the end of the last accepted window
-            self._recorder.end(outcome, message, self._totals())
+                memory = self._memory()
+            self._recorder.end(outcome, message, self._totals(), self.state.now.t, memory)
             if error is not None and self._keeper.remedy:
                 error.add_note(self._keeper.remedy)
         finally:
@@ -219,6 +231,8 @@ class Run:
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
                     inputs=tried.before.settings.inputs.get("thermal", {}))
                 self.ledger = self.ledger.after(tried.solved.terms)
+            elif tried.mended is not None:
+                self._trust = self._trust_watch.mended(self._trust, tried.mended, tried.t + tried.H, tried.H)
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
@@ -362,6 +376,14 @@ class Run:
             return
         self._framed = self.state.now.t
         self._recorder.frame(self.state.now, self._outputs.read())
+
+    def _memory(self) -> Mapping[str, Array]:
+        """Return what another run may start from; what stands in the way is a note, for it ends no run."""
+        try:
+            return memory_of(self.halves.mechanical, self.scenario.interface)
+        except (HalfError, ValueError) as exc:
+            self.noticed.append(f"no other run can start from the displacements of this one: {exc}")
+            return {}
 
     def _totals(self) -> dict[str, Any]:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}

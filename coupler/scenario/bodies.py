@@ -77,6 +77,9 @@ class MeshedBody(BodyHeat):
     T0: Annotated[StatedStart, Entry(  # type: ignore[assignment]
         "at time 0: a number, a sum of terms of x and y, or what another run left",
         "K", temperature=True, kind="number, terms or run")]
+    u0: Annotated[FromRun | None, Entry(
+        "displacements at time 0, and what points and contact remember of another run (half `elastic`)", kind="run",
+        default="as drawn")] = None
     regions: Annotated[dict[Name, Region] | None, Entry(
         "cells with a material, a start or a source of their own; entries below", kind="name -> region",
         default="none")] = None  # type: ignore[assignment]

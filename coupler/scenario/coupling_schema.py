@@ -6,21 +6,25 @@ from typing import Annotated
 
 from pydantic import StrictBool, model_validator
 
-from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.part import Entry, Part
 from contact.problem.values import NotNegative, Number, Positive, Text, Whole, problem
-from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, OnCycle, Scheme
+from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, OnCycle, OnUnstable, Scheme
 
 # Windows shorter than this share of the first are a sign that something else is wrong.
 LEAST = 1e-6
+# Of the run, a first window that nobody stated.  One a thousand times too long is put back four times, one a thousand
+# times too short is ten windows on the way to the right one.
+FIRST = 1e-3
 
 
 class AdaptiveSpec(Part):
     """Windows that find their own size [s] from the error they make."""
 
-    first: Annotated[Positive, Entry(
+    first: Annotated[Positive | None, Entry(
         "the first window, and the first after a kink or an event; a shorter one follows if its error is too "
         "large",
-        unit="s")]
+        unit="s",
+        default="a thousandth of `end`")] = None
     least: Annotated[Positive | None, Entry(
         "no window is shorter but to end at a kink or an event; at this size an error that is too large is "
         "taken and told",
@@ -31,18 +35,21 @@ class AdaptiveSpec(Part):
 
     @model_validator(mode="after")
     def _in_order(self) -> AdaptiveSpec:
-        if self.least is not None and self.least > self.first:
+        if self.first is not None and self.least is not None and self.least > self.first:
             raise problem("the first window is shorter than the least", at=("least",))
-        if self.most is not None and self.most < self.first:
+        if self.first is not None and self.most is not None and self.most < self.first:
             raise problem("the first window is longer than the most", at=("most",))
+        if self.least is not None and self.most is not None and self.most < self.least:
+            raise problem("the longest window is shorter than the least", at=("most",))
         return self
 
     def sizes(self, end: float) -> Adaptive:
         """The checked values for a run of `end` seconds."""
-        first = min(self.first, end)
+        most = min(self.most if self.most is not None else end, end)
+        # fault: windows without a first one begin with the longest -> first = most | coupler/test_defaults
+        first = min(self.first if self.first is not None else max(FIRST * end, self.least or 0.0), most)
         least = self.least if self.least is not None else LEAST * first
-        most = self.most if self.most is not None else end
-        return Adaptive(first, min(least, first), min(most, end), self.tolerance)
+        return Adaptive(first, min(least, first), most, self.tolerance)
 
 
 class Events(Part):
@@ -54,7 +61,7 @@ class Events(Part):
     locate: Annotated[bool | None, Entry(
         "windows end where contact opens, closes, sticks or slips",
         kind="true, false",
-        default="true with `adaptive`, else false")] = None
+        default="true where windows find their own size, else false")] = None
     tolerance: Annotated[Positive | None, Entry(
         "how nearly",
         unit="s",
@@ -126,7 +133,8 @@ class CouplingSpec(Part):
         "window by window ([coupling.md](coupling.md)). What each half sees of the other, and the order: "
         "[theory.md](theory.md)",
         kind="`staggered`, `mechanical_first`, `parallel`, `extrapolated`, `along_heat`, `iterated`, `adiabatic`, "
-             "`auto`")] = Scheme.STAGGERED
+             "`auto`",
+        default="`auto`; `staggered` in files of version 1")] = Scheme.AUTO
     iteration: Annotated[Iteration, Entry(
         "how `iterated` goes to agreement; other schemes do not read it",
         default="")] = Iteration()
@@ -142,15 +150,21 @@ class CouplingSpec(Part):
         "ranges, in order, that reach `end` (what lies beyond it is cut off): `{until, size}` or `{until, "
         "first, last}`",
         kind="list",
-        default="this or `adaptive`")] = None
+        default="windows find their own size")] = None
     adaptive: Annotated[AdaptiveSpec | None, Entry(
-        "windows find their own size from the error they make",
-        default="none")] = None
+        "how windows find their own size from the error they make",
+        default="`{}` without `windows`, else none")] = None
     events: Annotated[Events, Entry("where windows end because of contact")] = Events()
     on_cycle: Annotated[OnCycle | None, Entry(
         "what follows when something goes up and down from window to window: it is only told; the windows "
         "after it are iterated; the window is put back and halved",
-        default="`note`; `iterate` with `adaptive` or `auto`")] = None
+        default="`iterate`; `note` for `windows` of a stated scheme but `auto`")] = None
+    on_unstable: Annotated[OnUnstable, Entry(
+        "what follows where a look shows that windows make more of a disturbance that turns round, or ring "
+        "([trust.md](trust.md)): they are cut below the limit or iterated, whichever takes fewer solves; cut; "
+        "iterated; it is only told; the run ends",
+        why="What grows from window to window is no answer. Windows of any size that are stable are left alone.")] = (
+            OnUnstable.AUTO)
     stop: Annotated[StopSpec, Entry("when a run ends early")] = StopSpec()
     substeps: Annotated[SubstepCounts, Entry("in a window")] = SubstepCounts()
     link: Annotated[Text, Entry(
@@ -159,8 +173,15 @@ class CouplingSpec(Part):
 
     @model_validator(mode="after")
     def _one_way_to_size(self) -> CouplingSpec:
-        exactly_one(self, ("windows", "adaptive"))
+        if self.windows is not None and self.adaptive is not None:
+            raise problem("windows are listed or find their own size: `windows` or `adaptive`, not both",
+                          "Leave one of the two out.")
         return self
+
+    @property
+    def sized(self) -> AdaptiveSpec | None:
+        """How windows find their own size; None where they are listed."""
+        return self.adaptive or (AdaptiveSpec() if self.windows is None else None)
 
     @model_validator(mode="after")
     def _link_known(self) -> CouplingSpec:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -41,12 +41,13 @@ class EarlierRunError(ValueError):
 class EarlierRun:
     """A results file that was found in order.
 
-    bodies : names, in the order of `*_body`.  times : (n_t,) [s] of the frames.  outcome : of the run.
+    bodies : names, in the order of `*_body`.  pairs : names.  times : (n_t,) [s] of the frames.  outcome : of the run.
     """
 
     path: Path
     field_files: dict[str, str]
     bodies: tuple[str, ...]
+    pairs: tuple[str, ...]
     outcome: str
     times: Floats
     nodes: Floats
@@ -87,38 +88,36 @@ class EarlierRun:
                                   "Write a time in between, or `end`.")
         return float(t)
 
-    def field(self, half: str, name: str, t: float) -> Floats:
-        """Return a field of the exchange at the nodes, (n_nodes,) or (n_nodes, 2), at a time [s] between the frames.
+    def temperatures(self, body: str, t: float) -> Floats:
+        """Return the temperatures (n,) [K] of a body's nodes at a time [s] between the frames.
 
-        half : "thermal" or "mechanical".  name : "T" or "u".  Raises EarlierRunError.
+        Raises EarlierRunError.
         """
-        path, n = self.path.with_name(self.field_files[half]), len(self.nodes)
-        with _opened(path) as f:
-            data = _dataset(f, f"VTKHDF/PointData/{name}", "f", 2 if name == "u" else 1)
-            if len(data) != n * len(self.times):
-                raise EarlierRunError(f"{path.name} has {len(data)} values of {name} for {n} nodes and "
-                                      f"{len(self.times)} frames")
-            rows = [(data[k * n:(k + 1) * n], share) for k, share in frames_around(self.times, t)]
-        value = np.asarray(rows[0][0] if len(rows) == 1 else sum(v * share for v, share in rows), dtype=np.float64)
-        if not np.isfinite(value).all():
-            raise EarlierRunError(f"{path.name}: {name} is not finite everywhere")
-        return value[:, :2] if name == "u" else value
-
+        around = list(frames_around(self.times, t))
+        frames = self._frames(body, [k for k, _ in around])
+        return np.asarray([share for _, share in around] @ frames)
 
     def course(self, body: str) -> Floats:
         """Return the temperatures (n_t, n) [K] of a body's nodes in all frames.  Raises EarlierRunError."""
-        path, n, own = self.path.with_name(self.field_files["thermal"]), len(self.nodes), self.nodes_of(body)
+        own = self.nodes_of(body)
         if own.size * len(self.times) > MAX_COURSE:
             raise EarlierRunError(f"{len(self.times)} frames of {own.size} nodes are more than {MAX_COURSE} values",
                                   "Keep fewer frames (output.fields) in that run.")
-        with _opened(path) as f:
-            data = _dataset(f, "VTKHDF/PointData/T", "f", 1)
+        return self._frames(body, range(len(self.times)))
+
+    def _frames(self, body: str, frames: Sequence[int]) -> Floats:
+        """Temperatures (k, n) [K] of a body's nodes in some frames."""
+        path, n, own = self.path.with_name(self.field_files["thermal"]), len(self.nodes), self.nodes_of(body)
+        with opened(path) as f:
+            data = dataset(f, "VTKHDF/PointData/T", "f", 1)
             if len(data) != n * len(self.times):
                 raise EarlierRunError(f"{path.name} has {len(data)} values of T for {n} nodes and "
                                       f"{len(self.times)} frames")
-            T = np.array([data[k * n:(k + 1) * n][own] for k in range(len(self.times))], dtype=np.float64)
-        if not np.isfinite(T).all() or not (T > 0.0).all():
-            raise EarlierRunError(f"{path.name}: T is not above absolute zero everywhere")
+            T = np.array([data[k * n:(k + 1) * n][own] for k in frames], dtype=np.float64)
+        if not np.isfinite(T).all():
+            raise EarlierRunError(f"{path.name}: T is not finite everywhere")
+        if not (T > 0.0).all():
+            raise EarlierRunError(f"{path.name}: body {body!r} reaches {T.min():g} K")
         return T
 
 
@@ -126,29 +125,31 @@ def earlier_run(path: Path) -> EarlierRun:
     """Read what a results file says of itself.  Raises EarlierRunError where it cannot be used, with what to do."""
     if not path.is_file():
         raise EarlierRunError(f"there is no file {path}", "Paths are relative to the scenario file.")
-    with _opened(path) as f:
+    with opened(path) as f:
         if f.attrs.get("format") != RUN_FORMAT or f.attrs.get("version") != RUN_VERSION:
             raise EarlierRunError(f"{path.name} is not the results file of a run", "Give the run.h5 of a run.")
         if "mesh" not in f:
             raise EarlierRunError(f"{path.name} was written by a version that kept no mesh in it", "Run it again.")
         header = _header(f, path)
-        mesh = {name: _small(_dataset(f, f"mesh/{name}", kind, dim)) for name, kind, dim in (
+        mesh = {name: _small(dataset(f, f"mesh/{name}", kind, dim)) for name, kind, dim in (
             ("nodes", "f", 2), ("quads", "i", 2), ("triangles", "i", 2), ("quad_body", "i", 1),
             ("triangle_body", "i", 1))}
         outcome = str(f.attrs.get("outcome"))
     _fits(path, header, mesh)
     files = {half: _beside(path, header["field_files"].get(half)) for half in ("thermal", "mechanical")}
-    with _opened(path.with_name(files["thermal"])) as f:
-        times = _small(_dataset(f, "VTKHDF/Steps/Values", "f", 1)).astype(np.float64)
+    with opened(path.with_name(files["thermal"])) as f:
+        times = _small(dataset(f, "VTKHDF/Steps/Values", "f", 1)).astype(np.float64)
     if not times.size or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise EarlierRunError(f"{path.name} has no frames in order of time")
     whole = {name: mesh[name].astype(np.int64) for name in ("quads", "triangles", "quad_body", "triangle_body")}
-    return EarlierRun(path, files, tuple(header["bodies"]), outcome, times, mesh["nodes"].astype(np.float64), **whole)
+    pairs = tuple(str(pair["name"]) for pair in header.get("pairs", ()))
+    return EarlierRun(path, files, tuple(header["bodies"]), pairs, outcome, times, mesh["nodes"].astype(np.float64),
+                      **whole)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
-    """An HDF5 file, while the block lasts."""
+def opened(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file, while the block lasts.  Raises EarlierRunError, whatever goes wrong with it in the block."""
     if not path.is_file():
         raise EarlierRunError(f"there is no file {path}", "Keep the field files of a run beside its results file.")
     try:
@@ -183,8 +184,11 @@ def _beside(path: Path, name: object) -> str:
     return name
 
 
-def _dataset(f: h5py.File, name: str, kind: str, dim: int) -> h5py.Dataset:
-    """A dataset that lies in the file itself, of numbers of a kind, and of no more rows than a mesh may have."""
+def dataset(f: h5py.File, name: str, kind: str, dim: int) -> h5py.Dataset:
+    """Find a dataset that lies in the file itself, of numbers of a kind (numpy's letter) in so many dimensions.
+
+    Raises EarlierRunError.
+    """
     group: Any = f
     for part in name.split("/"):
         if not isinstance(group, h5py.Group) or part not in group:

@@ -40,6 +40,9 @@ from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.versions import notice, with_old_defaults
+from coupler.scenario.warm import TakenMechanics
+
+Taken = TakenStart | TakenCourse | TakenMechanics
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class Scenario:
     output: Output
     rules: tuple[Rule, ...] = ()
     version_notes: tuple[str, ...] = ()
-    starts: Mapping[str, TakenStart | TakenCourse] = field(default_factory=dict)
+    starts: Mapping[str, Taken] = field(default_factory=dict)
     stated: ScenarioFile | None = None
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
 
@@ -283,12 +286,13 @@ def problems_of(c: Context) -> dict[str, Part]:
     return problems
 
 
-def _taken(scene: Scene) -> dict[str, TakenStart | TakenCourse]:
+def _taken(scene: Scene) -> dict[str, Taken]:
     """All that came from other runs."""
-    return {**scene.starts, **{f"{body} over time": course for body, course in scene.courses.items()}}
+    return {**scene.starts, **{f"{body} over time": course for body, course in scene.courses.items()},
+            **{f"{body} mechanics": taken for body, taken in scene.mechanics.items()}}
 
 
-def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, TakenStart | TakenCourse]) -> str:
+def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, Taken]) -> str:
     """Of the values, not the text: comments, the order of keys and a study change no result.
 
     Mesh files, FMUs and the results that bodies start from do.

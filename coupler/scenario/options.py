@@ -220,6 +220,16 @@ class Adaptive:
     tolerance: ErrorTolerances = field(default_factory=ErrorTolerances)
 
 
+class OnUnstable(Enum):
+    """What follows where windows were measured to make more of a disturbance that turns round, or to ring."""
+
+    AUTO = "auto"  # put the window back and cut or iterate, whichever takes fewer solves
+    CUT = "cut"  # put the window back and make windows short enough
+    ITERATE = "iterate"  # put the window back and iterate it and those that follow
+    WARN = "warn"  # say so
+    STOP = "stop"  # end the run with an error
+
+
 class OnCycle(Enum):
     """What follows when a quantity goes up and down from window to window because of the exchange."""
 

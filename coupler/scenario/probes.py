@@ -15,6 +15,7 @@ from coupler.scenario.mesh import Floats, Ints
 from coupler.scenario.problems import NEAREST
 from coupler.scenario.scene import Context, surface_key
 from coupler.scenario.schema import Place, ProbeSpec
+from coupler.scenario.transfer import SLACK, shapes_at
 
 UNITS = {"T": "K", "u_x": "m", "u_y": "m", "gap": "m", "p": "Pa", "f_s": "1"}
 """Quantities of the exchange, whose units the border fixes; of any other output its half says the unit."""
@@ -230,10 +231,6 @@ def _node_areas(interface: Interface, edges: Ints) -> Floats:
 # Places of a mesh: which cell a point lies in, with what weights its nodes make up the value there or the mean over a
 # body.
 
-# A point this far outside a cell, as a share of its size, still counts as inside: points on edges, round-off.
-SLACK = 1e-9
-NEWTON_STEPS = 30
-
 
 def locate(interface: Interface, body: str, at: Floats) -> tuple[Ints, Floats] | None:
     """Return the nodes (n,) and weights (n,) [1] of a point of a body's reference mesh; None where it is off the mesh.
@@ -251,10 +248,11 @@ def locate(interface: Interface, body: str, at: Floats) -> tuple[Ints, Floats] |
         x = interface.nodes[own]
         low, high = x.min(axis=1), x.max(axis=1)
         slack = SLACK * (high - low).max(axis=1, keepdims=True)
-        for cell in np.flatnonzero(((at >= low - slack) & (at <= high + slack)).all(axis=1)):
-            weights = _quad_weights(x[cell], at) if x.shape[1] == 4 else _triangle_weights(x[cell], at)
-            if weights is not None and weights.min() >= -SLACK:
-                return _cleaned(own[cell], weights)
+        near = np.flatnonzero(((at >= low - slack) & (at <= high + slack)).all(axis=1))
+        N = shapes_at(x[near], np.tile(at, (len(near), 1)))
+        inside = np.flatnonzero(N.min(axis=1) >= -SLACK)
+        if inside.size:
+            return _cleaned(own[near[inside[0]]], N[inside[0]])
     return None
 
 
@@ -262,32 +260,6 @@ def _cleaned(nodes: Ints, weights: Floats) -> tuple[Ints, Floats]:
     kept = weights > SLACK
     # fault: probe takes the first node of its cell -> return nodes[kept][:1], np.ones(1) | coupler/test_scenario_probes
     return nodes[kept], weights[kept] / weights[kept].sum()
-
-
-def _triangle_weights(x: Floats, at: Floats) -> Floats:
-    """(3,) barycentric coordinates."""
-    edges = (x[1:] - x[0]).T
-    b = np.linalg.solve(edges, at - x[0])
-    return np.array([1.0 - b.sum(), *b])
-
-
-def _quad_weights(x: Floats, at: Floats) -> Floats | None:
-    """(4,) bilinear shape functions at a point, by Newton on the map from the unit square; None: outside."""
-    xi = np.full(2, 0.5)
-    size = float(np.ptp(x, axis=0).max())
-    for _ in range(NEWTON_STEPS):
-        a, b = xi
-        N = np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
-        miss = at - N @ x
-        if np.abs(miss).max() <= 1e-14 * size:
-            return N
-        dN = np.array([[b - 1, 1 - b, b, -b], [a - 1, -a, a, 1 - a]])
-        J = (dN @ x).T
-        if abs(np.linalg.det(J)) < 1e-30 * size**2:
-            return None
-        xi = np.clip(xi + np.linalg.solve(J, miss), -1.0, 2.0)
-    # Round-off may keep the last digits from settling; a point not reached lies outside.
-    return N if np.abs(miss).max() <= SLACK * size else None
 
 
 GAUSS = 1 / np.sqrt(3)

@@ -34,7 +34,7 @@ from contact.problem.mechanical import (
     RigidProblem,
     RodProblem,
 )
-from contact.problem.pairs import PairData
+from contact.problem.pairs import Augmented, ContactPair, PairData
 from contact.problem.part import Part, properties_in
 from contact.problem.start import AtNodes, Course, FromFrames
 from contact.problem.thermal import (
@@ -252,9 +252,22 @@ def _elastic(s: Stated, half: str) -> ElasticProblem:
                  for name, material in _share(s, keys).items()}
     return _as(ElasticProblem, _as(ElasticSettings, elastic, boundary=_stood(s, elastic.boundary)), half=half,
                format=FORMAT, materials=materials, bodies={n: _elastic_body(s, n, elastic) for n in s.file.bodies},
-               # fault: augmentation lost on the way -> pairs={n: _made(PairData) for n, p in s.pairs.items()}) |
+               # fault: augmentation lost on the way -> pairs={n: _made(PairData) for n in s.pairs}) |
                #   coupler/test_scenario_contact
-               pairs={n: _made(PairData, augmented=p.augmented) for n, p in s.pairs.items()})
+               pairs={n: _made(PairData, augmented=_augmented(s, p, elastic)) for n, p in s.pairs.items()})
+
+
+def _augmented(s: Stated, pair: ContactPair, elastic: Elastic) -> Augmented | None:
+    """How the penetration of a pair is driven out: as it says, and where it says nothing by the default.
+
+    With inertia contact is a spring of the motion unless a pair says otherwise: what collides has no steady pressure.
+    """
+    if "augmented" in pair.model_fields_set or elastic.inert:
+        return pair.augmented
+    # All pairs of a scene settle by one method: where others state one, it is theirs.
+    stated = [other.augmented.method for other in s.pairs.values() if other.augmented is not None]
+    # fault: contact is as soft as its penalty unless told -> return pair.augmented | coupler/test_penalties
+    return Augmented(method=stated[0]) if stated else Augmented()
 
 
 def _elastic_body(s: Stated, name: str, elastic: Elastic) -> ElasticBody:
@@ -410,6 +423,11 @@ def _of_mechanical(s: Stated, problems: Problems) -> Iterator[Wrong]:
         yield from checks.rigid_wrongs(problem, s.interface)
     elif isinstance(problem, RodProblem):
         yield from _rectangles(s, "mechanical")
+        for name, pair in s.file.contact.items():
+            for key in ("clearance", "interference"):
+                if getattr(pair, key) is not None:
+                    yield Wrong(("pairs", name, key), "the mechanical half `rod` finds its gaps from its lengths alone",
+                                "Draw the gap, or choose the half elastic.")
         for name, body in s.file.bodies.items():
             if body.regions:
                 yield Wrong(("bodies", name, "regions"), "the mechanical half `rod` has no regions",

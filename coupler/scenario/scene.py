@@ -9,32 +9,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.functions import property_from
 from contact.half.interface import Interface, Pair
-from contact.half.start import START_T, mean_start
+from contact.half.start import START_T
 from contact.problem.pairs import ContactForm, ContactPair
 from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, DocumentErrors, Key
+from coupler.scenario.fits import offsets_of
 from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshError, file_mesh, rectangle_mesh
-from coupler.scenario.problems import NEAREST, ROOM, stated_start
+from coupler.scenario.penalties import largest_penalty, stiffness_of
+from coupler.scenario.problems import NEAREST, ROOM
 from coupler.scenario.regions import regions_of
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart, courses_of, starts_of
+from coupler.scenario.warm import TakenMechanics, mechanics_of, start_arrays
 
 
 @dataclass(frozen=True)
 class Scene:
     """interface : the mesh.  points : name -> (body, (2,) [m]), named places with or without a node.
 
-    starts : what bodies took over from other runs, by body; courses : what they are given over time.
+    starts, mechanics : what bodies took over from other runs, by body; courses : what they are given over time.
     """
 
     interface: Interface
     points: Mapping[str, tuple[str, Floats]]
     starts: Mapping[str, TakenStart]
     courses: Mapping[str, TakenCourse]
+    mechanics: Mapping[str, TakenMechanics]
 
 
 def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> Scene:
@@ -78,7 +81,11 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
     )
     if regions is not None:
         bare = replace(bare, regions=regions.names, quad_region=regions.quads, triangle_region=regions.triangles)
-    return Scene(replace(bare, pairs=_pairs(document, file, bare, found)), points, starts, courses)
+    bare = replace(bare, stiffness=stiffness_of(file, bare, dict(parts_of(file))))
+    bare = replace(bare, pairs=_pairs(document, file, bare, found))
+    bare = replace(bare, offset=offsets_of(document, file, bare, found))
+    arrays, mechanics = start_arrays(mechanics_of(document, file, meshes, found), bare)
+    return Scene(replace(bare, start=bare.start | arrays), points, starts, courses, mechanics)
 
 
 def parts_of(file: ScenarioFile) -> list[tuple[str, MeshedBody]]:
@@ -162,42 +169,18 @@ def _pair(document: Document, file: ScenarioFile, name: str, interface: Interfac
             raise document.error(
                 ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}"
             )
-    eps_N = _penalty(document, file, name, interface)
+    local = pair.penalty == "auto"
+    eps_N = largest_penalty(interface, slave, master) if local else float(pair.penalty)
+    if local and not eps_N > 0.0 and {slave, master} <= interface.stiffness.keys():
+        raise document.error(("contact", name, "penalty"), "E is not positive at T0, so there is no penalty",
+                             "State the penalty as a number [Pa/m].")
     return Pair(name, slave, master, pair.gap_max, eps_N, mu=pair.mu, eps_T=_stick(pair),
-                two_pass=pair.two_pass, by_node=pair.form is ContactForm.NODES)
+                two_pass=pair.two_pass, by_node=pair.form is ContactForm.NODES, local=local and eps_N > 0.0)
 
 
 def _stick(pair: ContactPair) -> float:
     """eps_T [Pa/m], 0 for that of the penalty."""
     return 0.0 if pair.friction is None or pair.friction.stick == "auto" else float(pair.friction.stick)
-
-
-def _penalty(document: Document, file: ScenarioFile, name: str, interface: Interface) -> float:
-    """eps_N [Pa/m]: as given, or E/h with h the mean slave edge and E the smaller of the bodies' at their T0.
-
-    A pair of which a body has no E needs none: no half solves for its stress.
-    """
-    pair = file.contact[name]
-    if pair.penalty != "auto":
-        return float(pair.penalty)
-    stiffness = []
-    parts = parts_of(file)
-    for surface in (pair.slave, pair.master):
-        edges = interface.surfaces[surface]
-        of_edge = interface.edge_parts(edges)
-        for k in np.unique(of_edge):
-            material = file.materials.get(parts[k][1].material)
-            if material is None or material.E is None:
-                return 0.0
-            T = mean_start(stated_start(parts[k][1].T0), interface, np.unique(edges[of_edge == k]))
-            stiffness.append(float(property_from(material.E)(np.array([T]))[0]))
-    ends = interface.nodes[interface.surfaces[pair.slave]]
-    h = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
-    if min(stiffness) <= 0:
-        raise document.error(("contact", name, "penalty"), "E is not positive at T0, so E/h is no penalty",
-                             "State the penalty as a number [Pa/m].")
-    # fault: penalty from the stiffer body -> return max(stiffness) / h | coupler/test_scenario_load
-    return min(stiffness) / h
 
 
 # One scenario while it is checked.

@@ -15,9 +15,7 @@ from coupler.scenario.document import Document, DocumentErrors, Key
 from coupler.scenario.earlier_run import EarlierRun, EarlierRunError, earlier_run
 from coupler.scenario.mesh import BodyMesh, Floats
 from coupler.scenario.schema import ScenarioFile
-from coupler.scenario.transfer import BodyNodes, Moved, moved
-
-AHEAD = 1e-12  # of a time: a frame this near is meant
+from coupler.scenario.transfer import BodyNodes, Moved, frames_around, moved
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ def courses_of(document: Document, file: ScenarioFile, meshes: Mapping[str, Body
 
 
 def _course(document: Document, name: str, spec: FromFrames, mesh: BodyMesh, key: Key, end: float) -> TakenCourse:
-    path, there = (document.path.parent / spec.path).resolve(), spec.body or name
+    path, there = run_path(spec, document.path.parent), spec.body or name
     try:
         run = earlier_run(path)
         if there not in run.bodies:
@@ -98,7 +96,7 @@ def _course(document: Document, name: str, spec: FromFrames, mesh: BodyMesh, key
                                             "sha256": run.sha256, "outcome": run.outcome, "worst": result.worst})
 
 
-def run_path(spec: FromRun, folder: Path) -> Path:
+def run_path(spec: FromRun | FromFrames, folder: Path) -> Path:
     """Where the results file is: paths are relative to the scenario's folder."""
     return (folder / spec.path).resolve()
 
@@ -122,10 +120,7 @@ def _taken(document: Document, name: str, spec: FromRun, mesh: BodyMesh, runs: d
         raise document.error((*key, "t"), str(exc), exc.remedy) from exc
     target = BodyNodes(mesh.nodes, mesh.quads, mesh.triangles)
     try:
-        T = run.field("thermal", "T", t)[run.nodes_of(there)]
-        if not (T > 0.0).all():
-            raise EarlierRunError(f"{path.name}: body {there!r} reaches {T.min():g} K")
-        result = moved(T, run.mesh_of(there), target)
+        result = moved(run.temperatures(there, t), run.mesh_of(there), target)
     except (EarlierRunError, ValueError) as exc:
         raise document.error((*key, "from"), f"body {there!r} of {path.name} cannot be taken over: {exc}",
                              getattr(exc, "remedy", "")) from exc
@@ -139,7 +134,7 @@ def _sentence(name: str, there: str, path: str, t: float, run: EarlierRun, resul
     said = f"body {name} starts from {path}" + (f", body {there}," if there != name else "") + f" at {t:.9g} s"
     if run.outcome != "completed":
         said += f" (that run ended early: {run.outcome})"
-    between = [f"{run.times[k]:.9g}" for k in _beside(run.times, t)]
+    between = [f"{run.times[k]:.9g}" for k, _ in frames_around(run.times, t)]
     if len(between) == 2:
         said += f", between its frames at {between[0]} and {between[1]} s"
     if result.same:
@@ -150,11 +145,3 @@ def _sentence(name: str, there: str, path: str, t: float, run: EarlierRun, resul
         said += (f"; {result.outside} node{'s' * (result.outside > 1)} lie{'s' * (result.outside == 1)} up to "
                  f"{result.farthest:.3g} m outside the mesh there and take the value of its edge")
     return said
-
-
-def _beside(times: Floats, t: float) -> tuple[int, ...]:
-    k = int(np.argmin(np.abs(times - t)))
-    if abs(times[k] - t) <= AHEAD * max(abs(t), 1.0):
-        return (k,)
-    after = int(np.searchsorted(times, t))
-    return (after - 1, after)

@@ -10,7 +10,7 @@ from typing import Any
 
 from coupler.scenario.coupling_schema import CouplingSpec, Windows
 from coupler.scenario.document import Document, Key
-from coupler.scenario.options import Adaptive, Iteration, OnCycle, Scheme, WindowRange
+from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme, WindowRange
 from coupler.scenario.schema import OutputSpec
 
 # More windows than this is a misplaced decimal point: a run of days that nobody meant.
@@ -45,6 +45,7 @@ class CouplingOptions:
     on_cycle: OnCycle = OnCycle.NOTE
     steady: float = 0.0
     branches: bool = False
+    on_unstable: OnUnstable = OnUnstable.AUTO
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> CouplingOptions:
@@ -52,7 +53,7 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     for i, t in enumerate(spec.kinks):
         if t < 0:
             raise document.error(("coupling", "kinks", i), "a kink cannot lie before the run begins, at 0 s")
-    adaptive = spec.adaptive.sizes(spec.end) if spec.adaptive is not None else None
+    adaptive = spec.sized.sizes(spec.end) if spec.sized is not None else None
     windows = ((WindowRange(spec.end, spec.end, spec.end),) if spec.windows is None
                else _ranges(document, spec.windows, spec.end))
     # fault: unused signals make kinks -> times: Iterable[float] = (*spec.kinks, *kinks_in(models), 7.0) |
@@ -68,7 +69,8 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
         # fault: iteration of a scenario not handed on -> Iteration(), adaptive, | coupler/test_scenario_iteration
         spec.iteration, adaptive,
         adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
-        spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches)
+        spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches,
+        spec.on_unstable)
 
 
 def kinks_in(model: Any) -> Iterator[float]:
@@ -100,7 +102,7 @@ def _tables_in(model: Any) -> Iterator[list[float]]:
 
 def _on_cycle(spec: CouplingSpec) -> OnCycle:
     """Fixed windows of a stated scheme are what somebody asked for: they are not changed unasked."""
-    free = spec.adaptive is not None or spec.scheme is Scheme.AUTO
+    free = spec.sized is not None or spec.scheme is Scheme.AUTO
     return OnCycle.ITERATE if free else OnCycle.NOTE
 
 

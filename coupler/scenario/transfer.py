@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from contact.half.outlines import outline
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
 
@@ -63,7 +65,7 @@ def transfer(mesh: BodyNodes, points: Floats) -> Transfer:
         point = np.array([p for f in found for p in f], dtype=np.intp)
         if not point.size:
             continue
-        N = (_in_quads if x.shape[1] == 4 else _in_triangles)(x[cell], points[point])
+        N = shapes_at(x[cell], points[point])
         inner = N.min(axis=1)
         # The best of a point's cells: the deepest inside, which comes last.
         order = np.lexsort((inner, point))
@@ -76,11 +78,19 @@ def transfer(mesh: BodyNodes, points: Floats) -> Transfer:
     outside = np.zeros(len(points))
     off = np.flatnonzero(~(depth >= -SLACK))
     if off.size:
-        edges = _outline(mesh)
+        edges = outline(mesh.quads, mesh.triangles)
         for part in np.array_split(off, max(1, off.size * len(edges) // AT_ONCE)):
             nodes[part], weights[part], outside[part] = _nearest(mesh.nodes, edges, points[part])
     weights = np.clip(weights, 0.0, None)
     return Transfer(nodes, weights / weights.sum(axis=1, keepdims=True), outside)
+
+
+def shapes_at(x: Floats, at: Floats) -> Floats:
+    """Compute the shape functions (p, 3) or (p, 4) of cells x : (p, 3, 2) or (p, 4, 2) [m] at points at : (p, 2) [m].
+
+    Outside its cell a point has some below 0.
+    """
+    return _in_quads(x, at) if x.shape[1] == 4 else _in_triangles(x, at)
 
 
 def _in_triangles(x: Floats, at: Floats) -> Floats:
@@ -113,14 +123,6 @@ def _in_quads(x: Floats, at: Floats) -> Floats:
 
 def _bilinear(a: Floats, b: Floats) -> Floats:
     return np.stack([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b], axis=1)
-
-
-def _outline(mesh: BodyNodes) -> Ints:
-    """(n_edges, 2) the edges of the mesh that one cell has."""
-    edges = np.concatenate([np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2)
-                            for cells in (mesh.quads, mesh.triangles)])
-    _, first, times = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
-    return np.asarray(edges[first[times == 1]])
 
 
 def _nearest(nodes: Floats, edges: Ints, points: Floats) -> tuple[Ints, Floats, Floats]:

@@ -14,7 +14,9 @@ from contact.problem.curves import Form, PropertyTable
 from contact.problem.laws import Table
 from contact.problem.part import Part
 from coupler.errors import ScenarioError
+from coupler.scenario.coupling_schema import CouplingSpec
 from coupler.scenario.document import Key, dotted
+from coupler.scenario.options import Scheme
 from coupler.scenario.schema import VERSION, ScenarioFile
 
 # The JSON Schema of a scenario, so that editors complete and check its keys.
@@ -64,8 +66,13 @@ def _bends(table: Any) -> bool:
 
 # version -> class of a mapping -> what it means there.
 DEFAULTS: Mapping[int, Mapping[type[Part], Default]] = {
-    # fault: tables of version 1 read as linear -> 1: {}, | coupler/test_scenario_versions
-    1: {PropertyTable: Default("form", Form.CUBIC, _bends), Table: Default("form", Form.CUBIC, _bends)},
+    1: {
+        # fault: tables of version 1 read as linear -> **{}, | coupler/test_scenario_versions
+        PropertyTable: Default("form", Form.CUBIC, _bends),
+        Table: Default("form", Form.CUBIC, _bends),
+        # fault: files of version 1 run by today's scheme -> **{}, | coupler/test_defaults
+        CouplingSpec: Default("scheme", Scheme.STAGGERED, lambda coupling: True),
+    },
 }
 
 
@@ -99,7 +106,7 @@ def _unsaid(part: Part, defaults: Mapping[type[Part], Default]) -> bool:
 def unsaid(file: ScenarioFile) -> list[tuple[Key, str, str]]:
     """List what the file leaves to its version and would read otherwise today: place, key, value."""
     defaults = DEFAULTS.get(file.slideline, {})
-    return [(at, defaults[type(part)].key, str(defaults[type(part)].value)) for at, part in _parts(file, ())
+    return [(at, defaults[type(part)].key, defaults[type(part)].value.value) for at, part in _parts(file, ())
             if _unsaid(part, defaults)]
 
 
@@ -120,10 +127,14 @@ def notice(file: ScenarioFile, name: str) -> list[str]:
     """Say in a sentence that a file is of an older version, and what that means for it."""
     if file.slideline == VERSION:
         return []
-    n = len(unsaid(file))
-    means = f", so {n} table{'s' * (n > 1)} without `form` {'are' if n > 1 else 'is'} read as cubic" if n else ""
-    return [f"{name} is of version {file.slideline} of the scenario form{means}; `slideline migrate {name}` writes "
-            f"version {VERSION} with the same numbers"]
+    keys = [key for _, key, _ in unsaid(file)]
+    n, means = keys.count("form"), []
+    if n:
+        means.append(f"{n} table{'s' * (n > 1)} without `form` {'are' if n > 1 else 'is'} read as cubic")
+    if "scheme" in keys:
+        means.append("the scheme that `coupling` does not name is `staggered`")
+    return [f"{name} is of version {file.slideline} of the scenario form{', so ' * bool(means)}{' and '.join(means)}; "
+            f"`slideline migrate {name}` writes version {VERSION} with the same numbers"]
 
 
 def migrated(text: str, file: ScenarioFile) -> str:
@@ -136,7 +147,7 @@ def migrated(text: str, file: ScenarioFile) -> str:
     for at, key, value in unsaid(file):
         node = _node(root, at)
         if not isinstance(node, MappingNode):
-            raise ScenarioError("this table cannot be found in the text", key=dotted(at), remedy=f"Add {key}: {value}.")
+            raise ScenarioError("this place cannot be found in the text", key=dotted(at), remedy=f"Add {key}: {value}.")
         if node.flow_style:
             end = node.end_mark.index - 1
             edits[end] = (end, f", {key}: {value}")

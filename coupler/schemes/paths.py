@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from contact.half.turns import turn_between
+
 Array = NDArray[np.float64]
 Bodies = NDArray[np.int32]
 
@@ -30,7 +32,7 @@ def carried_along(x: Array, earlier: Array, later: Array, w: float, bodies: Bodi
         a, b = earlier[here], later[here]
         middle, to = a.mean(axis=0), b.mean(axis=0)
         p, q = a - middle, b - to
-        angle = float(np.arctan2((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum(), (p * q).sum()))
+        angle = turn_between(p, q)
         if abs(angle) < STRAIGHT:
             continue
         if angle < HALF_TURN - 2.0 * np.pi:

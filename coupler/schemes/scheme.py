@@ -42,19 +42,62 @@ BOTH_ENDS = Exchanged(Sees.BOTH_ENDS, 2)
 
 
 @dataclass(frozen=True)
+class OfLevels:
+    """Of which temperatures something was made, as shares of them.
+
+    past : of T at the start of the window, at the start of the one before, ...  end : of T at its end.
+    """
+
+    past: tuple[float, ...]
+    end: float = 0.0
+
+
+@dataclass(frozen=True)
 class Exchange:
     """How each quantity crosses (see above)."""
 
     geometry: Exchanged
     temperature: Exchanged
     heat: Exchanged
+    friction: Exchanged | None = None  # that of friction, where it crosses in another way than other heat
 
-    def order(self, heat: bool) -> int:
-        """The order of a run: the least of what crosses.  heat : whether the mechanical half makes any."""
+    def order(self, heat: bool, friction: bool = False) -> int:
+        """The order of a run: the least of what crosses.  heat, friction : whether the mechanical half makes any.
+
+        heat : other than by friction.
+        """
+        if friction and not heat and self.friction is not None:
+            return min(self.geometry.order, self.temperature.order, self.friction.order)
+        heat = heat or friction
         orders = (self.geometry.order, self.temperature.order, self.heat.order)
         # fault: heat that is delivered a window late keeps the order of the geometry -> return min(orders[:2]) |
         #   coupler/test_scheme_table
         return min(orders if heat else orders[:2])
+
+    def geometry_of(self, extrapolated: tuple[float, ...]) -> OfLevels:
+        """Return the temperatures that x and t_N of the middle of a window belong to.
+
+        extrapolated : shares of the levels behind, the newest first, where the geometry is extrapolated past them.
+        """
+        late = (0.0,) if self.temperature.sees is Sees.START else ()
+        match self.geometry.sees:
+            case Sees.START:
+                return OfLevels((*late, 1.0))
+            case Sees.PAST:
+                # fault: an alternation is seen once whatever the scheme extrapolates -> return OfLevels((*late, 1.0)) |
+                #   coupler/test_gain
+                return OfLevels((*late, *extrapolated))
+            case Sees.BOTH_ENDS:
+                return OfLevels((0.5, 0.5)) if late else OfLevels((0.5,), 0.5)
+            case Sees.END:
+                return OfLevels((1.0,)) if late else OfLevels((0.0,), 1.0)
+
+    @property
+    def heat_of(self) -> OfLevels:
+        """The temperatures between which the heat was made that is delivered in a window."""
+        late = (self.temperature.sees is Sees.START) + (self.heat.sees is Sees.START)
+        # fault: heat that comes a window late is taken to come at once -> late = 0 | coupler/test_instability
+        return OfLevels((-1.0,), 1.0) if late == 0 else OfLevels((*[0.0] * (late - 1), 1.0, -1.0))
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def solve_parallel(w: WindowTask) -> Solved:
 def solve_extrapolated(w: WindowTask) -> Solved:
     """Solves a window: thermal on x and t_N extrapolated past the last levels, then mechanics.  Raises DiscardError."""
     slope = extrapolated_slope(w.state.now, w.state.past, w.span.end, w.extrapolation)
-    swept = thermal_first(w.halves, w.state, w.span, slope)
+    swept = thermal_first(w.halves, w.state, w.span, slope, ahead=bool(w.state.past))
     return swept.solved(w.state, Scheme.EXTRAPOLATED, extrapolation=w.extrapolation)
 
 
@@ -61,7 +61,8 @@ MECHANICAL_FIRST = CouplingScheme(Scheme.MECHANICAL_FIRST, solve_mechanical_firs
                                   {Seen.MIDDLE: Exchange(BOTH_ENDS, HELD, BOTH_ENDS)})
 PARALLEL = CouplingScheme(Scheme.PARALLEL, solve_parallel, {Seen.MIDDLE: Exchange(HELD, HELD, HELD)})
 EXTRAPOLATING = CouplingScheme(Scheme.EXTRAPOLATED, solve_extrapolated,
-                               {Seen.MIDDLE: Exchange(EXTRAPOLATED, BOTH_ENDS, HELD)}, alternating_gain=2.0)
+                               {Seen.MIDDLE: Exchange(EXTRAPOLATED, BOTH_ENDS, HELD, EXTRAPOLATED)},
+                               alternating_gain=2.0)
 
 
 # The scheme `along_heat`: x and t_N are extrapolated along the heat the bodies store, not along time.
@@ -118,8 +119,8 @@ def solve_along_heat(w: WindowTask) -> Solved:
     if state.before is not None and now.heat is not None:
         before = replace(state.before, heat=_heat_stored(state.before, len(now.heat)))
         rate = (now.heat - _heat_stored(before)) / (now.t - before.t)
-        return thermal_first(halves, state, span, Lead(now, before, now, rate, halves.bodies)).solved(
-            state, Scheme.ALONG_HEAT)
+        lead = Lead(now, before, now, rate, halves.bodies)
+        return thermal_first(halves, state, span, lead, ahead=True).solved(state, Scheme.ALONG_HEAT)
     swept = thermal_first(halves, state, span, None)
     for _ in range(1, FIRST_PASSES):
         w.roll_back("a first window is solved again")
@@ -143,7 +144,8 @@ def _heat_stored(level: Level, n: int = 0) -> Array:
 
 
 ALONG_HEAT = CouplingScheme(Scheme.ALONG_HEAT, solve_along_heat,
-                            {Seen.MIDDLE: Exchange(EXTRAPOLATED, BOTH_ENDS, HELD)}, needs_states=True)
+                            {Seen.MIDDLE: Exchange(EXTRAPOLATED, BOTH_ENDS, HELD, EXTRAPOLATED)},
+                            needs_states=True)
 
 
 # The scheme `adiabatic`: mechanics at frozen entropy, then thermal from the temperatures that leaves.

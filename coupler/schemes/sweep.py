@@ -19,6 +19,7 @@ from coupler.schemes.state import (
     MOVED,
     NO_WORK,
     PREFIX,
+    Accounts,
     CoupledState,
     EnergyAccount,
     Halves,
@@ -28,6 +29,7 @@ from coupler.schemes.state import (
     Verdict,
     Work,
     delivered,
+    due,
     share_of,
     with_made,
 )
@@ -57,7 +59,7 @@ class Pass:
 
     work : of this pass and of those before it in the window.
     terms : the heat terms of each thermal substep [J].  made : block -> energies the mechanical half made [J].
-    told : every other number it was asked for (NAME, NAME[1]).
+    told : every other number it was asked for (NAME, NAME[1]).  accounts : of heat, after a thermal pass.
     """
 
     side: str
@@ -67,6 +69,7 @@ class Pass:
     terms: tuple[Mapping[str, float], ...] = ()
     made: Mapping[str, Array] = field(default_factory=dict)
     told: Mapping[str, float] = field(default_factory=dict)
+    accounts: Accounts = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -94,13 +97,14 @@ class Leading(Protocol):
 
 
 def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope: Slope | Leading | None, done: Work,
-                 at_end: bool = False) -> Pass:
+                 at_end: bool = False, ahead: float | None = None) -> Pass:
     """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once.
 
     times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
-    done : the work before.  Raises DiscardError.
+    done : the work before.  ahead : as of coupler.schemes.state.due.  Raises DiscardError.
     """
     H, sent, work = times[-1] - times[0], state.sent, done
+    handed = due(state.accounts, ahead)
     terms: list[dict[str, float]] = []
     outputs: Mapping[str, Array] = {}
     told: Mapping[str, float] = {}
@@ -114,14 +118,14 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
         # fault: a rule's inputs do not reach the thermal half -> inputs = { | coupler/test_rules
         # fault: inputs of the settings do not reach the half -> inputs = {**{}, | coupler/test_control
         inputs = {**_given(halves, "thermal"),
-                  # fault: mechanical heat delivered twice -> "x": x, "contact.t_N": t_N, **share_of(state.accounts,
+                  # fault: mechanical heat delivered twice -> "x": x, "contact.t_N": t_N, **share_of(handed,
                   #   1.0, t0 == times[0]), | coupler/test_coupling
                   # fault: conductance that never hears of the pressure -> "x": x, "contact.t_N": 0.0 * t_N,
-                  #   **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]), | scenarios/test_contact_rods
+                  #   **share_of(handed, (t1 - t0) / H, t0 == times[0]), | scenarios/test_contact_rods
                   #   scenarios/test_contact_two_way
                   # fault: the thermal half never hears that bodies move -> "contact.t_N": t_N,
-                  #   **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]), | scenarios/test_sealed_container_fire
-                  "x": x, "contact.t_N": t_N, **share_of(state.accounts, (t1 - t0) / H, t0 == times[0]),
+                  #   **share_of(handed, (t1 - t0) / H, t0 == times[0]), | scenarios/test_sealed_container_fire
+                  "x": x, "contact.t_N": t_N, **share_of(handed, (t1 - t0) / H, t0 == times[0]),
                   "control.event": np.array(float(state.events))}
         answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
         if answer.status is not Status.OK:
@@ -129,7 +133,8 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
         outputs, work = answer.outputs, work.plus(cost)
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX) or n == MOVED})
         told = _told(told, outputs)
-    return Pass("thermal", outputs, sent, work, tuple(terms), told=told)
+    return Pass("thermal", outputs, sent, work, tuple(terms), told=told,
+                accounts=delivered(state.accounts, handed, halves.thermal.blocks))
 
 
 def _stored(terms: list[dict[str, float]], times: list[float]) -> tuple[Array, Array | None]:
@@ -225,7 +230,10 @@ def _same(a: Array | None, b: Array) -> bool:
 
 @dataclass(frozen=True)
 class Swept:
-    """Both halves taken over a window once.  level : at its end.  accounts : after it."""
+    """Both halves taken over a window once.  level : at its end.  accounts : after it.
+
+    made : block -> energies the mechanical half made in it [J].
+    """
 
     level: Level
     accounts: Mapping[str, EnergyAccount]
@@ -233,6 +241,7 @@ class Swept:
     terms: tuple[Mapping[str, float], ...]
     work: Work
     monitors: Mapping[str, float]
+    made: Mapping[str, Array] = field(default_factory=dict)
 
     def solved(self, state: CoupledState, scheme: Scheme, history: IterationHistory | None = None,
                extrapolation: float = 0.0) -> Solved:
@@ -243,12 +252,17 @@ class Swept:
                       extrapolation=extrapolation)
 
 
-def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | Leading | None) -> Swept:
-    """Thermal, then mechanics with the new T.  Heat made in the window is due in the next."""
-    thermal = thermal_pass(halves, state, span.times("thermal"), slope, NO_WORK)
+def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope | Leading | None,
+                  ahead: bool = False) -> Swept:
+    """Thermal, then mechanics with the new T.  Heat made in the window is due in the next.
+
+    ahead : heat that goes on as in the last window is delivered in this one, and the difference in the next.
+    """
+    H = span.end - state.now.t
+    thermal = thermal_pass(halves, state, span.times("thermal"), slope, NO_WORK, ahead=H if ahead else None)
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  thermal.outputs, thermal.work)
-    accounts = with_made(delivered(state.accounts, halves.thermal.blocks), mechanical.made)
+    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), not state.past)
     return _swept(state, span, thermal, mechanical, accounts)
 
 
@@ -259,7 +273,7 @@ def at_once(halves: Halves, state: CoupledState, span: Span) -> Swept:
                                  # fault: parallel mechanics given the new T -> thermal.outputs, thermal.work) |
                                  #   coupler/test_schemes
                                  exchanged(state.now), thermal.work)
-    accounts = with_made(delivered(state.accounts, halves.thermal.blocks), mechanical.made)
+    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), not state.past)
     return _swept(state, span, thermal, mechanical, accounts)
 
 
@@ -270,17 +284,18 @@ def mechanical_first(halves: Halves, state: CoupledState, span: Span, end: Mappi
     end : (n_nodes,) each, T [K] and f_s [1] at the end of the window.
     at_end : thermal substeps are given x and t_N of their end, not of their middle.
     """
-    mechanical = mechanical_pass(halves, state, span.times("mechanical"), end, done)
+    times, fresh = span.times("mechanical"), not state.past
+    mechanical = mechanical_pass(halves, state, times, end, done)
     # fault: heat of the last iterate forgotten -> made = replace(state, sent=mechanical.sent, accounts=state.accounts)
     #   | coupler/test_iterated
-    made = replace(state, sent=mechanical.sent, accounts=with_made(state.accounts, mechanical.made))
+    made = replace(state, sent=mechanical.sent, accounts=with_made(state.accounts, mechanical.made, times, fresh))
     # fault: an iterated window holds x and t_N as they were at its start -> slope = None |
     #   scenarios/test_casting_order::test_order_of_the_exchange_between_two_cells[Scheme.ITERATED-2.0-2.5e-13]
     slope = (state.now, _level(state.now, span, {}, mechanical.outputs))
     # fault: mechanics first, but thermal on the geometry of the start -> thermal = thermal_pass(halves, made,
     #   span.times("thermal"), None, mechanical.work, at_end) | coupler/test_schemes
-    thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end)
-    return _swept(state, span, mechanical, thermal, delivered(made.accounts, halves.thermal.blocks))
+    thermal = thermal_pass(halves, made, span.times("thermal"), slope, mechanical.work, at_end, ahead=0.0)
+    return _swept(state, span, mechanical, thermal, thermal.accounts)
 
 
 def _swept(state: CoupledState, span: Span, first: Pass, last: Pass, accounts: Mapping[str, EnergyAccount]) -> Swept:
@@ -291,7 +306,7 @@ def _swept(state: CoupledState, span: Span, first: Pass, last: Pass, accounts: M
                 "max_T": float(now.T.max()), "max_p": float(-now.t_N.min(initial=0.0)),
                 **{f"thermal.{n}": v for n, v in thermal.told.items()},
                 **{f"mechanical.{n}": v for n, v in mechanical.told.items()}}
-    return Swept(now, accounts, last.sent, thermal.terms, last.work, monitors)
+    return Swept(now, accounts, last.sent, thermal.terms, last.work, monitors, mechanical.made)
 
 
 def _heat(start: Level, thermal: Pass) -> Array | None:

@@ -50,7 +50,7 @@ class Sides:
     """Both sides of every pair of a scene whose bodies are two.  A surface that folds onto itself is left out."""
 
     def __init__(self, interface: Interface) -> None:
-        self._sides = sides_of(interface)
+        self._sides, self._offset = sides_of(interface), interface.gap_offset
 
     def begun(self, now: Level) -> PassingLog:
         """Return the log at the start: how bodies overlap as drawn."""
@@ -88,7 +88,7 @@ class Sides:
         found = np.zeros(len(nodes))
         for other in self._sides:
             if other.bodies == side.bodies:
-                told = np.nan_to_num(np.maximum(-now.gap[other.at], 0.0))
+                told = np.nan_to_num(np.maximum(self._offset[other.at] - now.gap[other.at], 0.0))
                 far = np.linalg.norm(now.x[nodes][:, None] - now.x[other.nodes][None], axis=2)
                 found = np.maximum(found, np.where(far <= 2.0 * max(side.edge, other.edge), told, 0.0).max(axis=1))
         return found

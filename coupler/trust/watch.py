@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.levels import Level
 from coupler.schemes.state import imbalance
-from coupler.trust import errors, passing, rhythm, stability, temperatures
+from coupler.trust import errors, passing, penetration, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -35,6 +35,7 @@ class TrustLog:
     temperatures: temperatures.TemperatureLog = field(default_factory=temperatures.TemperatureLog)
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
+    penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     windows: int = 0
@@ -55,6 +56,7 @@ class TrustWatch:
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
         self._data = temperatures.TemperatureData(models["thermal"])
         self._sides = passing.Sides(interface)
+        self._yields = penetration.Yields(interface)
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
         self._of = interface.node_body[self._inside]
@@ -87,7 +89,13 @@ class TrustWatch:
             log, windows=log.windows + 1, forced=log.forced + forced, forced_t=now.t if forced else log.forced_t,
             temperatures=warmth,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
-            passing=self._sides.watched(log.passing, before, now))
+            passing=self._sides.watched(log.passing, before, now),
+            penetration=self._yields.watched(log.penetration, now))
+
+    def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
+        """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
+        return replace(log, stability=stability.mended(log.stability, found, t, H),
+                       errors=replace(log.errors, solves=log.errors.solves + found.solves))
 
     def probe_errors(self, log: TrustLog) -> dict[str, dict[str, Any]]:
         """Return probe -> estimated error, range and unit, SI, as plain values; empty: no window was looked at."""
@@ -102,6 +110,7 @@ class TrustWatch:
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node), bool(self._interface.pairs), self._prescribed),
+            penetration.check(log.penetration, self._yields, self._prescribed),
             measured("heat balance", off, BALANCE, what=f"{off:.2g} of the heat moved is not accounted for",
                      remedy="A smaller thermal.tolerance closes it"),
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,

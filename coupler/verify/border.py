@@ -123,6 +123,7 @@ BLOCKS: Mapping[str, Face] = {
     "surfaces.hash": Face(OUT, OUT, "1", 0, "String"),
     "geometry": Face(OUT, OUT, "1", 0, "String"),
     "packages.hash": Face(OUT, OUT, "1", 0, "String"),
+    "contact.E_friction.at": Face("", OUT, "1", 0, "String"),
     "contact.link": Face(PARAMETER, PARAMETER, "1", 0, "String"),
 }
 _FAMILIES: Mapping[str, Face] = {

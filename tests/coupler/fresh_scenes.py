@@ -34,7 +34,7 @@ def two_rods(size: float, end: float = 60.0, scheme: str = "extrapolated") -> Do
                        "two": {"mesh": rectangle(1.000005833, 0, 1, 0.1, 40), "material": "cold", "T0": 300}},
             "contact": {"c": {"slave": "one.right", "master": "two.left", "gap_max": 0.001, "conduction": {
                 "closed": {"law": "constant", "h": 1e9},
-                "open": {"law": "table", "x": gap.tolist(), "h": h.tolist()}}}},
+                "open": {"law": "table", "form": "cubic", "x": gap.tolist(), "h": h.tolist()}}}},
             "thermal": {"half": "rod", "method": "midpoint", "boundary": [
                 {"on": "one.left", "temperature": 400}, {"on": "two.right", "temperature": 300}]},
             "mechanical": {"half": "rod", "rod": {"held": {"one": {"left": 0}, "two": {"right": 0}}}},

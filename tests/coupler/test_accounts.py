@@ -14,7 +14,7 @@ from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, EnergyAccount, schedule, share_of, wanted_outputs
+from coupler.schemes.state import CoupledState, schedule, share_of, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf
@@ -83,6 +83,43 @@ def test_every_joule_crosses_once(substeps, h_max):
         assert account.delivered > 0
 
 
+def handed_over(scheme: Scheme, n: int, power=lambda t: 1.0 + t * t, kinks=()) -> tuple[np.ndarray, CoupledState]:
+    """Friction heat handed to the thermal half in each of n windows, made at a power of so much [W]; and the end."""
+    def rule(state, inputs, t, h):
+        made = np.full(2, h * (power(t) + 4.0 * power(t + 0.5 * h) + power(t + h)) / 6.0)
+        return state, {"x": np.zeros((1, 2)), "E_S": np.zeros(1), "contact.E_friction": made}
+
+    thermal, mechanical = melting(), replace(rubbing(), rule=rule)
+    now = Level(0.0, np.array([300.0]), np.zeros((1, 2)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(1))
+    plan = Plan(schedule(END, [WindowRange(END, END / n, END / n)], kinks), scheme,
+                {"thermal": 1, "mechanical": 1})
+    *_, last = windows(wanted_outputs(thermal, mechanical), CoupledState(now, (), 0, accounts_of(mechanical, 1)), plan)
+    return np.array([given["contact.E_friction"] for _, given in thermal.strings["log"]]), last.solved.state
+
+
+@pytest.mark.parametrize(("scheme", "order"), [(Scheme.STAGGERED, 1.0), (Scheme.EXTRAPOLATED, 2.0)])
+def test_friction_heat_that_is_extrapolated_is_late_by_second_order(scheme, order):
+    late = []
+    for n in (16, 32, 64):
+        handed, end = handed_over(scheme, n)
+        account = end.accounts["contact.E_friction"]
+        assert account.made == pytest.approx(account.delivered + account.carry.sum(), rel=1e-13)
+        assert handed.sum() == pytest.approx(account.delivered, rel=1e-13)
+        late.append(abs(account.carry.sum()))
+    assert np.log2(late[1] / late[2]) == pytest.approx(order, abs=0.1)
+
+
+def test_friction_that_stops_takes_no_heat_back():
+    """What was handed over ahead is missing in the windows after, but none is below 0; across a kink none is ahead."""
+    handed, end = handed_over(Scheme.EXTRAPOLATED, 16, lambda t: float(t < 0.5 * END))
+    assert handed.min() == 0.0
+    account = end.accounts["contact.E_friction"]
+    assert account.delivered >= account.made
+    assert abs(account.carry.sum()) <= account.made / 8.0 * (1.0 + 1e-9)
+    steady = handed_over(Scheme.EXTRAPOLATED, 16, lambda t: 1.0, kinks=(0.5 * END,))[0]
+    assert steady[[0, 1, 2, 7, 8, 9]] == pytest.approx([0.0, 2.0, 1.0, 1.0, 0.0, 2.0], abs=1e-12)
+
+
 def test_the_entropy_part_comes_at_the_start_and_friction_evenly():
     thermal = melting()
     couple(thermal, rubbing(), (4, 1))
@@ -115,7 +152,7 @@ def test_accounts_are_opened_for_what_is_made():
 
 
 def test_a_share_of_nothing_is_nothing():
-    given = share_of({"E_S": EnergyAccount(np.array([5.0])), "E_M": EnergyAccount(np.array([5.0]))}, 0.25, False)
+    given = share_of({"E_S": np.array([5.0]), "E_M": np.array([5.0])}, 0.25, False)
     assert {n: v.tolist() for n, v in given.items()} == {"E_S": [0.0], "E_M": [1.25]}
 
 

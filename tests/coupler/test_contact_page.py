@@ -22,7 +22,7 @@ from thermal_page import scenes
 TEXT = PAGE.read_text(encoding="utf-8")
 SCENES = scenes(PAGE)
 PARTS = (ContactPair, Friction, Augmented)
-ELSEWHERE = {"conduction", "radiation"}  # said in thermal.md
+ELSEWHERE = {"conduction", "radiation", "clearance"}  # said in thermal.md; the contrary of `interference`
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from coupler.control.loop import Plan, Tried, windows
+from coupler.control.two_cycle import Swing, Watch, WindowSummary, act
 from coupler.scenario.options import OnCycle, Scheme, WindowRange
-from coupler.schemes.state import Verdict, schedule, wanted_outputs
+from coupler.schemes.state import Settings, Verdict, schedule, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start
@@ -119,5 +120,17 @@ def test_halves_that_ring_alone_are_not_iterated_for_it():
     plan = Plan(schedule(20.0, [WindowRange(20.0, 1.0, 1.0)], ()), Scheme.STAGGERED,
                 {"thermal": 1, "mechanical": 1}, on_cycle=OnCycle.ITERATE)
     tried = list(windows(wanted_outputs(*halves), replace(start(800.0, 0.0)), plan))
-    assert ["one half's own method rings" in text for _, text in told(tried)] == [True]
+    assert ["the thermal half's own method rings" in text for _, text in told(tried)] == [True]
     assert {w.solved.scheme for w in tried} == {Scheme.STAGGERED}
+
+
+def test_contact_that_rattles_without_heat_is_told_as_mechanics_and_not_iterated():
+    """Gap and pressure are both the mechanical half's: where no temperature goes with them nothing is exchanged."""
+    swings = {"temperature": Swing(np.array([0.0]), 0), "gap": Swing(np.array([1e-4]), 4, (1.0,) * 4),
+              "pressure": Swing(np.array([1e5]), 4, (1.0,) * 4)}
+    settings = Settings(Scheme.STAGGERED, {"thermal": 1, "mechanical": 1})
+    done = act(Watch(swings), settings, OnCycle.ITERATE, WindowSummary(9, 4.5, 0.5, True))
+    assert done.settings.scheme is Scheme.STAGGERED
+    (text,) = done.notes
+    assert "bodies or their contact swing by themselves" in text
+    assert not any(word in text for word in ("thermal", "sdirk2", "exchange"))

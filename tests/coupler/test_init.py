@@ -59,8 +59,8 @@ def test_what_was_chosen_stands_in_the_file_and_comments_stay(tmp_path: Path) ->
 
 
 def test_a_later_end_draws_the_last_windows_out(tmp_path: Path) -> None:
-    s = new_scenario(template_named("lumped"), Choices(end=250.5), tmp_path / "a.yaml")
-    assert s.resolved["coupling"]["windows"] == [{"until": 250.5, "size": 1}]
+    s = new_scenario(template_named("forging"), Choices(end=2.5), tmp_path / "a.yaml")
+    assert s.resolved["coupling"]["windows"][-1] == {"until": 2.5, "size": 0.05}
 
 
 def test_a_strip_stays_one_cell_wide(tmp_path: Path) -> None:

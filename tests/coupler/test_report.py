@@ -114,7 +114,7 @@ def test_rejected_windows_are_listed_with_their_reason(page: Page) -> None:
 
 
 def test_pictures_say_what_they_show_and_are_whole(page: Page) -> None:
-    assert len(page.images) == 10
+    assert len(page.images) == 11
     assert all(len(i["alt"]) > 30 for i in page.images)
     for image in page.images:
         head, data = image["src"].split(",", 1)

@@ -24,8 +24,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, line_of, load_text
 
 FACE = "contact.face"
-PENALTY = 2.0e11 / 0.4  # E over the mean slave edge
-PLAIN = Pair("face", "upper.bottom", "lower.top", 0.1, PENALTY)
+M = 2.0e11 * 0.7 / (1.3 * 0.4)
+PENALTY = M / (0.5 + 0.5)  # two cells in a row, 0.5 m deep both
+PLAIN = Pair("face", "upper.bottom", "lower.top", 0.1, PENALTY, local=True)
 NEW_KEYS = ("friction", "two_pass", "form", "augmented")
 
 
@@ -37,7 +38,7 @@ def scene_of(folder: Path, **keys: Any) -> Scenario:
 def the_pair(scenario: Scenario) -> Pair:
     (pair,) = scenario.interface.pairs
     # The penalty is a quotient of two measured lengths.
-    return replace(pair, eps_N=PENALTY if pair.eps_N == pytest.approx(PENALTY, rel=1e-14) else pair.eps_N)
+    return replace(pair, eps_N=PENALTY if pair.eps_N == pytest.approx(PENALTY, rel=1e-12) else pair.eps_N)
 
 
 @pytest.mark.parametrize(("keys", "changes"), [
@@ -54,7 +55,7 @@ def the_pair(scenario: Scenario) -> Pair:
 ])
 def test_the_pair_of_interface_h5(keys: Mapping[str, Any], changes: Mapping[str, Any], tmp_path: Path) -> None:
     scenario = scene_of(tmp_path, **keys)
-    expected = replace(PLAIN, **changes)
+    expected = replace(PLAIN, local="penalty" not in keys, **changes)
     assert the_pair(scenario) == expected
     scenario.write_half("mechanical", tmp_path / "half")
     assert read_interface(tmp_path / "half" / "interface.h5").pairs == scenario.interface.pairs
@@ -63,7 +64,8 @@ def test_the_pair_of_interface_h5(keys: Mapping[str, Any], changes: Mapping[str,
 def test_model_json_says_what_the_interface_does_not(tmp_path: Path) -> None:
     """The tolerance of augmentation belongs to the elastic half, the share of friction heat to the thermal one."""
     plain = scene_of(tmp_path).models
-    assert plain["mechanical"]["pairs"] == {"face": {}}
+    assert plain["mechanical"]["pairs"] == {"face": {"augmented": {"tolerance": 1e-3, "method": "semi_smooth"}}}
+    assert scene_of(tmp_path, augmented=None).models["mechanical"]["pairs"] == {"face": {}}
     assert "friction" not in plain["thermal"]["pairs"]["face"]
     full = scene_of(tmp_path, friction={"mu": 0.2, "share": 0.25}, augmented={"tolerance": 1e-5})
     both = {"tolerance": 1e-5, "method": "semi_smooth"}

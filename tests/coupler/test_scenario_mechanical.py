@@ -61,7 +61,7 @@ def model_of(folder, *changes):
 def test_a_scenario_without_any_of_it_says_none_of_it(tmp_path):
     model, spec = model_of(tmp_path)
     assert set(model) == {"half", "format", "tolerance", "materials", "bodies", "boundary", "pairs", "method", "cuts",
-                          "element", "state", "thermoelastic_heat", "adiabatic"}
+                          "element", "start", "state", "thermoelastic_heat", "adiabatic"}
     assert set(model["materials"]["steel"]) == {"E", "nu", "alpha", "T_ref"}
     assert spec.dynamics is None
     assert spec.stated.method == "newton"
@@ -82,7 +82,7 @@ def test_everything_arrives(tmp_path):
         "upper": {"material": "steel", "rigid": True, "v0": [1.0, 2.0], "omega0": 3.0}}
     assert (spec.bodies[1].v0, spec.bodies[1].omega0) == ((1.0, 2.0), 3.0)
     assert (model["method"], model["cuts"], model["state"], model["element"]) == ("bfgs", 2, "plane_stress", "enhanced")
-    assert model["dynamics"] == {"rho_inf": 0.8, "mass": "lumped"}
+    assert model["dynamics"] == {"rho_inf": 0.8, "mass": "lumped", "contact_mass": "behind"}
     assert spec.dynamics is not None
     assert spec.dynamics.lumped
     assert model["materials"]["steel"]["rho"] == 8000

@@ -107,7 +107,7 @@ def level(t: float, T: float) -> Level:
 
 def test_a_temperature_that_rings_alone_is_told_as_such():
     watch = Watch({"temperature": Swing(np.array([3.0]), 4, (1.0,) * 4), "pressure": Swing(np.array([0.0]), 0)})
-    assert "one half's own method rings" in note(watch, 9, 4.5)
+    assert "the thermal half's own method rings" in note(watch, 9, 4.5)
     assert note(watch, 9, 4.5).startswith("windows 5 to 9 (to t = 4.5 s) go up and down, temperature by 3 K: ")
 
 

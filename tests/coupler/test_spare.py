@@ -84,6 +84,7 @@ def test_a_run_that_is_looked_at_is_the_same_to_the_bit(tmp_path, monkeypatch):
     looked_at = ran(doc, tmp_path)
     assert looked_at.totals["looks"]["windows"] >= 2
     monkeypatch.setattr(spare, "wanted", lambda *args: False)
+    monkeypatch.setattr(spare, "asks_gain", lambda *args: False)
     alone = ran(doc, tmp_path)
     assert alone.totals["looks"]["windows"] == 0
     for name in doc["probes"]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from coupler.record.observe import ProbeReader
 from coupler.trust import errors
 from coupler.trust.errors import ErrorLog, Looked
 
@@ -58,3 +62,22 @@ def test_where_nothing_was_looked_at_nothing_is_said():
     log = log_of([([1.0], [1.0], [])])
     assert errors.check(log, {"a": "K"}, False).verdict == "not checked"
     assert errors.table(log, {"a": "K"}) == {}
+
+
+class Told(ProbeReader):
+    """Probes of a scene with one pair that looks 6 mm far, whose values are given."""
+
+    def __init__(self, quantities: list[str], values: list[float]) -> None:
+        self._probes: Any = {f"{k}": SimpleNamespace(quantity=q) for k, q in enumerate(quantities)}
+        self._interface: Any = SimpleNamespace(pairs=[SimpleNamespace(gap_max=0.006)])
+        self._values = np.array(values)
+
+    def values(self, level: Any) -> Any:
+        return self._values
+
+
+def test_a_gap_of_a_node_that_faces_nothing_tells_of_no_error():
+    """Its gap is told as gap_max, whole, and may be anything in the same window solved as two."""
+    none: Any = None
+    np.testing.assert_array_equal(Told(["gap", "gap", "u_x"], [0.006, 0.0012, 0.006]).measurable(none),
+                                  [np.nan, 0.0012, 0.006])

@@ -11,10 +11,11 @@ import pytest
 
 from contact.half.linalg import pattern_of
 from contact.half.model import Discard
-from mechanical_fmu.advance import predicted
+from mechanical_fmu.advance import drive_of, predicted
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.material import Moduli
 from mechanical_fmu.newton import SolverSettings, solve
+from mechanical_fmu.warm import beginning
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, done, elastic, hold, inputs_of, press, stress_of
@@ -164,7 +165,7 @@ def test_newton_converges_quadratically():
     half = elastic(block(GRID, GRID, move=distorted), [hold("block.left", 0), hold("block.left", 1),
                                                         press("block.top", 2e9), press("block.right", -1e10)])
     system = half.system
-    loading = half._loading(inputs_of(half), 0.0, 1, np.zeros(0), LINK)
+    loading = half._loading(drive_of(system, inputs_of(half), 0.0, 1), beginning(system), LINK)
     start = predicted(system, np.zeros((system.volume.n_nodes, 2)), loading, tangent=True)
     found = solve(system, loading, start, None, SolverSettings(1e-11))
     r = [e for e in found.history if e > 1e-12][-3:]

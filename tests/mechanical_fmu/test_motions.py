@@ -14,8 +14,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import STEEL, NoLink, block, blocks, done, elastic, hold, inputs_of, stress_of
 
 from contact.rpc.link import open_link
-from mechanical_fmu.advance import between
+from mechanical_fmu.advance import between, drive_of
 from mechanical_fmu.small_halves import load_rigid
+from mechanical_fmu.warm import beginning
 
 LINK = NoLink()
 GRID = np.linspace(0.0, 1.0, 5)
@@ -193,7 +194,9 @@ def test_moment_times_angle_is_the_work():
                                {"on": "block.top", "rotation": {"about": list(about), "angle": angle}}],
                    tolerance=1e-12)
     state, _ = half.start(inputs_of(half), 0.0, LINK)
-    balance = half.system.balance(np.array(state.u), half._loading(inputs_of(half), 0.0, 1, state.contact, LINK))
+    begin = replace(beginning(half.system), contact=state.contact)
+    loading = half._loading(drive_of(half.system, inputs_of(half), 0.0, 1), begin, LINK)
+    balance = half.system.balance(np.array(state.u), loading)
     top = np.unique(interface.surfaces["block.top"])
     arm, force = interface.nodes[top] - about, balance.r[top]
     moment = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum()

@@ -18,7 +18,7 @@ def _doc(bodies: dict[str, Any], contact: dict[str, Any], thermal: list[Any], el
     return {"slideline": 2, "units": {"temperature": "degC"}, "geometry": "plane",
             "materials": {"steel": STEEL, "aluminium": ALUMINIUM}, "bodies": bodies, "contact": contact,
             "thermal": {"boundary": thermal}, "mechanical": mechanical,
-            "coupling": {"end": 4.0, "windows": [{"until": 4.0, "size": 1.0}]}, **more}
+            "coupling": {"scheme": "staggered", "end": 4.0, "windows": [{"until": 4.0, "size": 1.0}]}, **more}
 
 
 def heat() -> Scene:

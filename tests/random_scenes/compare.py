@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from contact.problem.mechanical import Solution
+from contact.problem.pairs import Augmented
 from random_scenes.change import Changed
 from random_scenes.declared import form_of
 from random_scenes.invariant import Finding
@@ -57,7 +58,10 @@ def agreement(scene: Scene, same_windows: bool = True) -> Agreement:
         # Explicit steps solve nothing.
         solved = max(solved, SOLVED * elastic.tolerance if elastic.method is not Solution.EXPLICIT else 0.0)
         m += SOLVED * elastic.skip.u if elastic.skip is not None else 0.0
-        augmented = max([0.0, *(SOLVED * p.augmented.tolerance for p in file.contact.values() if p.augmented)])
+        by_default = Augmented().tolerance if not elastic.inert else 0.0
+        tolerances = (p.augmented.tolerance if p.augmented else by_default if "augmented" not in p.model_fields_set
+                      else 0.0 for p in file.contact.values())
+        augmented = SOLVED * max(tolerances, default=0.0)
     if file.thermal.adaptive is not None:
         K += SOLVED * (file.thermal.adaptive.tolerance or 0.0)
     coupling = file.coupling

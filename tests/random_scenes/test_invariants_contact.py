@@ -50,7 +50,7 @@ def test_bodies_that_meet_are_right(law, scene):
 
 def test_a_penalty_that_is_not_the_one_told_is_found(monkeypatch):
     pairs_otherwise(monkeypatch, eps_N=1 / 30)
-    scene = two_blocks(push=-2e-4)
+    scene = two_blocks(push=-2e-4, pair={"augmented": None, "penalty": 2e13})
     found = PASSING.check(scene, told(scene), RNG)
     assert found
     assert "deep in lower" in found[0].what or "deep in upper" in found[0].what

@@ -31,7 +31,8 @@ def rod(scheme: str = "staggered", size: float = 20.0) -> Scene:
                "closed": {"law": "constant", "h": k_g / 1e-6}, "open": {"law": "gas", "k_g": k_g, "g_m": 1e-6}}}},
            "thermal": {"half": "thermal", "method": "backward_euler", "boundary": held},
            "mechanical": {"half": "elastic", "elastic": {"boundary": rollers}},
-           "coupling": {"scheme": scheme, "end": 30 * size, "windows": [{"until": 30 * size, "size": size}]}}
+           "coupling": {"scheme": scheme, "on_unstable": "warn", "end": 30 * size,
+                        "windows": [{"until": 30 * size, "size": size}]}}
     return Scene(doc, {"bar": box(0, 0, 0.1, 0.01, (10, 1)), "wall": box(0.1 + 3.3e-4, 0, 0.01, 0.01, (2, 1))})
 
 

@@ -14,6 +14,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import contact.half.functions
+import coupler.scenario.problems
 import coupler.scenario.scene
 import mechanical_fmu.masses
 import thermal_fmu.cells
@@ -87,12 +88,15 @@ def _axes_always_anticlockwise(patch: Patch) -> None:
 
 
 def _penalty(patch: Patch, factor: Callable[[Any, str, Any, Any], float]) -> None:
-    right = coupler.scenario.scene._penalty
+    right = coupler.scenario.scene._pair
 
-    def wrong(document: Any, file: Any, name: str, interface: Any) -> float:
-        return right(document, file, name, interface) * factor(file, name, interface.nodes, interface.surfaces)
+    def wrong(document: Any, file: Any, name: str, interface: Any, pairs: Any) -> Any:
+        pair = right(document, file, name, interface, pairs)
+        return replace(pair, eps_N=pair.eps_N * factor(file, name, interface.nodes, interface.surfaces), local=False)
 
-    patch.setattr(coupler.scenario.scene, "_penalty", wrong)
+    patch.setattr(coupler.scenario.scene, "_pair", wrong)
+    # Multipliers would hide what a penalty is.
+    patch.setattr(coupler.scenario.problems, "_augmented", lambda _, pair, __: pair.augmented)
 
 
 def _edge_of_the_first_line(patch: Patch) -> None:

@@ -26,7 +26,7 @@ def rubbing(*, push: float = -2e-4, **pair: object) -> Scene:
     """The upper block is pressed on, then rubbed there and back; both flow."""
     boundary = [{"on": "lower.bottom", **HELD}, {"on": "upper.top", "u_y": {"t": [0, 2], "value": [0, push]},
                                                 "u_x": {"t": [0, 2, 4, 6, 8], "value": [0, 0, -3e-4, 3e-4, -1e-4]}}]
-    return two_blocks(pair={"friction": {"mu": 0.3}, **pair}, mechanical__elastic__boundary=boundary,
+    return two_blocks(pair={"friction": {"mu": 0.3}, "augmented": None, **pair}, mechanical__elastic__boundary=boundary,
                       materials__steel__plastic={"s_y": 4e8})
 
 

@@ -41,6 +41,7 @@ def blocks(scheme: str, windows: list[Tree]) -> Tree:
         "bodies": {"hot": {"mesh": {"rectangle": {"origin": [0, 0], **box}}, **body},
                    "cold": {"mesh": {"rectangle": {"origin": [0, SIZE + GAP], **box}}, **body}},
         "contact": {"line": {"slave": "cold.bottom", "master": "hot.top", "gap_max": 0.01, "penalty": PENALTY,
+                             "augmented": None,  # the one system has the penalty alone
                              "conduction": {
                                  "closed": {"law": "power", "h0": H_0, "h1": H_0, "p0": P_0, "exponent": 1.0},
                                  "open": {"law": "gas", "k_g": H_0 * G_M, "g_m": G_M}}}},

@@ -23,7 +23,7 @@ import coupler.scenario.load as loading
 from coupler import Results
 
 CASE = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["C9"]
-HIGH, GAP, DEEP, WIDTH = 0.05, 0.0508, 0.0508070929, 0.0762  # m: stroke at first, at touch, pressed; of the blocks
+HIGH, GAP, DEEP, WIDTH = 0.05, 0.0508, 0.0508069342, 0.0762  # m: stroke at first, at touch, pressed; of the blocks
 DOWN, END = 600.0, 1200.0  # s: pressed, and from then on sliding; the end
 TOUCH = DOWN * (GAP - HIGH) / (DEEP - HIGH)
 Tree = dict[str, Any]
@@ -89,9 +89,14 @@ def test_renumbered(original, monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("half", ["rigid", "elastic"])
 def test_what_the_schedule_has_as_a_kink_is_not_cut_again(half: str, tmp_path):
-    """The scene as it is told: touch at 10000 s and slip-off at 14772.7 s are kinks."""
+    """The scene as it is told: touch at 10000 s and, of rigid blocks, slip-off at 14772.7 s are kinks."""
     tree = scene()
     tree["coupling"]["events"] = {"locate": True}
     located = solve(tmp_path, tree, half)
-    assert located.windows.taken.all()
-    assert len(located.windows.t) == 112
+    if half == "rigid":
+        assert located.windows.taken.all()
+        assert len(located.windows.t) == 113
+        return
+    # Elastic blocks spread, and part when they do: that is found, and nothing else.
+    put_back = located.windows.t[~located.windows.taken]
+    assert ((put_back > 14772.0) & (put_back < 14777.0)).all(), put_back

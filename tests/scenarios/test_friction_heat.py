@@ -94,4 +94,4 @@ def test_the_report_calls_friction_by_plain_names(block: Results) -> None:
     assert {"friction, into the slave", "friction, into the master"} <= set(rows)
     assert float(rows["friction, into the slave"]) > 0.0
     facts = dict(scenario_facts(block))
-    assert facts["friction heat"].startswith("made 2")
+    assert facts["friction heat"].startswith("made 35")

@@ -19,11 +19,15 @@ K_G, G_M = 0.06, 10e-6
 SMALL = 1e-3
 
 
-def lumped(folder: Path, share: float, windows: int, scheme: str = "staggered") -> tuple[np.ndarray, np.ndarray]:
-    """T and gap of E4 from 840 K, backward Euler, windows of `share` of the critical one."""
+def lumped(folder: Path, share: float, windows: int, scheme: str = "staggered",
+           **coupling: str) -> tuple[np.ndarray, np.ndarray]:
+    """T and gap of E4 from 840 K, backward Euler, windows of `share` of the critical one.  coupling : more of it."""
     size = share * E4["dt_c"]["backward_euler"]
-    results = solve(folder, LUMPED_GAP.format(T0=840, method="backward_euler", scheme=scheme, size=size,
-                                              end=windows * size))
+    text = LUMPED_GAP.format(T0=840, method="backward_euler", scheme=scheme, size=size, end=windows * size)
+    for key, value in coupling.items():
+        text = text.replace("coupling: {", f"coupling: {{{key}: {value}, ").replace(
+            "coupling:\n", f"coupling:\n  {key}: {value}\n")
+    results = solve(folder, text)
     return results.probe("T")[1], results.probe("gap")[1]
 
 
@@ -36,9 +40,16 @@ def test_below_the_critical_window_it_converges(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("share", "key"), [(1.2, "cycle_at_1_2"), (10.0, "cycle_at_10")])
 def test_beyond_it_cycles_between_two_states(tmp_path: Path, share: float, key: str) -> None:
-    T, _ = lumped(tmp_path, share, 60)
+    T, _ = lumped(tmp_path, share, 60, on_unstable="warn")
     assert sorted(T[-2:]) == pytest.approx(E4[key], abs=1e-3)
     assert T[-4:-2] == pytest.approx(T[-2:], abs=1e-4)
+
+
+@pytest.mark.parametrize("share", [1.2, 10.0, 100.0])
+def test_beyond_it_windows_are_cut_or_iterated_unasked(tmp_path: Path, share: float) -> None:
+    T, gap = lumped(tmp_path, share, 60)
+    assert T[-1] == pytest.approx(E4["T"], abs=2e-3)
+    assert gap[-1] == pytest.approx(E4["g"], rel=1e-4)
 
 
 def test_iterated_windows_find_it_at_any_size(tmp_path: Path) -> None:

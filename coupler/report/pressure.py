@@ -1,0 +1,71 @@
+"""Pressure and shear along the interface at some times of a run, a picture a pair."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coupler.record.results import Along, Results
+from coupler.report.figures import Picture, axes_of, legend_below, line_style, number, page_figure, plain, shown, svg
+
+Array = NDArray[np.float64]
+
+MOST_LINES = 5
+HEIGHT = 3.0  # inches
+
+
+def largest(along: Along) -> tuple[float, int]:
+    """Return the largest pressure of a pair [Pa] and the number of the time at which it was."""
+    row = int((-along.t_N).max(axis=1, initial=0.0).argmax())
+    return float((-along.t_N[row]).max(initial=0.0)) + 0.0, row
+
+
+def largest_at(results: Results, row: int) -> float:
+    """Return the largest pressure [Pa] of all pairs at one of the times; 0 where none was recorded."""
+    return max((float((-along.t_N[row]).max(initial=0.0)) for along in results.contact.values()), default=0.0) + 0.0
+
+
+def pressure_pictures(results: Results) -> list[Picture]:
+    """One a pair that was pressed.  [] where nothing was recorded."""
+    pairs = {p["name"]: p for p in results.header["pairs"]}
+    return [_picture(results, name, pairs[name], along) for name, along in results.contact.items()
+            if largest(along)[0] > 0.0]
+
+
+def times_to_show(t: Array, p: Array) -> list[int]:
+    """Return numbers of at most MOST_LINES times: that of the largest pressure, others evenly while it is pressed.
+
+    t : (n_t,) [s], ascending.  p : (n_t,) [Pa], the largest pressure at each.
+    """
+    pressed = np.flatnonzero(p > 0.0)
+    even = np.linspace(t[pressed[0]], t[pressed[-1]], MOST_LINES - 1)
+    near = pressed[np.abs(t[pressed][:, None] - even).argmin(axis=0)]
+    # fault: report: the time of the largest pressure is not shown -> return sorted({*near.tolist()}) |
+    #   coupler/test_one_pressure
+    return sorted({int(p.argmax()), *near.tolist()})
+
+
+def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along) -> Picture:
+    p, (top, row) = np.maximum(-along.t_N, 0.0).astype(float), largest(along)
+    scale, length = shown("Pa", top), shown("m", float(along.s[-1]))
+    sheared = along.t_T is not None and bool(np.nan_to_num(np.abs(along.t_T)).any())
+    figure = page_figure(HEIGHT)
+    ax = axes_of(figure, f"along {plain(str(pair['slave']))} [{length.unit}]", f"pressure [{scale.unit}]")
+    for k, at in enumerate(times_to_show(results.t, p.max(axis=1))):
+        look = line_style(k)
+        ax.plot(length(along.s), scale(p[at]), label=f"t = {number(float(results.t[at]), 6)} s", **look)
+        if sheared:
+            assert along.t_T is not None
+            ax.plot(length(along.s), scale(np.nan_to_num(along.t_T[at].astype(float))),
+                    **{**look, "linestyle": ":", "marker": ""})
+    legend_below(figure, ax)
+    when = number(float(results.t[row]), 6)
+    where = number(float(length(along.s[int((-along.t_N[row]).argmax())])), 4)
+    text = (f"Pair {name}: contact pressure along {pair['slave']}, the mean over what each node faces, at some times. "
+            f"Its largest, {scale.text(top, 5)}, is at {where} {length.unit} at t = {when} s.")
+    if sheared:
+        text += " Dotted: the shear of friction, positive along the surface with the body on the left."
+    return svg(figure, text, text)

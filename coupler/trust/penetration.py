@@ -1,0 +1,125 @@
+"""How much of a pressure may be missing because surfaces overlap: their overlap against what matters.
+
+A penetration is small or large beside the depth that the bodies give way by: g_N against p (1/M_s + 1/M_m) L, with L
+the width of the contact zone or what the thinner body measures behind it, whichever is less (Hertz: about the
+indentation of the zone; a bar: its shortening).  Where bodies are drawn into each other that depth is known: the
+interference.  The overlap is the mean over the pressed nodes of a pair's slave, weighted by their pressure: the work
+that is lost in it over that of the bodies.  The largest overlap would do for no mesh: at a corner the pressure has no
+bound, and its overlap grows with each refinement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.interface import Interface, Pair, cell_sizes, outline_of, thickness_behind
+from contact.half.outlines import depths
+from coupler.schemes.levels import Level
+from coupler.trust.checks import Check, TrustVerdict, measured
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SHARES = (0.01, np.inf)  # noted; how much of a pressure it spoils hangs on what presses, so it breaks nothing
+SHARE = "penetration against what bodies yield"
+
+
+@dataclass(frozen=True)
+class PenetrationLog:
+    """share : the largest penetration over what matters, of `pair` at t [s]; depth : that penetration [m].
+
+    drawn : whether what matters there was the interference as drawn.
+    """
+
+    share: float = 0.0
+    pair: str = ""
+    t: float = 0.0
+    depth: float = 0.0
+    drawn: bool = False
+
+
+@dataclass(frozen=True)
+class PairYield:
+    """A pair whose bodies are known to yield.
+
+    at : (n,) pair nodes of its slave, nodes : (n,) of the mesh, reach : (n,) [m] their share of the surface.
+    softness : (n,) 1/M_s + 1/M_m [1/Pa], thick : [m] the thinner body.  drawn : [m] mean depth as drawn, 0: none.
+    """
+
+    name: str
+    at: Indices
+    nodes: Indices
+    reach: Array
+    softness: Array
+    thick: float
+    drawn: float
+
+
+class Yields:
+    """The pairs of a scene whose bodies have a stiffness."""
+
+    def __init__(self, interface: Interface) -> None:
+        self._pairs = [y for pair in interface.pairs if (y := _yield_of(interface, pair)) is not None]
+
+    def __bool__(self) -> bool:
+        return bool(self._pairs)
+
+    def watched(self, log: PenetrationLog, now: Level) -> PenetrationLog:
+        """Return the log after one more window."""
+        for pair in self._pairs:
+            p = np.maximum(-now.t_N[pair.at], 0.0)
+            load = p * pair.reach * now.covered[pair.at]
+            if not load.sum() > 0.0:
+                continue
+            depth = float(load @ np.maximum(-now.gap[pair.at], 0.0) / load.sum())
+            width = float((pair.reach * now.covered[pair.at])[load > 0.0].sum())
+            gives = float(load @ (p * pair.softness) / load.sum()) * min(width, pair.thick)
+            # fault: penetration held against a metre -> matters = 1.0 + pair.drawn + gives | coupler/test_penetration
+            matters = pair.drawn or gives
+            if depth > log.share * matters:
+                log = replace(log, share=depth / matters, pair=pair.name, t=now.t, depth=depth,
+                              drawn=pair.drawn > 0.0)
+        return log
+
+
+def _yield_of(interface: Interface, pair: Pair) -> PairYield | None:
+    sides = (pair.slave, pair.master)
+    if pair.slave == pair.master or not all(side in interface.stiffness for side in sides):
+        return None
+    own, edges = interface.side_of(pair.name, pair.slave), interface.surfaces[pair.slave]
+    place = np.searchsorted(own.nodes, edges)
+    length = np.linalg.norm(interface.nodes[edges[:, 1]] - interface.nodes[edges[:, 0]], axis=1)
+    soft = [1.0 / (interface.stiffness[side] * cell_sizes(interface, interface.surfaces[side])) for side in sides]
+    reach, softness = np.zeros(own.nodes.size), np.zeros(own.nodes.size)
+    for end in range(2):
+        np.add.at(reach, place[:, end], 0.5 * length)
+        np.add.at(softness, place[:, end], 0.5 * length * soft[0])
+    thick = thickness_behind(interface, pair)
+    return PairYield(pair.name, np.arange(own.at.start, own.at.stop), own.nodes.astype(np.intp), reach,
+                     softness / reach + float(soft[1].mean()), thick if thick > 0.0 else np.inf,
+                     0.0 if pair.name in interface.offset else _drawn(interface, pair, own.nodes.astype(np.intp)))
+
+
+def _drawn(interface: Interface, pair: Pair, nodes: Indices) -> float:
+    """Return the mean depth [m] of the slave's nodes that are drawn inside the other body; 0 where none is."""
+    body = int(interface.node_body[interface.surfaces[pair.master].flat[0]])
+    edges = outline_of(interface, body)
+    deep = depths(interface.nodes[nodes], interface.nodes[edges[:, 0]], interface.nodes[edges[:, 1]])
+    size = float(np.ptp(interface.nodes, axis=0).max())
+    inside = deep > 1e-9 * size  # less is how numbers are written
+    return float(deep[inside].mean()) if inside.any() else 0.0
+
+
+def check(log: PenetrationLog, yields: Yields, prescribed: bool) -> Check:
+    """Return the check at the end.  prescribed : bodies move as the scenario says, whatever they press."""
+    if prescribed or not yields:
+        return Check(SHARE, TrustVerdict.UNCHECKED, what="no pair is of two bodies that deform")
+    by = "the interference as drawn" if log.drawn else "what the bodies yield over the contact zone"
+    return measured(SHARE, log.share, SHARES, t=log.t,
+                    what=f"pair {log.pair}: pressed surfaces overlap by {log.depth:.3g} m in the mean, "
+                         f"{100 * log.share:.3g} % of {by}, at t = {log.t:.6g} s; where a displacement or expansion "
+                         "presses, so much of the pressure may be missing",
+                    remedy="Leave augmented: null out of the pair; where both surfaces are curved, a finer mesh")

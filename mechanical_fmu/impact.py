@@ -1,0 +1,106 @@
+"""What contact does in a step with inertia: neither gains nor loses energy beyond its springs and its friction.
+
+The trapezoidal rule takes half of a pressure at either end of a step, however far apart the surfaces were at one of
+them: a step in which they meet loses, a step in which they part gains, an eighth and more of all energy where a step is
+as long as a wave takes through a body.  The places found stay as they are; velocities at the end get an impulse along
+the mean of the step's contact forces, of the size that makes the energy right (Laursen and Love, IJNME 53, 2002), and
+spread over the bodies as the step itself spreads a force.  Such an impulse is equal and opposite on the two bodies.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.linalg import factorise
+from mechanical_fmu.dynamics import BodyMotion
+from mechanical_fmu.system import ForceBalance, Loading, System
+from mechanical_fmu.tangent import constrained, stiffness
+
+Floats = NDArray[np.float64]
+
+# Of all kinetic energy: less is not worth a factor, and is kept for the next step.
+WORTH = 1e-5
+
+
+class CoarseImpactError(ArithmeticError):
+    """A step too long for the contact in it."""
+
+
+def with_its_energy(system: System, before: BodyMotion, after: BodyMotion, found: ForceBalance,
+                    loading: Loading, owes: bool) -> BodyMotion:
+    """Return the motion at the end of a step with the energy that contact left it.
+
+    before, after : the motion at both ends.  found : the balance at the end, under loading.  owes : whether what the
+    velocities along the contact forces cannot give up is kept in `stored` for the next step.
+    Raises CoarseImpactError where they cannot and it may not be owed.
+    """
+    if found.tractions is None or not len(before.push) or loading.inertia is None:
+        return after
+    mean = 0.5 * (before.push + after.push)
+    work = float((mean * (after.u - before.u)).sum())
+    # fault: contact gains energy where surfaces part -> excess = 0.0 | mechanical_fmu/test_impact
+    excess = work + after.stored - before.stored + float(found.tractions.E_friction.sum())
+    how, dt = system.spec.dynamics, loading.step.dt
+    assert how is not None
+    M = system.masses.matrix(how.lumped)
+    momentum = M @ after.v.ravel()
+    if abs(excess) <= WORTH * 0.5 * float(momentum @ after.v.ravel()):
+        return replace(after, stored=after.stored - excess)
+    alone = replace(loading, query=None)
+    K = stiffness(system, system.balance(found.u, alone, tangent=True), alone)
+    # K holds M/(beta dt2): velocity over s [s] of the mean force.
+    dv = factorise(constrained(system, K))(mean.ravel() * system.constraints.free) * system.moving / (how.beta * dt**2)
+    change = Change(float(momentum @ dv), float(dv @ (M @ dv)), dt * _unsteadiness(before, after))
+    share = change.share(excess)
+    if share is None:
+        if not owes:
+            raise CoarseImpactError(f"contact would gain {excess:.3g} J in this step, which the bodies cannot give "
+                                    "back: they part too far within it")
+        share = change.most
+    v = system.masses.followed(after.v + share * dv.reshape(after.v.shape))
+    return replace(after, v=v, stored=after.stored - (excess + change.energy(share)))
+
+
+def _unsteadiness(before: BodyMotion, after: BodyMotion) -> float:
+    """|change of the contact forces| over |their sum|, at most 1: where nothing opens or closes, nothing is in doubt.
+
+    Without this bound a surface at rest, whose velocity gives no power, would be struck for every round-off of energy.
+    """
+    most = float(np.abs(before.push + after.push).sum())
+    return min(1.0, float(np.abs(after.push - before.push).sum()) / most) if most else 0.0
+
+
+@dataclass(frozen=True)
+class Change:
+    """Energy over s [s], an impulse in units of the mean contact force: s power + s2 doubled/2.
+
+    power : [W].  doubled : [J/s2].  longest : the largest |s| allowed.
+    """
+
+    power: float
+    doubled: float
+    longest: float
+
+    def energy(self, s: float) -> float:
+        """Compute the change of energy [J] by s [s]."""
+        return s * self.power + 0.5 * s * s * self.doubled
+
+    @property
+    def most(self) -> float:
+        """Return the s that takes most energy."""
+        return self._bounded(-self.power / self.doubled) if self.doubled > 0.0 else 0.0
+
+    def share(self, excess: float) -> float | None:
+        """Return the least s that takes an excess [J], as far as allowed; None where none can take it."""
+        root = self.power * self.power - 2.0 * self.doubled * excess
+        if root < 0.0:
+            return None
+        divisor = self.power + math.copysign(math.sqrt(root), self.power)
+        return self._bounded(-2.0 * excess / divisor) if divisor else 0.0
+
+    def _bounded(self, s: float) -> float:
+        return min(max(s, -self.longest), self.longest)

@@ -1,0 +1,96 @@
+"""The headline, the progress line, the probe, the report and ParaView tell one contact pressure."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from coupler import Results, run
+
+sys.path.insert(0, str(Path(__file__).parent))
+from start_scenes import STEEL, edited, loaded, without_fmus
+
+# A block on a wider plate, whose nodes lie otherwise: nodes of the plate beside it face a sliver of its corner.
+BLOCK: dict[str, Any] = {
+    "slideline": 2, "units": {"temperature": "K"}, "geometry": "plane", "materials": {"steel": STEEL},
+    "bodies": {
+        "plate": {"mesh": {"rectangle": {"origin": [-0.021, -0.02], "size": [0.083, 0.02], "cells": [17, 4]}},
+                  "material": "steel", "T0": 300.0},
+        "block": {"mesh": {"rectangle": {"origin": [0, 0], "size": [0.04, 0.02], "cells": [5, 3]}},
+                  "material": "steel", "T0": 300.0}},
+    "contact": {"base": {"slave": "block.bottom", "master": "plate.top", "gap_max": 0.001}},
+    "thermal": {"half": "thermal"},
+    "mechanical": {"half": "elastic", "elastic": {"boundary": [
+        {"on": "plate.bottom", "u_x": 0, "u_y": 0}, {"on": "block.top", "u_x": 0},
+        {"on": "block.top", "u_y": {"t": [0, 1, 3], "value": [0, -2.0e-5, -1.0e-5]}}]}},
+    "coupling": {"scheme": "staggered", "end": 3.0, "windows": [{"until": 3.0, "size": 0.5}]},
+    "probes": {"p": {"p": {"max": "block.bottom"}}, "below": {"p": {"max": "plate.top"}}},
+    "output": {"fields": {"every": 1}, "checkpoint": None}}
+
+
+def everywhere(folder: Path, doc: dict[str, Any]) -> tuple[Results, dict[str, float]]:
+    """Run a scene; the largest pressure [Pa] of the run as each place tells it."""
+    seen: list[float] = []
+    with without_fmus():
+        results = run(loaded(folder, doc), folder / "s.h5", on_window=lambda p: seen.append(p.max_p))
+    from coupler.report.page import summary
+    from coupler.report.pressure import largest, pressure_pictures
+
+    told = re.search(r"highest contact pressure ([\d.]+) (\w+)", summary(results))
+    assert told is not None
+    (picture,) = pressure_pictures(results)
+    (along,) = results.contact.values()
+    in_caption = re.search(r"Its largest, ([\d.]+) MPa", picture.caption)
+    assert in_caption is not None
+    assert float(in_caption[1]) * 1e6 == pytest.approx(largest(along)[0], rel=1e-4)
+    scale = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}[told[2]]
+    return results, {
+        "headline": float(told[1]) * scale, "progress": max(seen), "probe": float(results.probe("p")[1].max()),
+        "report": largest(along)[0],
+        "paraview": float(np.nanmax(results.field("mechanical.p")[1]))}
+
+
+@pytest.mark.parametrize("settings", [{}, {"form": "nodes"}, {"two_pass": True}, {"augmented": None}],
+                         ids=["cuts", "nodes", "two_pass", "penalty"])
+def test_five_places_tell_one_pressure(tmp_path, settings):
+    contact = {"base": {**BLOCK["contact"]["base"], **settings}}
+    results, told = everywhere(tmp_path, edited(BLOCK, contact=contact))
+    # Where both sides are searched, either may have the largest.
+    probe = max(told.pop("probe"), float(results.probe("below")[1].max()) if "two_pass" in settings else 0.0)
+    assert probe > 5e7
+    if "two_pass" in settings:
+        del told["report"]  # its line is the slave's
+    assert told == {name: pytest.approx(probe, rel=1e-4 if name == "headline" else 1e-6) for name in told}
+
+
+def test_the_lines_shown_are_those_of_the_highest_pressure_and_evenly_spread_ones():
+    from coupler.report.pressure import times_to_show
+
+    t, p = np.linspace(0.0, 10.0, 101), np.zeros(101)
+    p[10:91], p[33] = 1.0, 2.0
+    assert times_to_show(t, p) == [10, 33, 37, 63, 90]
+
+
+def test_what_the_master_is_told_adds_up_to_what_the_slave_is(tmp_path):
+    """At no node of the master more than the slave has somewhere, and in the mean over what is pressed the same."""
+    results, _ = everywhere(tmp_path, BLOCK)
+    assert results.probe("below")[1].max() <= results.probe("p")[1].max() * (1 + 1e-12)
+    assert results.probe("below")[1].max() >= 0.8 * results.probe("p")[1].max()
+
+
+def test_the_headline_counts_the_start(tmp_path):
+    """What presses at t = 0 and never as hard again."""
+    doc = edited(BLOCK, mechanical__elastic__boundary=[
+        {"on": "plate.bottom", "u_x": 0, "u_y": 0}, {"on": "block.top", "u_x": 0},
+        {"on": "block.top", "u_y": {"t": [0, 3], "value": [-2.0e-5, -1.0e-5]}}])
+    results, told = everywhere(tmp_path, doc)
+    p = results.probe("p")[1]
+    assert p.argmax() == 0
+    assert told["progress"] < 0.95 * told["probe"]  # of the windows that were
+    assert told["headline"] == pytest.approx(p[0], rel=1e-4)
+    assert told["report"] == pytest.approx(p[0], rel=1e-6)

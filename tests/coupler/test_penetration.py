@@ -1,0 +1,69 @@
+"""The overlap of pressed surfaces against what matters: a line of the trust table."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from coupler import run
+from coupler.schemes.levels import Level
+from coupler.trust.checks import Check
+from coupler.trust.penetration import SHARE, PenetrationLog, Yields, check
+
+sys.path.insert(0, str(Path(__file__).parent))
+from scenario_text import GOOD, load_text
+
+M = 2.0e11 * 0.7 / (1.3 * 0.4)
+P, THICK = 1.0e7, 1.0  # Pa, m: the blocks of the scene are 2 m wide and 1 m high
+
+
+def told(folder: Path, depth: float, pressed: slice = slice(None), **keys: Any) -> Check:
+    """The check of one window in which the slave's nodes press and lie `depth` [m] deep."""
+    interface = load_text(folder, GOOD, keys).interface
+    yields, own = Yields(interface), interface.side_of("face", "upper.bottom").at
+    n = len(interface.pair_nodes)
+    t_N, gap, covered = np.zeros(n), np.zeros(n), np.zeros(n)
+    at = np.arange(own.start, own.stop)[pressed]
+    t_N[at], gap[at], covered[at] = -P, -depth, 1.0
+    now = Level(1.0, np.full(len(interface.nodes), 300.0), interface.nodes, t_N, gap, covered)
+    return check(yields.watched(PenetrationLog(), now), yields, False)
+
+
+def test_it_is_held_against_what_both_bodies_yield(tmp_path: Path) -> None:
+    """A zone wider than the bodies are thick: that far; a narrow one: as far as it is wide."""
+    gives = P * 2.0 / M * THICK
+    assert told(tmp_path, 0.02 * gives).number == pytest.approx(0.02, rel=1e-9)
+    assert told(tmp_path, 0.02 * gives).verdict == "noted"
+    assert told(tmp_path, 0.009 * gives).verdict == "holds"
+    one_node = told(tmp_path, 0.02 * gives, slice(2, 3))
+    assert one_node.number == pytest.approx(0.02 / 0.4, rel=1e-9)
+
+
+def test_it_is_held_against_an_interference_as_drawn(tmp_path: Path) -> None:
+    drawn = {"bodies.upper.mesh.rectangle.origin": [0, 0.999]}
+    found = told(tmp_path, 2.0e-5, **drawn)
+    assert found.number == pytest.approx(0.02, rel=1e-6)
+    assert "interference as drawn" in found.what
+
+
+def test_where_nothing_deforms_it_is_not_checked(tmp_path: Path) -> None:
+    interface = load_text(tmp_path, GOOD).interface
+    assert check(PenetrationLog(), Yields(interface), True).verdict == "not checked"
+    assert check(PenetrationLog(), Yields(replace(interface, stiffness={})), False).verdict == "not checked"
+
+
+@pytest.mark.parametrize(("augmented", "verdict"), [(None, "noted"), ({}, "holds")])
+def test_a_run_tells_the_pressure_that_is_missing(augmented: Any, verdict: str, tmp_path: Path) -> None:
+    """Cells half as deep as the blocks: by the penalty alone a good part of the pressure is missing."""
+    scenario = load_text(tmp_path, GOOD, {"contact.face.augmented": augmented, "coupling.end": 10,
+                                          "output.fields": {"every": 1}, "coupling.kinks": [],
+                                          "signals.push": {"t": [0, 10], "value": [0, -1e-4]}})
+    found = next(c for c in run(scenario, out=tmp_path / "run.h5").trust if c.name == SHARE)
+    assert found.verdict == verdict
+    if augmented is None:
+        assert 0.1 < found.number < 1.0

@@ -1,0 +1,134 @@
+"""Without sources T stays within its data over any number of steps, whatever signs mesh and material conduct with."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from thermal_scenes import Box, Ran, run, scene, spec
+
+from contact.half.interface import Interface, Pair
+
+PRESSED = -1e6
+LEAST = 1e-7  # of the span
+
+
+def blocks(seed: int, cells: tuple[tuple[int, int], tuple[int, int]] = ((6, 4), (8, 5)), **more: Any) -> Interface:
+    """Two blocks, "a" on "b", of skewed quads: inner nodes are moved by up to 0.3 of a cell."""
+    rng = np.random.default_rng(seed)
+
+    def move(X: np.ndarray) -> np.ndarray:
+        inner = (X[:, 0] > 1e-9) & (X[:, 0] < 1 - 1e-9) & (np.abs(np.abs(X[:, 1]) - 0.5) < 0.5 - 1e-9)
+        return X + np.where(inner[:, None], rng.uniform(-0.3, 0.3, X.shape) * (1 / 8, 1 / 5), 0.0)
+
+    (ax, ay), (bx, by) = cells
+    return scene(Box(0, 1, 0, 1, ax, ay), Box(0, 1, -1, 0, bx, by), move=move,
+                 pairs=(Pair("p", "a.bottom", "b.top", gap_max=1.0, eps_N=1.0),), **more)
+
+
+def skewed(angle: float, ratio: float) -> dict[str, Any]:
+    return {"k_1": ratio, "k_2": 1.0, "angle": angle, "turns": False}
+
+
+def stepped(mesh: Interface, k: Any, dt: float, n: int, h: float = 10.0, boundary: Any = (), T: tuple[float, float] =
+            (0.0, 1.0), pair: Any = None, **more: Any) -> Ran:
+    laws = pair or {"conduction": {"closed": {"law": "constant", "h": h}, "open": None}}
+    model = spec(list(boundary), k=k, pairs={"p": laws}, T0=T[0], **more)
+    model["bodies"]["b"] = {"material": "m", "T0": T[1]}
+    return run(mesh, model, dt, n, t_N=np.full(len(mesh.contact_nodes), PRESSED if pair is None else 0.0))
+
+
+def stays(ran: Ran, low: float = 0.0, high: float = 1.0) -> None:
+    slack = LEAST * (high - low)
+    assert ran.T.min() >= low - slack
+    assert ran.T.max() <= high + slack
+    assert ran.imbalance() < 1e-10
+
+
+@pytest.mark.parametrize("method", ["backward_euler", "midpoint", "sdirk2"])
+@pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_node_leaves_its_data(seed: int, geometry: str, method: str) -> None:
+    """Skewed quads, skewed axes, contact at cell Biot numbers to 1e4, a film, a wall: 5 to 60 % of the span before."""
+    rng = np.random.default_rng(100 + seed)
+    mesh = blocks(seed, geometry=geometry)
+    k, h = skewed(float(rng.uniform(0, np.pi)), float(10 ** rng.uniform(0, 2))), float(10 ** rng.uniform(-1, 5))
+    boundary = [{"on": "a.right", "convection": {"h": float(10 ** rng.uniform(-1, 5)), "T": 1.0}},
+                {"on": "b.bottom", "temperature": 0.0}]
+    for dt in (1e-3, 0.03, 1.0):
+        stays(stepped(mesh, k, dt, 8, h, boundary, method=method))
+
+
+def test_steady_states_stay_within_their_data() -> None:
+    boundary = [{"on": "a.right", "convection": {"h": 1e5, "T": 1.0}}, {"on": "b.bottom", "temperature": 0.0}]
+    for seed in range(4):
+        stays(stepped(blocks(seed), skewed(0.8, 50.0), 1.0, 1, 1e3, boundary, method="steady"))
+
+
+def test_nothing_creeps_out_over_many_steps() -> None:
+    """What one step leaves by the next one takes for its data: 40 K of 100 in 50 s before."""
+    stays(stepped(blocks(2, ((4, 3), (5, 3))), skewed(0.7, 30.0), 1e-4, 400, 1e3))
+
+
+def test_a_node_at_its_bound_comes_to_rest() -> None:
+    """All of a correction in one step and none in the next made nodes go up and down by 8 % of the span."""
+    boundary = [{"on": "a.right", "convection": {"h": 1e5, "T": 1.0}}, {"on": "b.bottom", "temperature": 0.0}]
+    ran = stepped(blocks(3), skewed(0.8, 50.0), 1.0, 60, 1e3, boundary, method="backward_euler")
+    stays(ran)
+    assert np.abs(np.diff(ran.T[-10:], axis=0)).max() < 1e-3
+
+
+@pytest.mark.parametrize("k", [1e-3])
+def test_near_radiation_stays_within_its_data(k: float) -> None:
+    """Slow conductors that radiate to each other across a gap, the master unevenly warm."""
+    uneven = {"terms": [{"t": 300.0}, {"t": 1200.0, "x": {"at": [0, 0.49, 0.51, 1], "value": [1, 1, 0, 0]}}]}
+    mesh = scene(Box(0, 1, 0, 1, 8, 4), Box(0, 1, -1, 0, 5, 4),
+                 pairs=(Pair("p", "a.bottom", "b.top", gap_max=1.0, eps_N=1.0),))
+    for dt in (1e-3, 0.1):
+        stays(stepped(mesh, k, dt, 4, boundary=[{"on": "b.top", "temperature": uneven}], T=(300.0, 300.0),
+                      pair={"radiation": {"emissivity_slave": 1.0, "emissivity_master": 1.0}}), 300.0, 1500.0)
+
+
+def test_bodies_that_exchange_nothing_have_their_own_data() -> None:
+    """A cold body far away is no datum of a skewed one; one that is touched is."""
+    mesh, k = blocks(1), skewed(0.8, 50.0)
+    apart = {"conduction": {"closed": {"law": "constant", "h": 1.0}, "open": None}}
+    wall = [{"on": "a.left", "temperature": 2.0}]
+    ran = stepped(mesh, k, 0.01, 12, boundary=wall, T=(1.0, -50.0), pair=apart)
+    a = np.array(mesh.node_body) == 0
+    assert ran.T[:, a].min() >= 1.0 - LEAST
+    assert np.abs(ran.T[:, ~a] + 50.0).max() < 1e-9
+
+
+def test_a_field_linear_in_place_stays_exact() -> None:
+    """Within its data nothing is taken off: the patch test of skewed quads and axes."""
+    line = {"terms": [{"t": 1.0, "x": {"polynomial": [1.0, 2.0]}}]}
+    sides = [{"on": f"{b}.{s}", "temperature": line} for b in "ab" for s in ("left", "right")]
+    mesh = blocks(5)
+    top = {"on": "a.top", "temperature": line}, {"on": "b.bottom", "temperature": line}
+    ran = stepped(mesh, 3.0, 1.0, 1, 1e3, [*sides, *top], method="steady")
+    assert np.abs(ran.T[-1] - (1.0 + 2.0 * mesh.nodes[:, 0])).max() < 1e-11
+
+
+def test_a_source_keeps_its_peak() -> None:
+    """What a source heats beyond all data is no matter of signs: to the bit as without any correction."""
+    mesh = blocks(2, ((4, 4), (4, 4)))
+    model = spec([{"on": "a.top", "temperature": 0.0}], k=1.0, pairs={})
+    model["bodies"] |= {"a": {"material": "m", "T0": 0.0, "Q_T": 5.0}, "b": {"material": "m", "T0": 0.0}}
+    ran = run(mesh, model, 0.05, 20)
+    assert ran.T.max() > 1.0
+    assert ran.outputs[-1]["iterations"] == 1.0
+
+
+def test_adaptive_steps_do_not_see_an_error_in_what_is_taken_off() -> None:
+    """48 inner steps, 40 without any correction; 218 where the flows they are compared with have wrong signs."""
+    boundary = [{"on": "a.right", "convection": {"h": 1e5, "T": 1.0}}, {"on": "b.bottom", "temperature": 0.0}]
+    ran = stepped(blocks(3), skewed(0.8, 50.0), 0.1, 2, 1e3, boundary, adaptive={"tolerance": 0.05})
+    stays(ran)
+    assert sum(o["substeps"] for o in ran.outputs) < 60
