@@ -25,7 +25,8 @@ class ConductionGroup:
 
     argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
     N_s, N_m : (n, 2) [1].  area : (n,) [m2], where open that of the gas between the sides.  by_node : (n,) how far the
-    exchange goes from node to node in place of by shape functions [1] (monotone.py); None: nowhere.
+    exchange goes from node to node in place of by shape functions [1] (monotone.py); None: nowhere.  most : (n,) what a
+    point is let conduct [W/K]; None: all.
     """
 
     pair: int
@@ -37,6 +38,7 @@ class ConductionGroup:
     N_m: Floats
     area: Floats
     by_node: Floats | None = None
+    most: Floats | None = None
 
     @property
     def mechanism(self) -> str:
@@ -52,11 +54,25 @@ class ConductionGroup:
         mean = 0.5 * ((self.N_s * T_n[:, :2]).sum(axis=1) + (self.N_m * T_n[:, 2:]).sum(axis=1))
         h, dh = (closed_conductance if self.closed else open_conductance)(self.law, self.argument, mean)
         # fault: derivative of h(T) forgotten -> dh = 0.0 * dh | thermal_fmu/test_thermal_nonlinear
-        return factor * self.area * h, factor * self.area * dh
+        W, dW = factor * self.area * h, factor * self.area * dh
+        if self.most is None:
+            return W, dW
+        # fault: contact conducts beyond what numbers hold -> most = W | thermal_fmu/test_thermal_ledger
+        most = self.most
+        return np.minimum(W, most), np.where(W > most, 0.0, dW)
 
 
-def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]) -> tuple[ConductionGroup, ...]:
-    """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out."""
+# Times what the cells beside a contact conduct: more of it moves T by less than 1e-9 of its drop in one of these cells,
+# and round-off of h A T is the heat of the whole step.  A law of pressure goes there far beyond its data.
+STIFFEST = 1e9
+
+
+def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None],
+                      through_cells: Floats | None = None) -> tuple[ConductionGroup, ...]:
+    """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out.
+
+    through_cells : (n_nodes,) [W/m2K] of the cells at each node; None: contact may conduct whatever it is said to.
+    """
     groups = []
     for pair, own in enumerate(pairs):
         laws = None if own is None else own.stated.conduction
@@ -66,8 +82,10 @@ def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]
             at = np.flatnonzero((points.pair == pair) & ((points.p > 0) == closed))
             if law is not None and at.size:
                 argument, area = (points.p, points.area) if closed else (points.gap, points.open_area)
+                most = None if through_cells is None else \
+                    STIFFEST * area[at] * through_cells[points.nodes[at]].max(axis=1)
                 groups.append(ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],
-                                              points.N_m[at], area[at]))
+                                              points.N_m[at], area[at], None, most))
     return tuple(groups)
 
 

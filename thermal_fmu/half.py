@@ -21,6 +21,7 @@ from thermal_fmu.cells import (
     CellGeometry,
     InvertedMeshError,
     ReferenceCells,
+    capacities,
     shapes_of,
     tensors,
 )
@@ -142,6 +143,7 @@ def _conductivity(k: Conductivity, block: CellBlock, shape: CellGeometry, at: No
 
 # The half
 
+ROUNDING = 4.0 * np.finfo(float).eps  # of the heat a body holds: start and end of a step, and what went between
 RETRY_SHARE = 0.5  # of a step that did not converge: the step a discard suggests
 
 
@@ -180,6 +182,7 @@ class ThermalHalf:
         self._calendar = calendar_of(self._scene.model)
         self._factors, self._factors_S = Factors(), Factors()
         self._masses: tuple[Floats, tuple[ReferenceCells, ...]] | None = None
+        self._rounding = 0.0
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
 
@@ -273,6 +276,10 @@ class ThermalHalf:
     def _masses_of(self, X: Floats) -> tuple[ReferenceCells, ...]:
         if self._masses is None or not np.array_equal(self._masses[0], X):
             self._masses = (np.array(X), self._scene.masses(np.array(X)))
+            T = self._scene.start(self._masses[1])
+            s = phase_change.unknown(self._scene.melting, T)
+            M = capacities(self._scene.volume, self._masses[1], self._scene.model.parts, s)
+            self._rounding = ROUNDING * float(M @ np.abs(T))
         return self._masses[1]
 
     def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: ThermalStep | None,
@@ -285,6 +292,7 @@ class ThermalHalf:
             "max_dT": float(np.abs(T - T_n).max()),
             "heat_stored": state.stored,
             "heat_moved": heat.moved,
+            "heat_rounding": self._rounding,
             "contact.touching": float(touching),
         }
 
@@ -293,7 +301,8 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
     inner = () if scene.model.stated.adaptive is None else (
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
-    return (*face_variables(scene.interface, scene.model), *inner, *field_variables(scene))
+    rounding = Variable("heat_rounding", unit="J", description="what round-off leaves of the heat of a substep")
+    return (*face_variables(scene.interface, scene.model), *inner, rounding, *field_variables(scene))
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:

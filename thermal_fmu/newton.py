@@ -56,7 +56,8 @@ class StageBalance:
     it that does not come through the surface: flow - inside does, by consistent recovery.  given : (n,) [W] the part of
     it that comes whatever the surroundings are, as sources do.
     terms : (n_terms,) boundary terms [W], each : as BoundaryHeat has it.  stored : (n_bodies,) [J].
-    norm : sum of |R| at free nodes [J].  scale : sum of the sizes of all heats at all nodes [J].
+    norm : sum of |R| at free nodes [J].  missing : |sum of R| there [J].  scale : sum of the sizes of all heats at all
+    nodes [J].
     pull : (n,) [J] what the change of prescribed values since s_n does to the residual of their neighbours: their
     columns are not in the jacobian; None where nothing changed, or without one.
     moved : sum over the nodes of what each took up or gave off [J].
@@ -70,6 +71,7 @@ class StageBalance:
     each: Floats
     stored: Floats
     norm: float
+    missing: float
     scale: float
     jacobian: csr_matrix | None
     pull: Floats | None = None
@@ -119,7 +121,8 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     f += boundary.f
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
-    norm = float(np.abs(R - reaction).sum())
+    free = R - reaction
+    norm, missing = float(np.abs(free).sum()), abs(float(free.sum()))
     moved = float(np.abs(S).sum())
     scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     matrix, pull = None, None
@@ -127,8 +130,8 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
         lifted = np.where(scene.fixed, s - problem.s_n, 0.0)
         matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
     flow = f + reaction / weight if weight else f
-    return StageBalance(R, flow, inside, boundary.given, boundary.terms, boundary.each, stored, norm, scale, matrix,
-                        pull, moved)
+    return StageBalance(R, flow, inside, boundary.given, boundary.terms, boundary.each, stored, norm, missing, scale,
+                        matrix, pull, moved)
 
 
 def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,
@@ -241,6 +244,10 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
     size = float(np.linalg.norm(b))
     if size == 0.0:
         return np.zeros(b.size)
+    if size <= target:
+        # Round-off all but a little: A Z has as much of it, and what is least says nothing.
+        # fault: what is left of heat is shared out by round-off -> pass | thermal_fmu/test_thermal_ledger
+        return precondition(b)
     V, Z = np.zeros((MAX_KRYLOV + 1, b.size)), np.zeros((MAX_KRYLOV, b.size))
     H = np.zeros((MAX_KRYLOV + 1, MAX_KRYLOV))
     start = np.zeros(MAX_KRYLOV + 1)
@@ -289,9 +296,8 @@ MAX_CLIMBS = 8
 STAGE_TOLERANCE = 0.1  # of the model's tolerance: the heat balance of a long run must close to it
 LINEAR_TOLERANCE = 0.3  # of the stage's tolerance, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
+REFINED = 0.5  # of the heat that is missing in all: what a solve that is worth it takes off
 MOST_ROUND_OFF = 10.0  # of the model's tolerance: where a step goes, T may be of no sense
-# Of round-off: heats that add up to no more are at rest.
-AT_REST = 1e3
 
 # Phase continuation: blur from 1 down by BLUR_FACTOR to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt
 # in one step took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md).  Newton's
@@ -406,14 +412,20 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     # fault: infinite heat taken for convergence -> pass |
     #   thermal_fmu/test_thermal_newton::test_heat_that_is_not_finite_names_body_and_node
     _demand_finite(problem, now.R, "the heat")
+    missed = np.inf
     for iteration in range(MAX_ITERATIONS):
-        # What lies within round-off of the guess is not yet as small as it can be: it adds up from step to step.  Where
-        # all that moves is round-off there is nothing to be made smaller.
-        resting = now.scale <= AT_REST * floor
+        # What lies within round-off of the guess is not yet as small as it can be: it adds up from step to step.  The
+        # sum of all nodes does not see the round-off of what they exchange: it is made as small as it gets.
+        # fault: what a whole scene takes up is lost in what its nodes exchange -> settled = True |
+        #   thermal_fmu/test_thermal_ledger
+        settled = now.missing <= STAGE_TOLERANCE * tolerance * now.scale or now.missing > REFINED * missed
+        # fault: little heat beside much round-off is at rest -> if now.norm <= max(STAGE_TOLERANCE * tolerance *
+        #   now.scale, floor if iteration or now.scale <= 1e3 * floor else 0.0): | thermal_fmu/test_thermal_ledger
         # fault: a guess within round-off is taken as it is -> if now.norm <= max(STAGE_TOLERANCE * tolerance *
         #   now.scale, floor): | thermal_fmu/test_thermal_ledger
-        if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor if iteration or resting else 0.0):
+        if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor if iteration and settled else 0.0):
             return SolvedStage(s, now, iteration, now.relative_residual, anchor, linear)
+        missed = now.missing
         if now.jacobian is None:
             now = balance(problem, s, jacobian=True)
             linear = _linearised(s, now)

@@ -99,6 +99,20 @@ class ThermalScene:
         return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
 
     @cached_property
+    def through_cells(self) -> Floats:
+        """(n,) [W/m2K] what the cells at each node conduct across their shortest edge, at the start."""
+        across, X = np.zeros(self.volume.n), self.interface.nodes
+        T = start_temperatures(self.interface, [part.T0 for part in self.model.parts])
+        for block in self.volume.blocks:
+            own = self.model.parts[block.part].material.k
+            k = own.k_1(T[block.cells])
+            if own.k_2 is not None:
+                k = np.maximum(k, own.k_2(T[block.cells]))
+            edge = np.linalg.norm(X[block.cells] - X[np.roll(block.cells, 1, axis=1)], axis=2).min(axis=1)
+            np.maximum.at(across, block.cells, k / edge[:, None])
+        return across
+
+    @cached_property
     def geometry_cache(self) -> GeometryCache:
         """The geometry of the last coordinates."""
         return GeometryCache()
@@ -215,7 +229,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
         tuple(freeze_film(film, slots, geometry) for film, slots in zip(model.films, scene.film_slots, strict=True)),
         tuple(freeze_radiator(radiator, slots, geometry)
               for radiator, slots in zip(model.radiators, scene.radiator_slots, strict=True)),
-        () if points is None else conduction_groups(points, model.pairs),
+        () if points is None else conduction_groups(points, model.pairs, scene.through_cells),
         () if points is None else radiation_groups(points, model.pairs),
         0 if points is None else int((points.p > 0).sum()),
     )

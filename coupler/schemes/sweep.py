@@ -16,7 +16,7 @@ from coupler.scenario.options import Scheme
 from coupler.schemes.levels import Level, Slope, between, exchanged, geometry_at
 from coupler.schemes.state import (
     HEATS,
-    MOVED,
+    NO_TERMS,
     NO_WORK,
     PREFIX,
     Accounts,
@@ -131,7 +131,7 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
         if answer.status is not Status.OK:
             raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done)
         outputs, work = answer.outputs, work.plus(cost)
-        terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX) or n == MOVED})
+        terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX) or n in NO_TERMS})
         told = _told(told, outputs)
     return Pass("thermal", outputs, sent, work, tuple(terms), told=told,
                 accounts=delivered(state.accounts, handed, halves.thermal.blocks))

@@ -14,7 +14,7 @@ from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, schedule, share_of, wanted_outputs
+from coupler.schemes.state import CoupledState, Ledger, imbalance, schedule, share_of, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf
@@ -154,6 +154,18 @@ def test_accounts_are_opened_for_what_is_made():
 def test_a_share_of_nothing_is_nothing():
     given = share_of({"E_S": np.array([5.0]), "E_M": np.array([5.0])}, 0.25, False)
     assert {n: v.tolist() for n, v in given.items()} == {"E_S": [0.0], "E_M": [1.25]}
+
+
+def test_round_off_of_what_bodies_hold_is_no_imbalance():
+    """A body at rest takes up round-off: all of it, of heat that moved nothing, is not accounted for."""
+    at_rest = {"heat.stored.a": 7e-12, "heat_moved": 1e-7, "heat_rounding": 1e-9}
+    assert imbalance(at_rest) == 0.0
+    assert imbalance(at_rest | {"heat_rounding": 0.0}) == pytest.approx(7e-5)
+    warmed = {"heat.stored.a": 1.0, "heat.flux": 1.1, "heat_moved": 1.0, "heat_rounding": 1e-9}
+    assert imbalance(warmed) == pytest.approx(0.1 / 2.1, rel=1e-8)
+    ledger = Ledger().plus(at_rest).plus(at_rest)
+    assert ledger.everything["heat_rounding"] == 2e-9
+    assert set(ledger.terms) == {"heat.stored.a"}
 
 
 def test_heat_that_is_not_taken_is_told():

@@ -39,3 +39,18 @@ def test_bodies_of_one_temperature_exchange_exactly_nothing() -> None:
     ran = run(mesh, model, 0.5, 3, t_N=np.full(len(mesh.contact_nodes), -1e6))
     assert np.ptp(ran.T) == 0.0
     assert ran.outputs[-1]["iterations"] == 0.0
+
+
+@pytest.mark.parametrize(("n", "h"), [(4, 1e8), (4, 1e17), (16, 1e10), (16, 1e12), (16, 1e17)])
+def test_heat_that_is_little_beside_round_off_of_a_contact_is_not_lost(n: int, h: float) -> None:
+    """What warms two bodies as a whole does not see how well they conduct to each other: round-off of h A T is the
+    heat of the whole step where h is 1e15, as it is under a pressure law far beyond its data."""
+    mesh = scene(Box(0, 1, 0, 1, n, n), Box(0, 1, -1, 0, n, n),
+                 pairs=(Pair("p", "a.bottom", "b.top", gap_max=1.0, eps_N=1.0),))
+    model = spec([{"on": "a.top", "flux": 100.0}], T0=1000.0,
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": h}, "open": None}}})
+    model["bodies"]["b"] = {"material": "m", "T0": 1000.0}
+    ran = run(mesh, model, 0.5, 8, t_N=np.full(len(mesh.contact_nodes), -1e6))
+    assert ran.outputs[-1]["heat_stored"] == pytest.approx(100.0 * 0.5 * 8, rel=1e-11)
+    assert min(o["iterations"] for o in ran.outputs) >= 1
+    assert max(o["iterations"] for o in ran.outputs[1:]) <= 4
