@@ -59,7 +59,7 @@ class ConductionGroup:
             return W, dW
         # fault: contact conducts beyond what numbers hold -> most = W | thermal_fmu/test_thermal_ledger
         most = self.most
-        return np.minimum(W, most), np.where(W > most, 0.0, dW)
+        return np.minimum(W, most), np.where(most < W, 0.0, dW)
 
 
 # Times what the cells beside a contact conduct: more of it moves T by less than 1e-9 of its drop in one of these cells,
