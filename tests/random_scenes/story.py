@@ -20,6 +20,7 @@ from coupler.record.tables import ERROR_FIELDS
 from coupler.scenario import Scenario
 from coupler.schemes.levels import Level
 from coupler.trust.checks import TrustVerdict
+from coupler.trust.errors import NAME as ESTIMATED
 from random_scenes.direct_half import without_fmus
 from random_scenes.scene import Scene
 
@@ -41,6 +42,7 @@ class Story:
     words : all notes and warnings that a user is shown, before, during and after the run.
     levels : at the start and the end of every accepted window.  extra : output of a half -> its values then.
     errors : quantity (coupler.record.tables.ERROR_FIELDS) -> estimated error of every accepted window, nan if unknown.
+    may_be_off : unit -> the largest error of a probe in it that the run says in its trust table, if it is too large.
     """
 
     scene: Scene
@@ -54,6 +56,7 @@ class Story:
     ledger: Mapping[str, Floats] = field(default_factory=dict)
     imbalance: float = 0.0
     errors: Mapping[str, Floats] = field(default_factory=dict)
+    may_be_off: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def interface(self) -> Interface:
@@ -105,6 +108,7 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
         ledger: dict[str, Floats] = {}
         imbalance = 0.0
         errors: dict[str, Floats] = {}
+        may_be_off: dict[str, float] = {}
         outcome, message = COMPLETED, ""
         said = io.StringIO()
         try:
@@ -134,14 +138,26 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                 probes = {n: results.probe(n)[1] for n in results.probe_names}
                 ledger = {k: np.asarray(v) for k, v in results.ledger_history()[1].items()}
                 imbalance = results.heat_imbalance
-                errors = _errors(results)
+                errors, may_be_off = _errors(results), _may_be_off(results)
         except (CouplingError, HalfError, ScenarioError) as error:
             outcome, message = FAILED, str(error)
         except TooLongError as error:
             outcome, message = FAILED, f"too long for a small scene: {error}"
         words += [line for line in said.getvalue().splitlines() if line]
         return Story(scene, outcome, message, tuple(dict.fromkeys(words)), scenario, tuple(levels),
-                     {n: tuple(v) for n, v in extra.items()}, probes, ledger, imbalance, errors)
+                     {n: tuple(v) for n, v in extra.items()}, probes, ledger, imbalance, errors,
+                     may_be_off)
+
+
+def _may_be_off(results: Results) -> dict[str, float]:
+    """Unit -> the largest error of a probe that a user reads: that of probes far off is in the table of trust."""
+    said = [c.verdict for c in results.trust if c.name == ESTIMATED]
+    if not said or said[0] not in (TrustVerdict.BROKEN, TrustVerdict.NOTED):
+        return {}
+    found: dict[str, float] = {}
+    for row in results.probe_errors.values():
+        found[row.unit] = max(found.get(row.unit, 0.0), row.error)
+    return found
 
 
 def _errors(results: Results) -> dict[str, Floats]:

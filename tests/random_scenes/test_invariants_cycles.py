@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from random_scenes.by_hand import box, plate, two_blocks
 from random_scenes.direct_half import DirectHalf
-from random_scenes.invariants_cycles import CYCLES, period_of, swings_of
+from random_scenes.invariants_cycles import CYCLES, cycles_in, period_of, swings_of
 from random_scenes.scene import Scene
 from random_scenes.story import told
 
@@ -79,3 +79,17 @@ def test_cycles_of_every_period_are_seen_and_a_decay_is_not(period):
     decay = 300.0 + 100.0 * np.exp(-k / 5.0) + 5.0 * np.exp(-k) * np.cos(2.0 * np.pi * k / period)
     assert not any(s.lasting for s in swings_of("temperature", decay, 200.0, 0))
     assert period_of(300.0 + 100.0 * np.exp(-k[:, 0] / 40.0), 5.0) == 0
+
+
+@pytest.mark.parametrize(("error", "lasting", "is_told"), [
+    (0.0, False, False), (20.0, False, False), (60.0, False, True), (60.0, True, False)])
+def test_an_error_bar_tells_of_what_dies_out_within_it_alone(error, lasting, is_told):
+    scene = plate({"on": "plate.left", "temperature": 500}, size=20.0, end=800.0)
+    quiet = told(scene)
+    number = np.arange(len(quiet.levels))
+    turns = np.where(lasting | (number < 8), 25.0 * (-1.0) ** number, 0.0)
+    wild = replace(quiet, levels=tuple(replace(v, T=v.T + d) for v, d in zip(quiet.levels, turns, strict=True)),
+                   words=("estimated error of the probes: middle may be off by 12 %",), may_be_off={"K": error})
+    found = [f for f in cycles_in(wild, quiet) if f.what.startswith("temperature")]
+    assert found
+    assert all(wild.says(*f.named_by) for f in found) == is_told
