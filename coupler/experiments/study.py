@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from contact.problem.values import did_you_mean
 from coupler.control.auto import chooses
 from coupler.control.window_size import longest
 from coupler.errors import ResultsError, ScenarioError
@@ -87,10 +88,20 @@ def study_plan_of(document: Document, overrides: Mapping[str, Any], options: Map
     if spec.span is not None and spec.span[0] >= base.coupling.end:
         raise ScenarioError(f"the span begins after the run ends, at {base.coupling.end:g} s", key="study.span",
                             value=list(spec.span))
+    if spec.reference.file is None:
+        # fault: names of probes are looked at after the runs -> pass | coupler/test_study_run
+        _demand_probes(spec.measure, base)
     planner = _Planner(document, overrides, packages)
     runs = tuple(planner.planned(setting, f"run {setting.label!r}") for setting in settings_of(changed, spec.grid))
     references = tuple(planner.planned(setting, "the reference") for setting in _reference_settings(changed, spec))
     return StudyPlan(runs, references, base, spec, tuple(_notes(spec)))
+
+
+def _demand_probes(names: Sequence[str], base: Scenario) -> None:
+    for name in names:
+        if name not in base.probes:
+            raise ScenarioError("no such probe", key="study.measure", value=name,
+                                remedy=did_you_mean(name, base.probes))
 
 
 @dataclass(frozen=True)
@@ -265,7 +276,31 @@ def conduct(path: Path, out: Path, overrides: Mapping[str, Any], keys: Mapping[s
     points = [point_of(run.setting.label, run.setting.series, o, answer, scale)
               for run, o in zip(plan.runs, results, strict=True)]
     limits = _limits(plan, points, options)
-    return Study(document, plan, results, points, answer, scale, limits, plan.notes)
+    return Study(document, plan, results, points, answer, scale, limits, (*plan.notes, *_drowned(plan, scale)))
+
+
+# Unit of a probe -> what the iterations of a window leave of it.
+OF_ITERATION = {"K": "temperature", "m": "gap", "Pa": "pressure"}
+# Times that: a range below it has errors of more than 10 % that no window makes better.
+CLEAR = 10.0
+
+
+def _drowned(plan: StudyPlan, scale: ErrorScale) -> list[str]:
+    """Return a note on each measured probe that hardly moves beside what iterating leaves."""
+    notes = []
+    tolerance = plan.base.coupling.iteration.tolerance
+    for name, size in scale.probes.items():
+        unit = plan.base.probes[name].unit if name in plan.base.probes else ""
+        if unit not in OF_ITERATION:
+            continue
+        key = OF_ITERATION[unit]
+        left = getattr(tolerance, key).atol
+        # fault: a probe that hardly moves is measured without a word -> if False: | coupler/test_study_run
+        if size < CLEAR * left:
+            notes.append(f"Probe {name} moves by {size:.3g} {unit} in all, and iterations leave up to {left:.3g} "
+                         f"{unit}: its errors tell of coupling.iteration.tolerance.{key}.atol, not of the windows. "
+                         "Make that smaller, or leave the probe out (study.measure).")
+    return notes
 
 
 def _make(out: Path) -> None:

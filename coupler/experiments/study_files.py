@@ -31,7 +31,7 @@ from coupler.scenario.edits import apply_overrides
 
 MARKERS = "os^Dvp*hX"
 COSTS = (("solver_calls", "solver calls"), ("seconds", "wall time [s]"))
-PALE, GREY = "#f0e2a8", "#777777"
+PALE, GREY, ALARM = "#f0e2a8", "#777777", "#b00020"
 # Runs with a larger error have no answer: their markers are hollow, at the upper border.
 MOST = 1.0
 TICKS = 2.5  # decades from which powers of ten are ticks enough
@@ -120,6 +120,11 @@ def _curves(ax: Axes, points: Sequence[Point], cost: str, high: float) -> None:
                gid="failed")
         _marks(ax, [_at(p, cost, ax, high) for p in good if p.below_floor], marker="o", markersize=11, linestyle="none",
                markerfacecolor="none", markeredgecolor=GREY, zorder=5, gid="below")
+        _marks(ax, [_at(p, cost, ax, high) for p in on if p.broken], marker="x", markersize=9, linestyle="none",
+               markeredgecolor=ALARM, markeredgewidth=1.6, zorder=6, gid="broken")
+    if any(p.broken for p in points):
+        ax.plot([], [], marker="x", markersize=9, linestyle="none", markeredgecolor=ALARM, markeredgewidth=1.6,
+                label="says itself: do not trust")
     for name, marker, size in (("failed, or above 100 %", "o", 7), ("below the reference's own error", "o", 11)):
         if any((p.below_floor if "below" in name else not p.error <= MOST) for p in points):
             ax.plot([], [], marker=marker, markersize=size, linestyle="none", markerfacecolor="none",
@@ -237,7 +242,8 @@ def rows(runs: Sequence[PlannedRun], points: Sequence[Point]) -> list[dict[str, 
     """Return one mapping a run; numbers that are not finite are None."""
     return [{"label": p.label, **{f"at.{axis}": value for axis, value in run.setting.at.items()},
              "half_solves": p.solver_calls, "seconds": _finite(p.seconds), "error": _finite(p.error),
-             "floor": _finite(p.floor), "below_floor": p.below_floor, "message": p.message, "run": run.key,
+             "floor": _finite(p.floor), "below_floor": p.below_floor, "message": p.message,
+             "broken": list(p.broken), "run": run.key,
              **{f"error.{n}": _finite(e) for n, e in (p.by_probe or {}).items()}}
             for run, p in zip(runs, points, strict=True)]
 
@@ -320,7 +326,8 @@ def _best(study: Study, out: Path) -> list[CheapestRun]:
 def _rows(study: Study) -> list[dict[str, Any]]:
     return [{"label": p.label, "solver_calls": p.solver_calls, "windows": o.windows, "rejected": o.rejected,
              "seconds": duration(p.seconds), "order": order, "message": p.message, "error": relative(p.error),
-             "below": p.below_floor, "errors": [relative(e) for e in (p.by_probe or {}).values()]}
+             "below": p.below_floor, "broken": ", ".join(p.broken),
+             "errors": [relative(e) for e in (p.by_probe or {}).values()]}
             for p, o, order in zip(study.points, study.trials, _orders(study), strict=True)]
 
 
@@ -381,7 +388,8 @@ def _facts_as_data(study: Study) -> dict[str, Any]:
 
 def _picture(text: str, study: Study) -> Picture:
     src = f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode()}"
-    caption = ("Hollow markers at the upper border: runs that failed, or whose error is above 100 %. The pale band "
+    caption = ("Hollow markers at the upper border: runs that failed, or whose error is above 100 %. Crossed out: runs "
+               "that end with 'do not trust', which the table of all runs says why. The pale band "
                "joins the Pareto optimal runs: no other has both less cost and less error.")
     if study.limits:
         caption += (" Dotted lines: the longest stable windows of a curve, as a pilot run predicts them; runs to their "

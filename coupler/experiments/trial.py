@@ -27,6 +27,7 @@ from coupler.record.results import Results
 from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
+from coupler.trust.checks import TrustVerdict
 
 # Probes and cost are all that is looked at: neither fields nor checkpoints are written.
 LEAN = {"output.fields": {"every": 1_000_000_000}, "output.checkpoint": None}
@@ -57,6 +58,7 @@ class TrialResult:
     count as the median of the others in the latter.  wall : with its start [s].
     windows, rejected : counts.  t : (n,) ends of accepted windows, from 0 [s].
     probes : name -> (n,) values at t, SI.  units : of the probes.  scenario : hash of what was run.
+    broken : names of the checks of its trust table that failed.
     storable : false for a crash, which may not happen again.
     """
 
@@ -71,12 +73,13 @@ class TrialResult:
     probes: Mapping[str, Sequence[float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scenario: str = ""
+    broken: Sequence[str] = ()
     storable: bool = True
 
 
 def trial_from(values: Mapping[str, Any]) -> TrialResult:
     """Return the trial of its plain values.  Raises TypeError where they are not those of one."""
-    return TrialResult(**values)
+    return TrialResult(**{**values, "broken": tuple(values.get("broken", ()))})
 
 
 def scenario_of(job: Job) -> Scenario:
@@ -128,7 +131,8 @@ def _answers(results: Results) -> dict[str, Any]:
     if wrong:
         return {"failed": f"probe {wrong[0]} is not a number"}
     return {"t": results.t.tolist(), "probes": {n: v.tolist() for n, v in values.items()},
-            "units": {n: results.unit(n) for n in values}}
+            "units": {n: results.unit(n) for n in values},
+            "broken": tuple(c.name for c in results.trust if c.verdict is TrustVerdict.BROKEN)}
 
 
 def _cost(results: Results) -> dict[str, Any]:
@@ -148,7 +152,7 @@ def _seconds(pace: Sequence[float]) -> float:
 
 # Trials are stored by content: one of the same values by the same sources is never run twice.
 
-FORMAT, VERSION = "slideline.trial", 2
+FORMAT, VERSION = "slideline.trial", 3
 # Parts of the coupler that change nothing in a trial; of experiments only this file does.
 # fault: a part that no trial depends on is looked for where it was -> APART = ("study", "advise", "report", "deck",
 #   "init", "verify", "cli.py") | coupler/test_study

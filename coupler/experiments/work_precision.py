@@ -162,7 +162,8 @@ class Point:
     """One run: its error and cost.
 
     series : the curve it lies on.  solver_calls, seconds : its cost.  error : relative, nan where it failed.
-    floor : the reference's own error, nan where that is unknown.  by_probe : probe -> error.
+    floor : the reference's own error, nan where that is unknown.  by_probe : probe -> error.  broken : names of the
+    checks of its trust table that failed.
     """
 
     label: str
@@ -173,6 +174,7 @@ class Point:
     floor: float
     message: str = ""
     by_probe: Mapping[str, float] | None = None
+    broken: Sequence[str] = ()
 
     @property
     def bound(self) -> float:
@@ -249,7 +251,9 @@ def point_of(label: str, series: str, run: TrialResult, reference: ReferenceSolu
     errors = errors_of(run, reference, scale)
     worst = max(errors.values())
     message = "" if math.isfinite(worst) else "it has no window end in the span"
-    return Point(label, series, run.solver_calls, run.seconds, worst, scale.floor, message, errors)
+    # fault: a study hides what its runs say of themselves -> return Point(label, series, run.solver_calls, run.seconds,
+    #   worst, scale.floor, message, errors) | coupler/test_study
+    return Point(label, series, run.solver_calls, run.seconds, worst, scale.floor, message, errors, tuple(run.broken))
 
 
 def pareto_front(points: Sequence[Point], cost: str = "solver_calls") -> list[Point]:

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -142,6 +143,12 @@ def test_a_run_that_failed_is_a_point_without_an_error():
     assert cheapest([p], 1.0) is None
 
 
+def test_a_point_says_which_checks_of_its_run_failed():
+    r = richardson([decay(0.01 * k, 2) for k in (1, 2, 4)], "made up")
+    run = replace(decay(0.1, 2), broken=["heat balance"])
+    assert tuple(point_of("a", "a", run, r, scale_of(r, (), (0.0, T_END))).broken) == ("heat balance",)
+
+
 def test_a_stored_answer(tmp_path):
     file = tmp_path / "answer.csv"
     t = np.linspace(0.0, T_END, 201)
@@ -182,6 +189,16 @@ def test_the_chart_shows_failures_hollow_and_what_is_below_the_floor():
     assert list(lines["below"].get_xdata()) == [300]
     assert any(list(line.get_xdata()) == [50.0, 50.0] for line in left.lines)
     assert any(list(line.get_ydata()) == [5e-4, 5e-4] for line in left.lines)
+
+
+def test_runs_that_say_do_not_trust_are_crossed_out_whether_right_or_wrong():
+    said = [replace(POINTS[0], broken=("heat balance",)), POINTS[1],
+            replace(POINTS[-1], broken=("exchange is stable",))]
+    figure = draw(said, [])
+    crossed = [x for line in figure.axes[0].lines if line.get_gid() == "broken" for x in line.get_xdata()]
+    assert sorted(crossed) == sorted(p.solver_calls for p in said if p.broken)
+    assert "says itself: do not trust" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "says itself: do not trust" not in [text.get_text() for text in draw(POINTS, []).legends[0].get_texts()]
 
 
 @pytest.mark.parametrize(("limit", "says"), [

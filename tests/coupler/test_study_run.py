@@ -6,6 +6,7 @@ import csv
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from coupler import load_scenario, run
 from coupler.cli.cli import app
 from coupler.errors import ScenarioError
 from coupler.experiments.pool import StudyLine
-from coupler.experiments.study import Study, StudyOptions, conduct
+from coupler.experiments.study import Study, StudyOptions, _drowned, conduct
 from coupler.experiments.study_files import write_study
 from coupler.experiments.trial import TrialResult
 
@@ -131,6 +132,26 @@ def test_the_cheapest_setting_is_a_scenario_that_does_what_was_measured(done, tm
     assert "study" not in scenario.resolved
 
 
+def test_runs_say_themselves_whether_to_trust_them(done):
+    """Long windows of the stagger are far off and say so; the page and the table hold it against the error."""
+    study, out, _, _ = done
+    rows = list(csv.DictReader((out / "study.csv").read_text(encoding="utf-8").splitlines()))
+    assert [json.loads(r["broken"]) for r in rows] == [list(p.broken) for p in study.points]
+    assert [list(t.broken) for t in study.trials] == [list(p.broken) for p in study.points]
+    page = (out / "study.html").read_text(encoding="utf-8")
+    for name in {name for p in study.points for name in p.broken}:
+        assert f'<td class="label">{name}' in page
+
+
+def test_a_probe_that_hardly_moves_is_told(done):
+    study, _, _, _ = done
+    scale = replace(study.scale, probes={"T": 5e-4, "gap": 1e-3})
+    note, = _drowned(study.plan, scale)
+    assert "Probe T moves by 0.0005 K in all" in note
+    assert "coupling.iteration.tolerance.temperature.atol" in note
+    assert not _drowned(study.plan, replace(study.scale, probes={"T": 2e-3, "gap": 1e-3}))
+
+
 def test_a_study_does_not_change_what_a_scenario_is(tmp_path):
     text = LUMPED.read_text(encoding="utf-8")
     (tmp_path / "bare.yaml").write_text(text[:text.index("\nstudy:")], encoding="utf-8")
@@ -144,6 +165,7 @@ def test_a_study_does_not_change_what_a_scenario_is(tmp_path):
     ({"grid": {"coupling.adaptive": [{"first": 1}]}, "reference": {"set": {"coupling.adaptive": {"first": 1}}}},
      "the reference"),
     ({"grid": {"windows": [1]}, "reference": {"error": 0.1}}, "is measured"),
+    ({"grid": {"windows": [1]}, "measure": ["T", "gab"]}, "no such probe .*Did you mean 'gap'"),
 ])
 def test_what_is_wrong_is_said_before_anything_runs(tmp_path, options, says):
     with pytest.raises(ScenarioError, match=says):
