@@ -98,10 +98,6 @@ class Masses:
         """Return v : (n, 2) with what the nodes without mass have taken from those that move them."""
         return np.asarray(self._taken_along[0] @ v) if self.without.any() else v
 
-    def handed_on(self, f: Floats) -> Floats:
-        """Return f : (n, 2) [N] with what acts on nodes without mass at those that move them: force and moment stay."""
-        return np.asarray(self._taken_along[0].T @ f) if self.without.any() else f
-
     @cached_property
     def consistent(self) -> csr_matrix:
         """Assemble (2 n, 2 n) [kg] int rho0 N_a N_b dV0; a rigid body's at its reference rows."""

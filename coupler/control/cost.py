@@ -40,11 +40,6 @@ class SchemeCosts:
         """Whether the next window is iterated because that costs less."""
         return self.waited < self.pause
 
-    @property
-    def known(self) -> bool:
-        """Whether it is known what an iterated window costs."""
-        return not math.isnan(self.iterated)
-
 
 def rate(solved: Solved, H: float, error: Estimate) -> float:
     """Return the calls a second [1/s] that a window's scheme would take for the wanted error.

@@ -275,7 +275,7 @@ def _scale(name: str, levels: Sequence[Level], solved: Solved) -> float:
     if name == "heat":
         # What rubs warms both bodies, and little of that crosses from one to the other.
         # fault: heat that crosses is held against itself alone where surfaces rub -> return abs(_heat(solved) or 0.0) |
-        #   coupler/test_defaults
+        #   coupler/test_estimate
         return abs(_heat(solved) or 0.0) + abs(_sum_of(FRICTION, solved) or 0.0)
     return _largest(_values(name, now, levels) - _values(name, start, levels))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 from collections.abc import Callable
@@ -186,6 +187,8 @@ def trust_rows(results: Results) -> list[TrustRow]:
 
 
 def _size(value: float, unit: str) -> str:
+    if math.isinf(value):
+        return "none"
     return number(value, 2) + ("" if unit == "1" else f" {unit}")
 
 

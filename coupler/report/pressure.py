@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.record.results import Along, Results
-from coupler.report.figures import Picture, axes_of, legend_below, line_style, number, page_figure, plain, shown, svg
+from coupler.report.figures import COLOURS, Picture, axes_of, legend_below, number, page_figure, plain, shown, svg
 
 Array = NDArray[np.float64]
 
 MOST_LINES = 5
 HEIGHT = 3.0  # inches
+WIDEST, THINNER = 3.8, 0.7  # points: of the first line, and each next one by so much
 
 
 def largest(along: Along) -> tuple[float, int]:
@@ -53,15 +54,16 @@ def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along)
     scale, length = shown("Pa", top), shown("m", float(along.s[-1]))
     sheared = along.t_T is not None and bool(np.nan_to_num(np.abs(along.t_T)).any())
     figure = page_figure(HEIGHT)
-    ax = axes_of(figure, f"along {plain(str(pair['slave']))} [{length.unit}]", f"pressure [{scale.unit}]")
+    ax = axes_of(figure, f"along {plain(str(pair['slave']))} [{length.unit}]",
+                 f"pressure{', shear' * sheared} [{scale.unit}]")
     for k, at in enumerate(times_to_show(results.t, p.max(axis=1))):
-        look = line_style(k)
+        # Dots are for the shear; of equal lines each is still seen under the thinner next.
+        look: dict[str, Any] = {"color": COLOURS[k], "linewidth": WIDEST - k * THINNER}
         ax.plot(length(along.s), scale(p[at]), label=f"t = {number(float(results.t[at]), 6)} s", **look)
         if sheared:
             assert along.t_T is not None
-            ax.plot(length(along.s), scale(np.nan_to_num(along.t_T[at].astype(float))),
-                    **{**look, "linestyle": ":", "marker": ""})
-    legend_below(figure, ax)
+            ax.plot(length(along.s), scale(np.nan_to_num(along.t_T[at].astype(float))), linestyle=":", **look)
+    legend_below(figure, ax, MOST_LINES)
     when = number(float(results.t[row]), 6)
     where = number(float(length(along.s[int((-along.t_N[row]).argmax())])), 4)
     text = (f"Pair {name}: contact pressure along {pair['slave']}, the mean over what each node faces, at some times. "

@@ -93,9 +93,16 @@ class EarlierRun:
 
         Raises EarlierRunError.
         """
-        around = list(frames_around(self.times, t))
-        frames = self._frames(body, [k for k, _ in around])
-        return np.asarray([share for _, share in around] @ frames)
+        shares, frames = self._around(t)
+        return np.asarray(shares @ self._temperatures(body, frames))
+
+    def displacements(self, body: str, t: float) -> Floats:
+        """Return the displacements (n, 2) [m] of a body's nodes at a time [s] between the frames.
+
+        Raises EarlierRunError.
+        """
+        shares, frames = self._around(t)
+        return np.tensordot(shares, self._frames("mechanical", "u", body, frames, dim=2)[..., :2], axes=1)
 
     def course(self, body: str) -> Floats:
         """Return the temperatures (n_t, n) [K] of a body's nodes in all frames.  Raises EarlierRunError."""
@@ -103,22 +110,33 @@ class EarlierRun:
         if own.size * len(self.times) > MAX_COURSE:
             raise EarlierRunError(f"{len(self.times)} frames of {own.size} nodes are more than {MAX_COURSE} values",
                                   "Keep fewer frames (output.fields) in that run.")
-        return self._frames(body, range(len(self.times)))
+        return self._temperatures(body, range(len(self.times)))
 
-    def _frames(self, body: str, frames: Sequence[int]) -> Floats:
+    def _around(self, t: float) -> tuple[Floats, list[int]]:
+        """The shares [1] and numbers of the frames that make up a time [s]."""
+        around = list(frames_around(self.times, t))
+        return np.array([share for _, share in around]), [k for k, _ in around]
+
+    def _temperatures(self, body: str, frames: Sequence[int]) -> Floats:
         """Temperatures (k, n) [K] of a body's nodes in some frames."""
-        path, n, own = self.path.with_name(self.field_files["thermal"]), len(self.nodes), self.nodes_of(body)
-        with opened(path) as f:
-            data = dataset(f, "VTKHDF/PointData/T", "f", 1)
-            if len(data) != n * len(self.times):
-                raise EarlierRunError(f"{path.name} has {len(data)} values of T for {n} nodes and "
-                                      f"{len(self.times)} frames")
-            T = np.array([data[k * n:(k + 1) * n][own] for k in frames], dtype=np.float64)
-        if not np.isfinite(T).all():
-            raise EarlierRunError(f"{path.name}: T is not finite everywhere")
+        T = self._frames("thermal", "T", body, frames)
         if not (T > 0.0).all():
-            raise EarlierRunError(f"{path.name}: body {body!r} reaches {T.min():g} K")
+            name = self.path.with_name(self.field_files["thermal"]).name
+            raise EarlierRunError(f"{name}: body {body!r} reaches {T.min():g} K")
         return T
+
+    def _frames(self, half: str, field: str, body: str, frames: Sequence[int], dim: int = 1) -> Floats:
+        """A field (k, n) or (k, n, 3) of a half at a body's nodes, in some frames.  dim : of what the file holds."""
+        path, n, own = self.path.with_name(self.field_files[half]), len(self.nodes), self.nodes_of(body)
+        with opened(path) as f:
+            data = dataset(f, f"VTKHDF/PointData/{field}", "f", dim)
+            if data.shape != (n * len(self.times), 3)[:dim]:
+                raise EarlierRunError(f"{path.name} has {len(data)} values of {field} for {n} nodes and "
+                                      f"{len(self.times)} frames")
+            values = np.array([data[k * n:(k + 1) * n][own] for k in frames], dtype=np.float64)
+        if not np.isfinite(values).all():
+            raise EarlierRunError(f"{path.name}: {field} is not finite everywhere")
+        return values
 
 
 def earlier_run(path: Path) -> EarlierRun:

@@ -17,6 +17,7 @@ from skfem import MeshQuad
 
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.values import Number, Positive, Text, Whole, did_you_mean, problem
+from coupler.scenario.transfer import BodyNodes
 
 # The part of the schema that says what there is: bodies and their meshes.
 
@@ -105,6 +106,11 @@ class BodyMesh:
     node_sets: Mapping[str, Ints] = field(default_factory=dict)
     points: Mapping[str, Floats] = field(default_factory=dict)
     groups: Mapping[str, tuple[Ints, Ints]] = field(default_factory=dict)
+
+    @property
+    def nodes_and_cells(self) -> BodyNodes:
+        """The mesh without names."""
+        return BodyNodes(self.nodes, self.quads, self.triangles)
 
 
 def anticlockwise(nodes: Floats, cells: NDArray[np.integer], kind: str) -> Ints:

@@ -15,6 +15,7 @@ from contact.problem.pairs import ContactForm, ContactPair
 from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, DocumentErrors, Key
+from coupler.scenario.earlier_bodies import EarlierRuns
 from coupler.scenario.fits import offsets_of
 from coupler.scenario.mesh import BodyMesh, Floats, Ints, MeshError, file_mesh, rectangle_mesh
 from coupler.scenario.penalties import largest_penalty, stiffness_of
@@ -63,8 +64,9 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
     nodes = np.concatenate([m.nodes for m in meshes.values()])
     _check_radius(document, file, nodes, start)
     regions = regions_of(document, file.bodies, meshes, found)
-    starts = starts_of(document, file, meshes, found)
-    courses = courses_of(document, file, meshes, found)
+    runs = EarlierRuns(document)
+    starts = starts_of(runs, file, meshes, found)
+    courses = courses_of(runs, file, meshes, found)
     bare = Interface(
         geometry=file.geometry.value,
         nodes=nodes,
@@ -84,7 +86,7 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
     bare = replace(bare, stiffness=stiffness_of(file, bare, dict(parts_of(file))))
     bare = replace(bare, pairs=_pairs(document, file, bare, found))
     bare = replace(bare, offset=offsets_of(document, file, bare, found))
-    arrays, mechanics = start_arrays(mechanics_of(document, file, meshes, found), bare)
+    arrays, mechanics = start_arrays(mechanics_of(document, runs, file, meshes, found), bare)
     return Scene(replace(bare, start=bare.start | arrays), points, starts, courses, mechanics)
 
 

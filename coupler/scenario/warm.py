@@ -11,13 +11,13 @@ import numpy as np
 from contact.half.interface import Interface, PairSide
 from contact.half.memory import AS_LEFT, CELLS, ELASTIC, MOBILISED, MULTIPLIERS, SIDES, U
 from contact.problem.mechanical import Elastic
-from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun
 from coupler.scenario.document import Document, DocumentErrors, Key
-from coupler.scenario.earlier_run import EarlierRun, EarlierRunError, dataset, earlier_run, opened
+from coupler.scenario.earlier_bodies import EarlierRuns, meshes_sentence
+from coupler.scenario.earlier_run import EarlierRun, EarlierRunError, dataset, opened
 from coupler.scenario.mesh import BodyMesh, Floats
 from coupler.scenario.schema import ScenarioFile
-from coupler.scenario.transfer import BodyNodes, frames_around, moved
+from coupler.scenario.transfer import moved
 
 END, PAIR_NODES = "end", "pair_nodes"  # the group of a results file, and the node of each pair node in it
 
@@ -55,16 +55,16 @@ class TakenMechanics:
     source: Mapping[str, str | float]
 
 
-def mechanics_of(document: Document, file: ScenarioFile, meshes: Mapping[str, BodyMesh],
+def mechanics_of(document: Document, runs: EarlierRuns, file: ScenarioFile, meshes: Mapping[str, BodyMesh],
                  found: DocumentErrors) -> dict[str, TakenMechanics]:
     """Take over the mechanics that bodies start with, by body; what cannot be taken is noted, and its body left out."""
-    runs: dict[Path, tuple[EarlierRun, EndOfRun]] = {}
+    ends: dict[Path, EndOfRun] = {}
     taken: dict[str, TakenMechanics] = {}
     for name, body in file.bodies.items():
         if body.u0 is not None:
             with found.each():
                 _possible(document, file, name)
-                taken[name] = _taken(document, name, body.u0, meshes[name], runs)
+                taken[name] = _taken(document, runs, name, body.u0, meshes[name], ends)
     return taken
 
 
@@ -89,61 +89,36 @@ def _possible(document: Document, file: ScenarioFile, name: str) -> None:
                                  "keeps the shape it was poured in", "Go on with that run itself (`slideline resume`).")
 
 
-def _taken(document: Document, name: str, spec: FromRun, mesh: BodyMesh,
-           runs: dict[Path, tuple[EarlierRun, EndOfRun]]) -> TakenMechanics:
+def _taken(document: Document, runs: EarlierRuns, name: str, spec: FromRun, mesh: BodyMesh,
+           ends: dict[Path, EndOfRun]) -> TakenMechanics:
     key: Key = ("bodies", name, "u0")
-    path = (document.path.parent / spec.path).resolve()
-    there = spec.body or name
-    try:
-        if path not in runs:
-            run = earlier_run(path)
-            runs[path] = run, _end_of(run)
-        run, end = runs[path]
-    except EarlierRunError as exc:
-        raise document.error((*key, "from"), str(exc), exc.remedy) from exc
-    if there not in run.bodies:
-        raise document.error((*key, "body") if spec.body else key, f"{path.name} has no body {there!r}",
-                             did_you_mean(there, run.bodies) + ("" if spec.body else " Say which one: body: NAME."))
-    try:
-        t = run.time(spec.t)
-    except EarlierRunError as exc:
-        raise document.error((*key, "t"), str(exc), exc.remedy) from exc
-    target, source = BodyNodes(mesh.nodes, mesh.quads, mesh.triangles), run.mesh_of(there)
-    is_end, same = t == end.t, source.same_as(target)
+    body = runs.body(name, spec, key)
+    run, there = body.run, body.there
+    with runs.refused((*key, "from")):
+        end = ends[run.path] if run.path in ends else ends.setdefault(run.path, _end_of(run))
+    t = runs.time(body, spec, key)
+    is_end, source = t == end.t, run.mesh_of(there)
     cells = {_here(n, name): a for n, a in end.arrays.items()
              if n.startswith(CELLS) and n.removeprefix(CELLS).split(".")[0] == there}
     laws = sorted({n.rsplit(".", 1)[1] for n in cells if not n.rsplit(".", 1)[1].startswith(ELASTIC)})
     if laws and not is_end:
-        raise document.error((*key, "t"), f"{path.name} keeps what the points of {there!r} remember "
+        raise document.error((*key, "t"), f"{run.path.name} keeps what the points of {there!r} remember "
                              f"({', '.join(laws)}) at its end alone, t = {end.t:.9g} s",
                              "Write `t: end`, or end that run there (--until).")
-    if laws and not same:
+    if laws and not source.same_as(mesh.nodes_and_cells):
         raise document.error(key, f"what the points of {there!r} remember ({', '.join(laws)}) cannot be taken to "
                              "another mesh", "Give the body the mesh it had in that run, or an elastic material.")
-    try:
+    with runs.refused((*key, "from"), body):
         # The end is kept as it was; the field files have x, whose difference to X is rounded.
-        u = end.arrays[U][run.nodes_of(there)] if is_end else _frame(run, there, t)
-        result = moved(u, source, target)
-    except (EarlierRunError, ValueError) as exc:
-        raise document.error((*key, "from"), f"body {there!r} of {path.name} cannot be taken over: {exc}",
-                             getattr(exc, "remedy", "")) from exc
-    told: dict[str, str | float] = {
-        "body": name, "from": spec.path, "of": there, "t": t, "sha256": run.sha256, "outcome": run.outcome, "what": U,
-        "worst": result.worst, "rms": result.rms}
-    note = (f"body {name} starts with the displacements of {spec.path}" + (f", body {there}," if there != name else "")
-            + f" at {t:.9g} s")
+        u = end.arrays[U][run.nodes_of(there)] if is_end else run.displacements(there, t)
+        result = moved(u, source, mesh.nodes_and_cells)
+    note = body.begins("starts with the displacements of", t)
     if laws:
         note += f", and with what its points remember ({', '.join(laws)})"
-    if same:
-        note += ": the mesh is the same, every value as it was"
-    else:
-        note += (f", on another mesh: interpolated there and back, they change by up to {result.worst:.3g} m "
-                 f"({result.rms:.3g} m rms)")
-        if result.outside:
-            note += (f"; {result.outside} node{'s' * (result.outside > 1)} lie{'s' * (result.outside == 1)} up to "
-                     f"{result.farthest:.3g} m outside the mesh there and take the value of its edge")
-    return TakenMechanics(result.values, cells if is_end and same else {}, run, end, there, is_end and same, note,
-                          told)
+    as_left = is_end and result.same
+    return TakenMechanics(result.values, cells if as_left else {}, run, end, there, as_left,
+                          note + meshes_sentence(result, "they", "m"),
+                          body.record(t, result) | {"rms": result.rms, "what": U})
 
 
 def _here(name: str, body: str) -> str:
@@ -176,21 +151,6 @@ def _end_of(run: EarlierRun) -> EndOfRun:
     if not good:
         raise EarlierRunError(f"{run.path.name}: what it keeps of its end does not fit its mesh", "Run it again.")
     return EndOfRun(t, arrays, sides, run.nodes[nodes])
-
-
-def _frame(run: EarlierRun, body: str, t: float) -> Floats:
-    """The displacements (n, 2) [m] of a body's nodes at a time between frames.  Raises EarlierRunError."""
-    path, n, own = run.path.with_name(run.field_files["mechanical"]), len(run.nodes), run.nodes_of(body)
-    with opened(path) as f:
-        data = dataset(f, "VTKHDF/PointData/u", "f", 2)
-        if len(data) != n * len(run.times) or data.shape[1] < 2:
-            raise EarlierRunError(f"{path.name} has {len(data)} values of u for {n} nodes and {len(run.times)} frames")
-        u = sum(np.asarray(data[k * n:(k + 1) * n], dtype=np.float64)[own, :2] * share
-                for k, share in frames_around(run.times, t))
-    u = np.asarray(u)
-    if not np.isfinite(u).all():
-        raise EarlierRunError(f"{path.name}: u is not finite everywhere")
-    return u
 
 
 # What goes into interface.h5.

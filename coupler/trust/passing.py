@@ -133,7 +133,7 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
     soft = measured(SOFT, log.soft, DEPTHS, t=log.soft_t,
                     what=f"pair {log.soft_pair}: pressed surfaces overlap by {100 * log.soft:.3g} % of an edge at "
                          f"t = {log.soft_t:.6g} s",
-                    remedy="augmented: {} in the pair drives it out; a larger penalty makes it smaller")
+                    remedy="augmented: {} in a pair that has none drives it out; a finer mesh makes it smaller")
     if prescribed:
         soft = measured(SOFT, log.soft, (DEPTHS[1], np.inf), t=log.soft_t, unit="edges",
                         what=f"pair {log.soft_pair}: the prescribed motion goes through, {log.soft:.3g} edges deep at "

@@ -6,10 +6,15 @@ indentation of the zone; a bar: its shortening).  Where bodies are drawn into ea
 interference.  The overlap is the mean over the pressed nodes of a pair's slave, weighted by their pressure: the work
 that is lost in it over that of the bodies.  The largest overlap would do for no mesh: at a corner the pressure has no
 bound, and its overlap grows with each refinement.
+
+Of an augmented pair no pressure is missing: its multipliers are found so that the gap of what a node faces is zero in
+the mean.  Where meshes differ, at corners and on curves its nodes overlap all the same, however little presses.  Such a
+pair is held against an interference as drawn alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,8 +66,10 @@ class PairYield:
 class Yields:
     """The pairs of a scene whose bodies have a stiffness."""
 
-    def __init__(self, interface: Interface) -> None:
+    def __init__(self, interface: Interface, augmented: Container[str] = ()) -> None:
+        """augmented : names of pairs whose pressure is not their overlap times a penalty."""
         self._pairs = [y for pair in interface.pairs if (y := _yield_of(interface, pair)) is not None]
+        self._augmented = augmented
 
     def __bool__(self) -> bool:
         return bool(self._pairs)
@@ -70,6 +77,10 @@ class Yields:
     def watched(self, log: PenetrationLog, now: Level) -> PenetrationLog:
         """Return the log after one more window."""
         for pair in self._pairs:
+            # fault: what augmented surfaces overlap by is held against a pressure that is not due to it -> if False: |
+            #   coupler/test_penetration
+            if pair.name in self._augmented and not pair.drawn:
+                continue
             p = np.maximum(-now.t_N[pair.at], 0.0)
             load = p * pair.reach * now.covered[pair.at]
             if not load.sum() > 0.0:
@@ -122,4 +133,4 @@ def check(log: PenetrationLog, yields: Yields, prescribed: bool) -> Check:
                     what=f"pair {log.pair}: pressed surfaces overlap by {log.depth:.3g} m in the mean, "
                          f"{100 * log.share:.3g} % of {by}, at t = {log.t:.6g} s; where a displacement or expansion "
                          "presses, so much of the pressure may be missing",
-                    remedy="Leave augmented: null out of the pair; where both surfaces are curved, a finer mesh")
+                    remedy="augmented: {} in a pair that has none drives it out; a finer mesh makes it smaller")

@@ -56,7 +56,8 @@ class TrustWatch:
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
         self._data = temperatures.TemperatureData(models["thermal"])
         self._sides = passing.Sides(interface)
-        self._yields = penetration.Yields(interface)
+        pairs = models["mechanical"].get("pairs", {})
+        self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
         self._of = interface.node_body[self._inside]

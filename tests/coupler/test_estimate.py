@@ -152,16 +152,18 @@ def level(t: float, T: float, gap: tuple[float, float] = (1.0, 1.0), covered: fl
                  np.array([1.0, covered]))
 
 
-def solved_at(now: Level, past: tuple[Level, ...], heat: float = 0.0, scheme: Scheme = Scheme.EXTRAPOLATED) -> Solved:
+def solved_at(now: Level, past: tuple[Level, ...], heat: float = 0.0, scheme: Scheme = Scheme.EXTRAPOLATED,
+              friction: float = 0.0) -> Solved:
     state = CoupledState(now, past, 0, {"E_M": EnergyAccount(np.zeros(1))})
-    return Solved(Verdict.ACCEPTED, "", state, ({"heat.gap.slave": heat},), Work(), {}, scheme=scheme)
+    terms = {"heat.gap.slave": heat, "heat.friction.slave": friction}
+    return Solved(Verdict.ACCEPTED, "", state, (terms,), Work(), {}, scheme=scheme)
 
 
 def told(memory: Memory, levels: list[Level], heat: float = 0.0, scheme: Scheme = Scheme.EXTRAPOLATED,
-         ) -> error_estimate.Estimate:
+         friction: float = 0.0) -> error_estimate.Estimate:
     """levels : newest first."""
     before = solved_at(levels[1], tuple(levels[2:])).state
-    found = error_estimate.estimate(memory, before, solved_at(levels[0], tuple(levels[1:4]), heat, scheme),
+    found = error_estimate.estimate(memory, before, solved_at(levels[0], tuple(levels[1:4]), heat, scheme, friction),
                               ErrorTolerances(temperature=Tolerance(atol=1.0, rtol=0.0)), Iteration())
     assert found is not None
     return found
@@ -186,6 +188,14 @@ def test_heat_is_judged_by_how_its_rate_changes() -> None:
     found = told(Memory(RATIOS, 2.0, rate=10.0), levels, heat=26.0)  # 13 W after 10 W
     assert found.errors["heat"] == pytest.approx(0.5 * 3.0 * 2.0)
     assert found.shares["heat"] == pytest.approx(3.0 / (1e-3 + 1e-2 * 26.0))
+
+
+def test_heat_that_crosses_is_held_against_what_is_rubbed_there_too() -> None:
+    """1 J of 26 that cross where 1000 J are rubbed is little: nearly all of them go into the bodies on their own."""
+    levels = [level(t, 900.0) for t in (4.0, 2.0, 0.0)]
+    found, rubbed = (told(Memory(RATIOS, 2.0, rate=10.0), levels, heat=26.0, friction=J) for J in (0.0, 1000.0))
+    assert rubbed.errors["heat"] == found.errors["heat"]
+    assert rubbed.shares["heat"] == pytest.approx(3.0 / (1e-3 + 1e-2 * 1026.0))
 
 
 def test_gaps_that_begin_or_end_are_no_error() -> None:

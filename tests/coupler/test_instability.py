@@ -73,6 +73,10 @@ def test_heat_that_comes_a_window_late_has_no_stable_window_and_is_iterated():
     way = way_out(late, Scheme.STAGGERED, Seen.MIDDLE, OnUnstable.AUTO)
     assert way is not None
     assert way.level is Seen.MIDDLE
+    # What the thermal half forgets over 64 windows it does not feel either; all shorter ones than this are no better.
+    forgets = of(1.28, 0.5, 1.28)
+    assert forgets.in_windows(64.0).m > -1.0 > forgets.m
+    assert forgets.limit == 0.0
 
 
 def test_a_limit_is_found_in_shorter_windows_and_in_longer_ones():
@@ -219,3 +223,10 @@ def test_the_rod_that_conducts_by_gap_and_pressure_comes_to_rest(tmp_path, size)
     assert found.probe("TL")[1][-1] == pytest.approx(348.975, abs=0.05)
     if size in (0.1, 0.15):
         assert stability.NAME in {c.name for c in found.broken}, "windows went wrong before it was seen"
+
+
+def test_a_cycle_is_found_wherever_in_it_a_measurement_falls(tmp_path):
+    """Of the windows of a cycle of three one feeds back by rho 1.05, the others by 0 and 0.04: shut, and wide open."""
+    found = ran(two_sided_rod(0.15, 20.0), tmp_path)
+    assert found.probe("gap")[1][-1] == pytest.approx(0.90984e-6, rel=0.01)
+    assert stability.NAME in {c.name for c in found.broken}

@@ -22,10 +22,11 @@ M = 2.0e11 * 0.7 / (1.3 * 0.4)
 P, THICK = 1.0e7, 1.0  # Pa, m: the blocks of the scene are 2 m wide and 1 m high
 
 
-def told(folder: Path, depth: float, pressed: slice = slice(None), **keys: Any) -> Check:
+def told(folder: Path, depth: float, pressed: slice = slice(None), augmented: tuple[str, ...] = (),
+         **keys: Any) -> Check:
     """The check of one window in which the slave's nodes press and lie `depth` [m] deep."""
     interface = load_text(folder, GOOD, keys).interface
-    yields, own = Yields(interface), interface.side_of("face", "upper.bottom").at
+    yields, own = Yields(interface, augmented), interface.side_of("face", "upper.bottom").at
     n = len(interface.pair_nodes)
     t_N, gap, covered = np.zeros(n), np.zeros(n), np.zeros(n)
     at = np.arange(own.start, own.stop)[pressed]
@@ -49,6 +50,15 @@ def test_it_is_held_against_an_interference_as_drawn(tmp_path: Path) -> None:
     found = told(tmp_path, 2.0e-5, **drawn)
     assert found.number == pytest.approx(0.02, rel=1e-6)
     assert "interference as drawn" in found.what
+
+
+def test_an_augmented_pair_has_its_pressure_whatever_its_corners_overlap(tmp_path: Path) -> None:
+    """What is drawn into each other must still be driven out of each other."""
+    gives = P * 2.0 / M * THICK
+    assert told(tmp_path, 50.0 * gives, augmented=("face",)).verdict == "holds"
+    assert told(tmp_path, 0.02 * gives, augmented=("another",)).verdict == "noted"
+    drawn = {"bodies.upper.mesh.rectangle.origin": [0, 0.999]}
+    assert told(tmp_path, 2.0e-5, augmented=("face",), **drawn).number == pytest.approx(0.02, rel=1e-6)
 
 
 def test_where_nothing_deforms_it_is_not_checked(tmp_path: Path) -> None:
