@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 from thermal_page import scenes
 
 from contact.half.interface import register_message
-from contact.messages import Facing, Project, Registered
-from contact.service import ContactService
+from contact.search import cut_surfaces
 from contact.surfaces import edge_frames, surfaces_of
 from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
 
@@ -40,15 +39,11 @@ def search() -> Figure:
     a, b = np.linspace(0.0, 1.0, 5), np.linspace(1.05, 0.15, 7)
     slave = np.column_stack([a, 0.34 + 0.55 * (a - 0.5) ** 2])
     master = np.column_stack([b, 0.12 + 0.10 * np.sin(5.0 * b)])
-    service, interface = ContactService(), interface_of(slave, master, by_node=False)
+    interface = interface_of(slave, master, by_node=False)
     interface = replace(interface, pairs=tuple(replace(p, gap_max=1.0) for p in interface.pairs))
     message = register_message(interface)
-    known = service.handle(message)
-    assert isinstance(known, Registered)
-    x = interface.nodes
-    facing = service.handle(Project(known.surfaces, x))
-    assert isinstance(facing, Facing)
-    surfaces = surfaces_of(message)
+    x, surfaces = interface.nodes, surfaces_of(message)
+    cut = cut_surfaces(surfaces, x)  # by the rays of forces
     normal = edge_frames(x, message.edges, surfaces.previous, surfaces.following)[1]
     figure = new_figure(3.4, 6.4)
     ax = styled(figure.subplots(), "x", "y")
@@ -59,7 +54,7 @@ def search() -> Figure:
             ax.annotate("", slave[e + k] + 0.09 * normal[e, 1 + k], slave[e + k],
                         arrowprops={"arrowstyle": "->", "color": COLOURS[0], "lw": 0.9})
     P, M = ((1.0 - xi)[:, None] * x[message.edges[edge, 0]] + xi[:, None] * x[message.edges[edge, 1]]
-            for edge, xi in ((facing.slave_edge, facing.xi_s), (facing.master_edge, facing.xi_m)))
+            for edge, xi in zip(cut.met.T, cut.values.T, strict=False))
     for p, m in zip(P, M, strict=True):
         ax.plot(*np.array([p, m]).T, color=INK, linewidth=0.6, linestyle=":")
     ax.plot(*P.T, "x", color=INK, markersize=5, label="facing points")

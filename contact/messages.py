@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 6
+WIRE_VERSION = 7
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ class Facing:
     pair : (n_p,) number of the pair.  slave_edge, master_edge : (n_p,) numbers as registered.  xi_s, xi_m : (n_p,) in
     [0, 1] along the edge, from its first node.  gap : (n_p,) g_N [m].  area : (n_p,) A [m2], the common area of the
     exchange, measured on the slave.  area_m : (n_p,) [m2], the same piece measured on the master (for the part of
-    the master's film, and for what crosses a gap between sides of unlike area).  The two points of a piece are
-    neighbours.
+    the master's film, and for what crosses a gap between sides of unlike area).  wide_s, wide_m : (n_p,) [1], by how
+    much the round surface of either side is wider there than its edge.  The two points of a piece are neighbours.
     node_gap : (n_q,) [m], g_N of every pair node, both sides; the pair's gap_max where nothing is faced.
     node_covered : (n_q,) part in [0, 1] of the node's share of its side that faces the other side.
     """
@@ -99,6 +99,8 @@ class Facing:
     gap: Floats
     area: Floats
     area_m: Floats
+    wide_s: Floats
+    wide_m: Floats
     node_gap: Floats
     node_covered: Floats
 

@@ -1,23 +1,31 @@
-"""The search of contact: rays along normals, cuts of slave edges at the master's nodes, quadrature points of pieces.
+"""The search of contact: what faces what, cuts of slave edges at the master's nodes, quadrature points of pieces.
 
-A slave point faces the nearest master point on the ray along its normal (contact.surfaces).
+For forces a slave point faces the nearest master point on the ray along its normal (contact.surfaces), which is what
+presses it and turns with it.  For heat it faces the nearest on an arc that is normal to both sides
+(contact.arcs), so that no side is preferred, of surfaces that are round (contact.rounding).  Between flat parallel
+sides both are the same.
 
 Arrays of all kernels: x (n_s, 2) coordinates [m]; edges (n_edges, 2) indices s; normal (n_edges, 3, 2) unit normals of
 an edge, and at its first and second node; length (n_edges,) [m]; met (n_p, 2) slave and master edge of each point;
-values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece; offset (n_edges, 2) [m], is
-added to the gaps of a pass at the ends of its edges.  Gaps are those with it.
+values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece, for heat (n_p, 7) with
+wide_s, wide_m [1]; offset (n_edges, 2) [m], is added to the gaps of a pass at the ends of its edges, gaps are those
+with it; rise (n_edges,) [m], what the surface lies outside of its edges (contact.rounding), for heat, and None for
+forces: numba compiles either on its own, so that neither pays for the other.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from contact.compiled import kernel
+from contact.arcs import across, normal_tree, opposite, reached, tilted
+from contact.arcs import feet as feet  # for those who search by rays
+from contact.compiled import inner, kernel
 from contact.messages import Facing, Floats, Ints
 from contact.pair_nodes import pair_nodes_at
+from contact.rounding import rounding_of
 from contact.surfaces import (
     END_TOLERANCE,
     FACING_COS,
@@ -29,6 +37,8 @@ from contact.surfaces import (
     edge_frames,
     frame_of,
 )
+
+Rise: TypeAlias = Floats | None
 
 # A node's own gap is for records and events only; a node whose slightly tilted normal passes the end of the other
 # surface, as at an axis or a plane of symmetry, still has one.
@@ -42,26 +52,7 @@ NEAREST = 1.5  # a ray that meets what is nearest is longer by 1/cos of the tilt
 GAUSS = 0.28867513459481287  # half the distance of the two Gauss points of a unit interval
 
 
-@kernel
-def feet(frame: Frame, X: float, Y: float) -> tuple[float, float]:
-    """Find the slave coordinates xi whose rays pass through (X, Y) [m], roots of (X - x(xi)) x n(xi) = 0; NaN: none.
-
-    The first root is the one that stays finite as the normals become parallel.
-    """
-    x1, y1, x2, y2, u1, v1, u2, v2 = frame
-    dx, dy, ex, ey = x2 - x1, y2 - y1, u2 - u1, v2 - v1
-    rx, ry = X - x1, Y - y1
-    c0 = rx * v1 - ry * u1
-    c1 = (rx * ey - ry * ex) - (dx * v1 - dy * u1)
-    c2 = -(dx * ey - dy * ex)
-    inner = c1 * c1 - 4.0 * c2 * c0
-    if inner < 0.0:
-        return np.nan, np.nan
-    q = -0.5 * (c1 + np.sqrt(inner)) if c1 >= 0.0 else -0.5 * (c1 - np.sqrt(inner))
-    return (c0 / q if q != 0.0 else np.nan), (q / c2 if c2 != 0.0 else np.nan)
-
-
-@kernel
+@inner
 def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float, float, float]:
     """Intersect the ray of slave coordinate xi with the line of edge m; return the coordinate on it, gap [m], n . n_m.
 
@@ -81,14 +72,26 @@ def ray(frame: Frame, xi: float, x: Floats, edges: Ints, m: int) -> tuple[float,
     return (rx * ny - ry * nx) / cross, (rx * ey - ry * ex) / cross, -cross / np.sqrt(ex * ex + ey * ey)
 
 
-@kernel
+@inner
+def faced(frame: Frame, xi: float, x: Floats, edges: Ints, normal: Floats, rise: Rise, e: int,
+          m: int) -> tuple[float, float, float]:
+    """Find what slave coordinate xi of edge e faces on the line of edge m; return as ray does.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.
+    """
+    if rise is None:
+        return ray(frame, xi, x, edges, m)
+    return opposite(frame, frame_of(x, edges, normal, m), rise[e], rise[m], xi, NODE_TOLERANCE)
+
+
+@inner
 def added(offset: Floats, e: int, xi: float) -> float:
     """Return what is added to the gap [m] at xi of slave edge e; offset : (n_edges, 2) [m] at the edges' ends."""
     # fault: what is added to a gap is that of one node -> return offset[e, 0] | contact/test_offset
     return offset[e, 0] + xi * (offset[e, 1] - offset[e, 0])
 
 
-@kernel
+@inner
 def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
     """Return whether gap g [m] of master edge m is preferred to the best so far: the nearest, then the lower number."""
     # fault: the farther of two master edges met -> return abs(g) > abs(best) + slack or (m < best_m and abs(g) <=
@@ -98,19 +101,20 @@ def nearer(g: float, m: int, best: float, best_m: int, slack: float) -> bool:
     return abs(g) < abs(best) - slack or (m < best_m and abs(g) <= abs(best) + slack)
 
 
-@kernel
+@inner
 def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> None:
     """Keep the nearest gap g [m] of a node in near : (n_s,) [m]."""
     if -back <= g < ahead and abs(g) < abs(near[node]):
         near[node] = g
 
 
-@kernel
-def cut_edge(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Ints, count: int, cuts: Floats,
-             spans: Floats, near: Floats, back: float, ahead: float) -> int:
+@inner
+def cut_edge(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int, hits: Ints,
+             count: int, cuts: Floats, spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,) [1],
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.
+    hits : (>= count,) master edges.  Fills cuts : (>= 4 count + 2,) [1],
     ascending from 0 to 1, and spans : (>= count, 2) [1], the range of xi in which each candidate can be met;
     near : (n_s,) [m], the gaps of those nodes, is updated.
     """
@@ -120,14 +124,22 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits:
         spans[k, 0], spans[k, 1] = np.inf, -np.inf
         for end in range(1, -1, -1):
             s = edges[m, end]
-            first, second = feet(frame, x[s, 0], x[s, 1])
+            if rise is None:
+                first, second = feet(frame, x[s, 0], x[s, 1])
+            else:
+                # fault: edges cut where the slave's rays pass the master's nodes -> tilt = frame | contact/test_arcs
+                tilt = tilted(frame, normal[m, 1 + end, 0], normal[m, 1 + end, 1])
+                first, second = feet(tilt, x[s, 0], x[s, 1])
             wide = np.isnan(first) or 0.0 < second < 1.0
             spans[k, 0] = 0.0 if wide else min(spans[k, 0], first)
             spans[k, 1] = 1.0 if wide else max(spans[k, 1], first)
             for root in range(2):
                 xi = first if root == 0 else second
                 if -NODE_TOLERANCE <= xi <= 1.0 + NODE_TOLERANCE:
-                    _, g, facing = ray(frame, xi, x, edges, m)
+                    if rise is None:
+                        _, g, facing = ray(frame, xi, x, edges, m)
+                    else:
+                        g, facing = across(frame, frame_of(x, edges, normal, m), rise[e], rise[m], xi, float(end))
                     if facing < -FACING_COS:
                         note_node(near, s, g + added(offset, e, xi), back, ahead)
                 # fault: slave edges cut at some of the master's nodes only -> if 0.4 < xi < 0.6: | contact/test_facing
@@ -147,13 +159,15 @@ def cut_edge(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits:
     return n_kept + 1
 
 
-@kernel
-def meet(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Ints, count: int, cuts: Floats,
-         n_cuts: int, spans: Floats, back: float, ahead: float, met: Ints, met_gap: Floats) -> None:
-    """Find the nearest master edge that the middle ray of each piece of a slave edge meets.
+@inner
+def meet(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int, hits: Ints,
+         count: int, cuts: Floats, n_cuts: int, spans: Floats, back: float, ahead: float, met: Ints,
+         met_gap: Floats) -> None:
+    """Find the nearest master edge that the middle of each piece of a slave edge faces.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).  cuts : (>= n_cuts,) [1].  spans : (>= count, 2) [1].
-    Fills met : (>= n_cuts - 1,), -1: none, and met_gap : (>= n_cuts - 1,) [m].
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.
+    hits : (>= count,).  cuts : (>= n_cuts,) [1].  spans : (>= count, 2) [1].  Fills met : (>= n_cuts - 1,), -1: none,
+    and met_gap : (>= n_cuts - 1,) [m].
     """
     slack = END_TOLERANCE * np.sqrt((frame[2] - frame[0]) ** 2 + (frame[3] - frame[1]) ** 2)
     for i in range(n_cuts - 1):
@@ -169,7 +183,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Int
                 end = half
         while i < n_cuts - 1 and cuts[i] < spans[k, 1]:
             middle = 0.5 * (cuts[i] + cuts[i + 1])
-            xi_m, g, facing = ray(frame, middle, x, edges, m)
+            xi_m, g, facing = faced(frame, middle, x, edges, normal, rise, e, m)
             g += added(offset, e, middle)
             # fault: areas not clipped at the master's end -> hit = -0.5 <= xi_m <= 1.5 and facing < -FACING_COS and
             #   -back <= g < ahead | contact/test_facing
@@ -179,7 +193,7 @@ def meet(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Int
             i += 1
 
 
-@kernel
+@inner
 def master_weights(xi_1: float, xi_2: float, low: float, high: float, size: float, r_low: float,
                    r_high: float) -> tuple[float, float]:
     """Return weights at master coordinates xi_1, xi_2 that integrate linear functions over the piece low..high exactly.
@@ -198,7 +212,7 @@ def master_weights(xi_1: float, xi_2: float, low: float, high: float, size: floa
     return size * (m0 - second), size * second
 
 
-@kernel
+@inner
 def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
     """Return 2 pi r [m] at xi of an edge whose ends have radii r_1 and r_2 [m], or 1 for unit depth."""
     # fault: 2 pi r dropped from the areas -> return max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0 |
@@ -206,24 +220,41 @@ def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
     return 2.0 * np.pi * max(r_1 + xi * (r_2 - r_1), 0.0) if axisymmetric else 1.0
 
 
-@kernel
-def place(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, length_s: float, length_m: float, m: int,
-          low: float, high: float, axisymmetric: bool, values: Floats, i: int) -> None:
+@inner
+def round_area(frame: Frame, length: float, rise: float, xi: float, axisymmetric: bool) -> float:
+    """Return the area [1] of a round surface at xi of its edge, as a part of the edge's own; length, rise [m]."""
+    # fault: areas of chords for those of arcs -> slope = 0.0 * rise | contact/test_arcs
+    slope = rise * (1.0 - 2.0 * xi) / length
+    wider = np.sqrt(1.0 + slope * slope)
+    r = frame[0] + xi * (frame[2] - frame[0])
+    if axisymmetric and r > 0.0:
+        # fault: rings of round surfaces as far from the axis as their edges -> wider *= 1.0 | contact/test_arcs
+        wider *= max(1.0 + rise * xi * (1.0 - xi) * (frame[3] - frame[1]) / (length * r), 0.0)
+    return wider
+
+
+@inner
+def place(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int, length_s: float,
+          length_m: float, m: int, low: float, high: float, axisymmetric: bool, values: Floats,
+          i: int) -> None:
     """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  values : (capacity, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
-    length_s, length_m : of the edges [m].
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.
+    values : (capacity, 5 or 7).  length_s, length_m : of the edges [m].
     """
     r_1, r_2 = x[edges[m, 0], 0], x[edges[m, 1], 0]
     for k in range(4):  # the two points, then the two ends, whose columns are put in order below
         xi = 0.5 * (low + high) + (2 * k - 1) * GAUSS * (high - low) if k < 2 else (low if k == 2 else high)
-        xi_m, g, _ = ray(frame, xi, x, edges, m)
+        xi_m, g, _ = faced(frame, xi, x, edges, normal, rise, e, m)
         xi_m = min(max(xi_m, 0.0), 1.0)
         if k < 2:
             values[i + k, 0], values[i + k, 1], values[i + k, 2] = xi, xi_m, g + added(offset, e, xi)
             # fault: area of contact halved -> values[i + k, 3] = 0.25 * (high - low) * length_s * ring(frame[0],
             #   frame[2], xi, axisymmetric) | mechanical_fmu/test_hertz contact/test_traction
             values[i + k, 3] = 0.5 * (high - low) * length_s * ring(frame[0], frame[2], xi, axisymmetric)
+            if rise is not None:
+                values[i + k, 5] = round_area(frame, length_s, rise[e], xi, axisymmetric)
+                values[i + k, 6] = round_area(frame_of(x, edges, normal, m), length_m, rise[m], xi_m, axisymmetric)
         else:
             values[i + k - 2, 4] = xi_m
     m_low, m_high = values[i, 4], values[i + 1, 4]
@@ -234,7 +265,7 @@ def place(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, length_s
                                                         abs(m_high - m_low) * length_m, r_low, r_high)
 
 
-@kernel
+@inner
 def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
     """Remove the edge e itself and the edges that share a node with it from hits; return how many remain.
 
@@ -253,19 +284,19 @@ def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
     return n_left
 
 
-@kernel
-def place_node(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, length_s: float, hits: Ints, count: int,
-               end: int, back: float, ahead: float, axisymmetric: bool, met_edges: Ints, values: Floats,
-               i: int) -> bool:
+@inner
+def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int,
+               length_s: float, hits: Ints, count: int, end: int, back: float, ahead: float,
+               axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
     """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
 
-    So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  hits : (>= count,).
-    back, ahead : reach of the ray [m].  Fills met_edges : (capacity, 2), the master edge, and values : (capacity, 5)
-    xi_s, xi_m [1], gap [m], area, area_m [m2].  Returns False where the node faces nothing.
+    So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].
+    rise : (n_edges,) [m] or None.  hits : (>= count,).  back, ahead : reach [m].  Fills met_edges : (capacity, 2), the
+    master edge, and values : (capacity, 5 or 7).  Returns False where the node faces nothing.
     """
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
-        xi_m, g, facing = ray(frame, float(end), x, edges, hits[k])
+        xi_m, g, facing = faced(frame, float(end), x, edges, normal, rise, e, hits[k])
         g += offset[e, end]
         hit = -END_TOLERANCE <= xi_m <= 1.0 + END_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
         if hit and (best_m < 0 or nearer(g, hits[k], best, best_m, END_TOLERANCE * length_s)):
@@ -277,25 +308,27 @@ def place_node(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, len
         values[i + q, 0], values[i + q, 1], values[i + q, 2] = float(end), best_xi, best
         values[i + q, 3] = 0.5 * length_s * ring(frame[0], frame[2], float(end), axisymmetric) if q == 0 else 0.0
         values[i + q, 4] = values[i + q, 3]
+        if rise is not None:
+            values[i + q, 5], values[i + q, 6] = 1.0, 1.0
     return True
 
 
-@kernel
-def meets_middle(x: Floats, edges: Ints, frame: Frame, offset: Floats, e: int, hits: Ints, count: int, back: float,
-                 ahead: float) -> bool:
-    """Say whether the middle ray of a slave edge meets a candidate; x : (n_s, 2) [m], back, ahead : its reach [m].
+@inner
+def meets_middle(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int,
+                 hits: Ints, count: int, back: float, ahead: float) -> bool:
+    """Say whether the middle of a slave edge faces a candidate; x : (n_s, 2) [m], back, ahead : its reach [m].
 
-    edges : (n_edges, 2).  hits : (>= count,).
+    edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.  hits : (>= count,).
     """
     for k in range(count):
-        xi_m, g, facing = ray(frame, 0.5, x, edges, hits[k])
+        xi_m, g, facing = faced(frame, 0.5, x, edges, normal, rise, e, hits[k])
         g += added(offset, e, 0.5)
         if 0.0 <= xi_m <= 1.0 and facing < -FACING_COS and -back <= g < ahead:
             return True
     return False
 
 
-@kernel
+@inner
 def distance_to(x: Floats, edges: Ints, frame: Frame, masters: Ints) -> float:
     """Return the distance [m] of the middle of a slave edge from the nearest master edge.
 
@@ -312,20 +345,36 @@ def distance_to(x: Floats, edges: Ints, frame: Frame, masters: Ints) -> float:
 
 
 @kernel
-def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, offset: Floats, first: int, last: int,
-              masters: Ints, gap_max: float, depth: float, axisymmetric: bool, itself: bool, by_node: bool,
-              met_edges: Ints, values: Floats, near: Floats) -> int:
+def near_edges(boxes: Floats, ranges: Floats | None, masters: Ints, normal: Floats, frame: Frame, back: float,
+               ahead: float, hits: Ints) -> int:
+    """Put into hits the edges that the rays or arcs of a slave edge may reach, and that face it; return how many.
+
+    boxes : (2 P, 4) [m] and, for arcs, ranges : (2 P, 4) [1] over the chain masters : (m,).
+    normal : (n_edges, 3, 2) [1].  back, ahead : reach [m].  hits : (m,) out.
+    """
+    if ranges is None:
+        return candidates(boxes, masters, normal, frame, back, ahead, hits)
+    return reached(boxes, ranges, masters, normal, frame, back, ahead, hits)
+
+
+@kernel
+def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise, ranges: Floats | None, offset: Floats,
+              first: int, last: int, masters: Ints, gap_max: float, depth: float, axisymmetric: bool, itself: bool,
+              by_node: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
     """Search one pass; return how many points there are, which may be more than the capacity.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  first, last :
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].
+    rise : (n_edges,) [m] and ranges : (2 P, 4) [1] of the normals along masters: by arcs; None: by rays.  first, last :
     first and last + 1 of the slave's edges.  masters : (m,) the master's edges as a chain.  gap_max, depth : how far
-    and how deep is looked [m], no less deep than an edge's length.  itself : slave is master.
-    by_node : one point a slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5),
-    xi_s, xi_m [1], gap [m], area, area_m [m2], two rows a piece, and near : (n_s,) [m], the nearest gap of each node.
+    and how deep is looked [m], no less deep than an edge's length.  itself : slave is master.  by_node : one point a
+    slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5 or 7), two rows a piece,
+    and near : (n_s,) [m], the nearest gap of each node.
     """
-    boxes, longest = box_tree(x, edges, masters), 0.0
+    boxes, longest, highest = box_tree(x, edges, masters), 0.0, 0.0
     for m in masters:
         longest = max(longest, length[m])
+        if rise is not None:
+            highest = max(highest, abs(rise[m]))
     hits, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
     cuts, met_gap = np.empty(4 * masters.size + 2), np.empty(4 * masters.size + 2)
     met = np.empty(4 * masters.size + 2, dtype=np.int32)
@@ -336,38 +385,41 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, offset: Fl
         frame = frame_of(x, edges, normal, e)
         # Limits are of gaps as told; rays reach farther by what is added to them.
         more, less = max(offset[e, 0], offset[e, 1], 0.0), max(-offset[e, 0], -offset[e, 1], 0.0)
-        count = candidates(boxes, masters, normal, frame, back + more, gap_max + less, hits)
-        if (depth > back and not meets_middle(x, edges, frame, offset, e, hits, count, back, gap_max)
-                and candidates(boxes, masters, normal, frame, depth + more, less, hits) > 0):
+        if rise is not None:
+            less += 0.25 * (abs(rise[e]) + highest)
+        count = near_edges(boxes, ranges, masters, normal, frame, back + more, gap_max + less, hits)
+        if (depth > back
+                and not meets_middle(x, edges, normal, rise, frame, offset, e, hits, count, back, gap_max)
+                and near_edges(boxes, ranges, masters, normal, frame, depth + more, less, hits) > 0):
             # What is met deep behind must be about the nearest there is: a step beside the body is not.
             back = max(back, min(depth, NEAREST * (distance_to(x, edges, frame, masters) + less)))
-            count = candidates(boxes, masters, normal, frame, back + more, gap_max + less, hits)
+            count = near_edges(boxes, ranges, masters, normal, frame, back + more, gap_max + less, hits)
         if itself:
             count = drop_neighbours(edges, e, hits, count)
-        n_cuts = cut_edge(x, edges, frame, offset, e, hits, count, cuts, spans, near, back, gap_max)
+        n_cuts = cut_edge(x, edges, normal, rise, frame, offset, e, hits, count, cuts, spans, near, back, gap_max)
         for k in range(count):
             for end in range(2):
-                xi_m, g, facing = ray(frame, float(end), x, edges, hits[k])
+                xi_m, g, facing = faced(frame, float(end), x, edges, normal, rise, e, hits[k])
                 if -NODE_TOLERANCE <= xi_m <= 1.0 + NODE_TOLERANCE and facing < -FACING_COS:
                     note_node(near, edges[e, end], g + offset[e, end], back, gap_max)
         if by_node:
             for end in range(2):
                 if n_points + 2 <= values.shape[0]:
                     met_edges[n_points, 0], met_edges[n_points + 1, 0] = e, e
-                    if place_node(x, edges, frame, offset, e, length[e], hits, count, end, back, gap_max,
+                    if place_node(x, edges, normal, rise, frame, offset, e, length[e], hits, count, end, back, gap_max,
                                   axisymmetric, met_edges, values, n_points):
                         n_points += 2
                 else:
                     n_points += 2
             continue
-        meet(x, edges, frame, offset, e, hits, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
+        meet(x, edges, normal, rise, frame, offset, e, hits, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:
                 continue
             if n_points + 2 <= values.shape[0]:
                 for q in range(n_points, n_points + 2):
                     met_edges[q, 0], met_edges[q, 1] = e, met[i]
-                place(x, edges, frame, offset, e, length[e], length[met[i]], met[i], cuts[i], cuts[i + 1],
+                place(x, edges, normal, rise, frame, offset, e, length[e], length[met[i]], met[i], cuts[i], cuts[i + 1],
                       axisymmetric, values, n_points)
             n_points += 2
     return n_points
@@ -384,10 +436,9 @@ class Cut:
 
     number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
     at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
-    normal : (n_edges, 3, 2) [1] as from contact.surfaces.  node_gap : (n_q,) [m] and node_covered : (n_q,) [1] as in
-    Facing.
-    The two points of a piece are neighbours.
+    values : (n_p, 7) xi_s, xi_m [1], gap [m], area, area_m [m2], wide_s, wide_m [1].
+    normal : (n_edges, 3, 2) [1] as from contact.surfaces, or contact.rounding where mutual.  node_gap : (n_q,) [m] and
+    node_covered : (n_q,) [1] as in Facing. The two points of a piece are neighbours.
     """
 
     number: Ints
@@ -404,38 +455,44 @@ def project(surfaces: RegisteredSurfaces, x: Floats) -> Facing:
 
     Raises ValueError where x is no possible geometry.
     """
-    c = cut_surfaces(surfaces, x)
+    c = cut_surfaces(surfaces, x, mutual=True)
     slave_edge, master_edge = np.ascontiguousarray(c.met.T)
-    xi_s, xi_m, gap, area, area_m = np.ascontiguousarray(c.values.T)
-    return Facing(surfaces.passes.pair[c.number], slave_edge, master_edge, xi_s, xi_m, gap, area, area_m, c.node_gap,
-                  c.node_covered)
+    xi_s, xi_m, gap, area, area_m, wide_s, wide_m = np.ascontiguousarray(c.values.T)
+    return Facing(surfaces.passes.pair[c.number], slave_edge, master_edge, xi_s, xi_m, gap, area, area_m, wide_s,
+    wide_m,
+                  c.node_gap, c.node_covered)
 
 
-def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats) -> Cut:
-    """Cut the slave edges of every pass at x : (n_s, 2) [m].  Raises ValueError."""
+def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) -> Cut:
+    """Cut the slave edges of every pass at x : (n_s, 2) [m], by arcs if mutual, else by rays.  Raises ValueError."""
     r = surfaces.register
     x = checked_reals("x", x, (r.n_nodes, 2))
     length, normal = edge_frames(x, r.edges, surfaces.previous, surfaces.following)
     _check_geometry(surfaces, x, length)
+    rise: Rise = None
+    if mutual:
+        rounding = rounding_of(x, r.edges, surfaces.previous, surfaces.following, r.axisymmetric, length, normal)
+        normal, rise = rounding.normal, rounding.rise
     passes, of = surfaces.passes, surfaces.pair_nodes
     node_gap = np.full(of.size, np.inf)
-    tables = [_pass(surfaces, x, length, normal, i, node_gap) for i in range(passes.slave.size)]
+    tables = [_pass(surfaces, x, length, normal, rise, i, node_gap) for i in range(passes.slave.size)]
     counts = [len(values) for _, values in tables]
     number = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
+    columns = 5 if rise is None else 7
     if len(tables) == 1:
         met, values = tables[0]
     else:
         met = np.concatenate([np.empty((0, 2), dtype=np.int32), *(m for m, _ in tables)])
-        values = np.concatenate([np.empty((0, 5)), *(v for _, v in tables)])
+        values = np.concatenate([np.empty((0, columns)), *(v for _, v in tables)])
     at = pair_nodes_at(number, met, of.first, of.place)
     covered = covered_fractions(x, r.edges, length, of.sides, surfaces.start, of.place, r.axisymmetric, at, values,
                                 of.size)
     return Cut(number, met, at, values, normal, node_gap, covered)
 
 
-def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, i: int,
+def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise, i: int,
           node_gap: Floats) -> tuple[Ints, Floats]:
-    """Search pass i; return (n, 2) edges and (n, 5) values, and lower node_gap : (n_q,) [m] where the pass's is less.
+    """Search pass i; return (n, 2) edges and (n, 7) values, and lower node_gap : (n_q,) [m] where the pass's is less.
     """
     r, p, start = surfaces.register, surfaces.passes, surfaces.start
     slave, master = p.slave[i], p.master[i]
@@ -443,17 +500,20 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
     masters = surfaces.chain[start[master] : start[master + 1]]
     depth = np.zeros(p.slave.size) if p.depth is None else p.depth
     capacity = 4 * (last - first + masters.size)
+    ranges, columns = (None, 5) if rise is None else (normal_tree(normal, masters), 7)
     near = np.full(r.n_nodes, np.inf)
     itself, by_node = bool(slave == master), bool(p.by_node[i])
+    if rise is not None and surfaces.offsets[i].any():
+        rise = np.zeros_like(rise)  # a stated fit is that of the edges: of what they are drawn apart nothing counts
     while True:
-        met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, 5))
-        n = face_pass(x, r.edges, length, normal, surfaces.offsets[i], first, last, masters, float(p.gap_max[i]),
-                      float(depth[i]), r.axisymmetric, itself, by_node, met, values, near)
+        met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, columns))
+        n = face_pass(x, r.edges, length, normal, rise, ranges, surfaces.offsets[i], first, last, masters,
+                      float(p.gap_max[i]), float(depth[i]), r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
             of = surfaces.pair_nodes
             lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], float(p.gap_max[i]))
             if p.weight[i] != 1.0:
-                values[:n, 3:] *= p.weight[i]
+                values[:n, 3:5] *= p.weight[i]
             return met[:n], values[:n]
         capacity = n
 
@@ -485,7 +545,7 @@ def covered_fractions(x: Floats, edges: Ints, length: Floats, sides: Ints, start
 
     x : (n_s, 2) [m].  edges, place : (n_edges, 2).  length : (n_edges,) [m].  sides : (n_sides, 2) surface and first
     pair node.  start : (n_surfaces + 1,) first edges.  at : (n_p, 4) pair nodes.
-    values : (n_p, 5), xi_s, xi_m [1], gap [m], area, area_m [m2].
+    values : (n_p, 7), xi_s, xi_m [1], gap [m], area, area_m [m2], wide_s, wide_m [1].
     """
     whole, faced = np.zeros(n_q), np.zeros(n_q)
     for k in range(sides.shape[0]):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.compiled import kernel
+from contact.compiled import inner, kernel
 from contact.messages import Floats, Ints, Passes, Register
 from contact.pair_nodes import PairLayout, pair_layout_of
 
@@ -304,7 +304,7 @@ def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
     return boxes
 
 
-@kernel
+@inner
 def frame_of(x: Floats, edges: Ints, normal: Floats, e: int) -> Frame:
     """Return the ends of slave edge e and the normals there.
 

@@ -78,10 +78,10 @@ class ContactPoints:
     gap : (n_p,) [m], 0 where touching.  p : (n_p,) [Pa], > 0 where touching.  area : (n_p,) [m2] of the exchange where
     closed, measured on the side searched from; open_area : (n_p,) [m2] that of the gas between the two sides.
     area_s, area_m : (n_p,) [m2] the piece as either side measures it, spread over its points so that shape functions
-    are integrated exactly; end_s, end_m : (n_p,) [m2] the same two areas, spread as on the side searched from, where
-    the piece is apart, else `area`.  pair, slave_edge, master_edge : (n_p,) as registered.  from_master : (n_p,) True
-    where a second pass searched the point from the master; None where none does.  Slave and master are those of the
-    pair all the same.
+    are integrated exactly; end_s, end_m : (n_p,) [m2] the same two of round surfaces, spread as on the side searched
+    from, where the piece is apart, else `area`.  pair, slave_edge, master_edge : (n_p,) as registered.  from_master :
+    (n_p,) True where a second pass searched the point from the master; None where none does.  Slave and master are
+    those of the pair all the same.
     """
 
     nodes: Ints
@@ -121,11 +121,11 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)
-    mean, end = gap_areas(surfaces.interface, surfaces.edges, facing, x)
     apart = gap > 0.0
-    points = ContactPoints(nodes, searched, N_s, N_m, gap, p, facing.area, np.where(apart, mean, facing.area),
-                           facing.area, facing.area_m, facing.area, np.where(apart, end, facing.area), facing.pair,
-                           facing.slave_edge, facing.master_edge)
+    mean, end_s, end_m = (np.where(apart, area, facing.area)
+                          for area in gap_areas(surfaces.interface, surfaces.edges, facing, x))
+    points = ContactPoints(nodes, searched, N_s, N_m, gap, p, facing.area, mean, facing.area, facing.area_m, end_s,
+                           end_m, facing.pair, facing.slave_edge, facing.master_edge)
     # fault: a second pass exchanges the sides of its pair -> exchanged = None | thermal_fmu/test_thermal_friction
     exchanged = _from_master(surfaces, facing)
     return points if exchanged is None else _by_pair_sides(points, exchanged)

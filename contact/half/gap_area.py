@@ -9,18 +9,20 @@ from contact.half.interface import Interface
 from contact.messages import Facing, Floats, Ints
 
 
-def gap_areas(interface: Interface, edges: Ints, facing: Facing, x: Floats) -> tuple[Floats, Floats]:
-    """Return (n_p,) the area a gas layer conducts through, and (n_p,) the area at the master's end of the rays [m2].
+def gap_areas(interface: Interface, edges: Ints, facing: Facing, x: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return (n_p,) the area a gas layer conducts through, and (n_p,) those at its slave's and its master's end [m2].
 
     edges : (n_edges, 2) nodes of the mesh, as registered.  x : (n_nodes, 2) [m], where facing was found.
-    Along the rays of a piece, s = 0 on the slave to 1 on the master, the area is A (1 + s (r_1 - 1)) (1 + s (r_2 - 1))
-    with the stretches r_1 in the plane and r_2 around the axis.  Layers in a row: the mean is
-    A / int_0^1 ds/((1 + s (r_1 - 1)) (1 + s (r_2 - 1))) = A (r_1 - r_2)/ln(r_1/r_2), the logarithmic mean of both
-    areas for cylinders (r_2 = 1), the geometric one for spheres (r_1 = r_2), the same from either side (Incropera &
-    DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).  The stretches are those of whole pieces, whose lengths and
-    radii both sides measured: so they have a limit at the axis.
+    All are those of round surfaces, as the gap is.  From s = 0 on the slave to 1 on the master the area of a piece is A
+    (1 + s (r_1 - 1)) (1 + s (r_2 - 1)) with the stretches r_1 in the plane and r_2 around the axis.  Layers in a row:
+    the mean is A / int_0^1 ds/((1 + s (r_1 - 1)) (1 + s (r_2 - 1))) = A (r_1 - r_2)/ln(r_1/r_2), the logarithmic mean
+    of both areas for cylinders (r_2 = 1), the geometric one for spheres (r_1 = r_2), the same from either side
+    (Incropera & DeWitt, Fundamentals of Heat and Mass Transfer, 3.3).  The stretches are those of whole pieces, whose
+    lengths and radii both sides measured: so they have a limit at the axis.
     """
-    A, M = _of_pieces(facing.area), _of_pieces(facing.area_m)
+    # fault: gas between chords -> area, area_m = facing.area, facing.area_m | thermal_fmu/test_thermal_gap_roles
+    area, area_m = facing.area * facing.wide_s, facing.area_m * facing.wide_m
+    A, M = _of_pieces(area), _of_pieces(area_m)
     r_1 = np.divide(M, A, out=np.ones(A.size), where=A > 0.0)
     r_2 = np.ones(A.size)
     by_node = [pair.by_node for pair in interface.pairs]
@@ -37,7 +39,7 @@ def gap_areas(interface: Interface, edges: Ints, facing: Facing, x: Floats) -> t
     # fault: heat across a gap by the area of the slave alone -> mean = np.ones(r_1.size) |
     #   thermal_fmu/test_thermal_gap_area
     mean = logarithmic_mean(r_1, r_2)
-    return facing.area * np.repeat(mean, 2), facing.area * np.repeat(r_1 * r_2, 2)
+    return area * np.repeat(mean, 2), area, area * np.repeat(r_1 * r_2, 2)
 
 
 def _of_pieces(values: Floats) -> Floats:

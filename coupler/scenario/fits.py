@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from contact.half.functions import field_from
 from contact.half.interface import Interface, Pair, register_message
 from contact.problem.pairs import ContactPair
-from contact.search import project
+from contact.search import cut_surfaces
 from contact.surfaces import surfaces_of
 from coupler.scenario.document import Document, DocumentErrors
 from coupler.scenario.schema import ScenarioFile
@@ -28,7 +28,8 @@ def offsets_of(document: Document, file: ScenarioFile, interface: Interface,
     stated = {name: pair for name, pair in file.contact.items() if _keys(pair)}
     if not stated or {p.name for p in interface.pairs} != set(file.contact):
         return {}
-    gap = project(surfaces_of(register_message(interface)), interface.nodes[interface.contact_nodes]).node_gap
+    # By the rays along which forces act: there the pressure of an interference is made.
+    gap = cut_surfaces(surfaces_of(register_message(interface)), interface.nodes[interface.contact_nodes]).node_gap
     offsets: dict[str, Floats] = {}
     for pair in interface.pairs:
         if pair.name in stated:

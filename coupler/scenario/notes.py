@@ -129,7 +129,7 @@ def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> li
     thermal, mechanical : model.json of the halves (of another package: what is not found in them is not told).
     """
     return (overlap_notes(interface) + start_notes(interface, _stiffness(interface, thermal, mechanical))
-            + ray_notes(interface, thermal) + node_notes(interface))
+            + role_notes(interface, thermal) + node_notes(interface))
 
 
 def _stiffness(interface: Interface, thermal: Model, mechanical: Model) -> dict[str, float]:
@@ -180,13 +180,13 @@ def _too_deep(interface: Interface, pair: Pair, own: str, other: str, body: str)
     return found
 
 
-# Gaps across which the rays of either side are other rays.
+# Gaps that conduct otherwise when slave and master change over.
 
-# The heat by the rays of one side may differ by this share from that by the other's before it is told.
-UNLIKE_RAYS = 0.01
+# The heat with one side as the slave may differ by this share from that with the other before it is told.
+UNLIKE_ROLES = 1e-3
 
 
-def ray_notes(interface: Interface, thermal: Model) -> list[str]:
+def role_notes(interface: Interface, thermal: Model) -> list[str]:
     """One sentence a pair whose open gap conducts otherwise, at the start, when slave and master change over."""
     if not any(_open_law(thermal, pair) for pair in interface.pairs):
         return []
@@ -194,13 +194,15 @@ def ray_notes(interface: Interface, thermal: Model) -> list[str]:
     by_slave, by_master = (_gap_conductances(i, thermal) for i in (interface, replace(interface, pairs=exchanged)))
     notes = []
     for pair, a, b in zip(interface.pairs, by_slave, by_master, strict=True):
-        # fault: rays of either side taken for the same -> if pair.two_pass or a * b >= 0.0: |
+        # fault: either side taken for the same -> if pair.two_pass or a * b >= 0.0: |
         #   coupler/test_scenario_thermal
-        if pair.two_pass or abs(a - b) <= UNLIKE_RAYS * max(a, b):
+        if pair.two_pass or abs(a - b) <= UNLIKE_ROLES * max(a, b):
             continue
-        notes.append(f"pair {pair.name}: at the start its gap conducts {a:.4g} W/K along the normals of {pair.slave} "
-                     f"and {b:.4g} along those of {pair.master}, {100.0 * abs(a - b) / max(a, b):.2g} % apart: the "
-                     "sides are not parallel there, or reach beyond each other; two_pass: true takes the mean")
+        notes.append(f"pair {pair.name}: at the start its gap conducts {a:.4g} W/K with {pair.slave} as the slave and "
+                     f"{b:.4g} with {pair.master}, {100.0 * abs(a - b) / max(a, b):.2g} % apart: "
+                     + ("one point a node does not measure it better" if pair.by_node else
+                        "a place faces more than one other there, as at a hollow, or edges are long beside the gap")
+                     + "; two_pass: true takes the mean")
     return notes
 
 
@@ -213,7 +215,7 @@ def _gap_conductances(interface: Interface, thermal: Model) -> list[float]:
     """Return the heat each pair passes across what is open at the start, by one kelvin [W/K]; 0 where it has no law."""
     facing = facing_at(interface, interface.nodes)
     edges = interface.contact_nodes[register_message(interface).edges].reshape(-1, 2)
-    area, _ = gap_areas(interface, edges, facing, interface.nodes)
+    area, _, _ = gap_areas(interface, edges, facing, interface.nodes)
     out = []
     for k, pair in enumerate(interface.pairs):
         law = _open_law(thermal, pair)

@@ -58,7 +58,7 @@ def facing(request: Project) -> Facing:
     n = len(x)
     i = np.arange(n, dtype=np.int32)
     return Facing(i, i, i, np.sin(x[:, 0]), np.cos(x[:, 0]), x[:, 1], np.full(n, np.nan), x[:, 0] / 3, x[:, 1] / 7,
-                  np.zeros(n))
+                  np.ones(n), np.ones(n), np.zeros(n))
 
 
 def tractions(request: Traction) -> Tractions:

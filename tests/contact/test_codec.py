@@ -34,7 +34,7 @@ MESSAGES = [
     Register(5, I4.reshape(3, 2), I4[:3], True, Passes(I4, I4, I4, F8, I4, F8, F8, F8, F8)),
     Registered("abc"), Project("", rng.random((7, 2))),
     Traction("h", rng.random((7, 2)), -rng.random(7), rng.random((7, 2)), -rng.random(7), rng.random(7)),
-    Facing(I4, I4, I4, *rng.random((7, 6))),
+    Facing(I4, I4, I4, *rng.random((9, 6))),
     Tractions(F8, I4, I4[:0], np.zeros((0, 2, 2)), F8, F8, F8, np.array([np.nan, np.inf, -0.0]), F8, F8, F8, F8, 3, 2,
               0.5),
     Refused("busy", "grüß"),

@@ -13,7 +13,7 @@ import pytest
 from contact.half.functions import field_from
 from contact.half.interface import Interface, Pair
 from coupler.errors import ScenarioError
-from coupler.scenario.notes import ray_notes, thermal_notes
+from coupler.scenario.notes import role_notes, thermal_notes
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenario_text import GOOD, error_of, line_of, load_text
@@ -261,13 +261,17 @@ def test_what_is_no_error_is_noted(old: str, new: str, words: str, tmp_path: Pat
     assert any(words in note for note in load_text(tmp_path, RICH.replace(old, new)).notes)
 
 
-def cylinder_above_a_plane(**pair) -> Interface:
-    """60 degrees to either side of a cylinder of 0.1 m, 2 mm above a plane; `pair` says who is the slave."""
+def cylinder_above_a_floor(depth: float, **pair) -> Interface:
+    """60 degrees to either side of a cylinder of 0.1 m, 2 mm above a plane; `pair` says who is the slave.
+
+    depth : [m] of a hollow in that plane, 0.4 m wide.
+    """
     n, R = 192, 0.1
     angle = np.linspace(-60.0, 60.0, n + 1) * pi / 180.0
     arcs = [np.stack([r * np.sin(angle), 0.102 - r * np.cos(angle)], axis=1) for r in (R, 0.9 * R)]
     at = np.linspace(-0.6, 0.6, 2 * n + 1)
-    lines = [np.stack([at, np.full(at.size, y)], axis=1) for y in (-0.01, 0.0)]
+    floor = -depth * np.maximum(1.0 - np.abs(at) / 0.2, 0.0)
+    lines = [np.stack([at, floor + y], axis=1) for y in (-0.01, 0.0)]
     a, b = np.arange(n), np.arange(2 * n)
     m = 2 * (n + 1)
     top, low = m + 2 * n + 1 + b, m + b
@@ -281,18 +285,20 @@ def cylinder_above_a_plane(**pair) -> Interface:
 
 
 @pytest.mark.parametrize(("slave", "master"), [("round.below", "flat.top"), ("flat.top", "round.below")])
-def test_rays_that_differ_from_side_to_side_are_told(slave: str, master: str) -> None:
-    """Both sides are measured; with both passes, and where nothing conducts, there is nothing to tell."""
+def test_roles_that_matter_are_told(slave: str, master: str) -> None:
+    """At a hollow that two flanks see at once; above a plane, with both passes and without a law there is nothing."""
     model = {"pairs": {"gap": {"conduction": {"closed": None, "open": {"law": "gas", "k_g": 0.03, "g_m": 0.0}}}},
              "bodies": {"round": {"T0": 300.0}, "flat": {"T0": 300.0}}}
-    (note,) = ray_notes(cylinder_above_a_plane(slave=slave, master=master), model)
-    # 28.05 k exactly, 1.006 of it along the cylinder's normals and 0.965 along the plane's (docs/thermal.md).
-    told = re.match(rf"pair gap: .* conducts (\S+) W/K along .* {slave} and (\S+) along .* {master}, 4.1 % apart", note)
+    hollow = {"depth": 0.1, "slave": slave, "master": master}
+    (note,) = role_notes(cylinder_above_a_floor(**hollow), model)
+    told = re.match(rf"pair gap: .* (\S+) W/K with {slave} as the slave and (\S+) with {master}, (\S+) % apart", note)
     assert told, note
-    by = {"round.below": 1.006, "flat.top": 0.965}
-    assert [float(v) / (0.03 * 28.05) for v in told.groups()] == pytest.approx([by[slave], by[master]], rel=1e-3)
-    assert not ray_notes(cylinder_above_a_plane(slave=slave, master=master, two_pass=True), model)
-    assert not ray_notes(cylinder_above_a_plane(slave=slave, master=master), {"bodies": model["bodies"]})
+    one, other, apart = (float(v) for v in told.groups())
+    assert apart == pytest.approx(100.0 * abs(one - other) / max(one, other), rel=0.05)
+    assert apart > 1.0
+    assert not role_notes(cylinder_above_a_floor(**hollow, two_pass=True), model)
+    assert not role_notes(cylinder_above_a_floor(**hollow), {"bodies": model["bodies"]})
+    assert not role_notes(cylinder_above_a_floor(**{**hollow, "depth": 0.0}), model)
 
 
 def test_a_surface_that_folds_is_told_once() -> None:

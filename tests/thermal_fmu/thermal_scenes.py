@@ -92,7 +92,7 @@ class FlatContact:
         zeros = np.zeros(m.n_nodes)
         return Facing(np.array(pair, I32), np.array(s, I32), np.array(f, I32), np.array(xi_s, float),
                       np.array(xi_m, float), np.array(gap, float), np.array(area, float), np.array(area, float),
-                      zeros, zeros)
+                      np.ones(len(area)), np.ones(len(area)), zeros, zeros)
 
     def _overlap(self, pair: int, s: int, f: int, x: np.ndarray) -> list[tuple[float, ...]]:
         m = self.surfaces
