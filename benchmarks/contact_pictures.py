@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from thermal_page import scenes
 
+from contact.facing import cut_surfaces
 from contact.half.interface import register_message
-from contact.search import cut_surfaces
 from contact.surfaces import edge_frames, surfaces_of
 from coupler.report.figures import COLOURS, INK, line_style, new_figure, styled
 

@@ -1,7 +1,8 @@
 """The messages of the contact service.  Their bytes are the business of contact.codec.
 
 All coordinates are those of the n_s surface nodes of a scene (Interface.contact_nodes), 0-based index s.  What contact
-tells of a node belongs to a pair: it is told of the n_q pair nodes, index q (contact.pair_nodes).
+tells of a node belongs to a pair: it is told of the n_q pair nodes, index q (contact.pair_nodes).  Multipliers are
+n_m = n_q + 2 n_t numbers: one a pair node, then x and y of each of the n_t slave nodes of tied pairs (contact.tied).
 All replies depend on the request and on surfaces registered by content hash, on nothing else.
 """
 
@@ -27,7 +28,8 @@ class Passes:
     cut at the other side's nodes, 1 for one point a slave node (the paper's form).  gap_max : farther apart nothing is
     faced [m].  eps_N : penalty [Pa/m], 0: at each point that of the two edges there in a row.  eps_T : penalty
     of sticking [Pa/m], 0: as eps_N.  mu : Coulomb's coefficient [1].  depth : how deep behind the other surface is
-    looked [m], where that is more than an edge's length; None: nowhere.
+    looked [m], where that is more than an edge's length; None: nowhere.  tied : 1 where the sides are bonded as they
+    face each other at Register.x, for good, else 0; None: nowhere.
     """
 
     pair: Ints
@@ -40,6 +42,7 @@ class Passes:
     eps_T: Floats
     mu: Floats
     depth: Floats | None = None
+    tied: Ints | None = None
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,7 @@ class Register:
     passes : which surface is searched from which, and the penalties and friction of what faces.
     stiffness : (n_edges,) [Pa/m], of the layer of cells behind each edge; None: 0.
     offset : (n_q,) [m], what is added to gaps at pair nodes of sides that are searched from, linear between; None: 0.
+    x : (n_s, 2) [m], where tied sides faced each other; None where nothing is tied.
     """
 
     n_nodes: int
@@ -61,6 +65,7 @@ class Register:
     passes: Passes
     stiffness: Floats | None = None
     offset: Floats | None = None
+    x: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -109,8 +114,8 @@ class Facing:
 class Traction:
     """Ask for contact forces at x : (n_s, 2) [m], given the history.
 
-    multipliers : (n_q,) [Pa], <= 0 (zeros: pure penalty).  The rest matters with friction only.
-    x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_q,) [Pa], theirs then.
+    multipliers : (n_m,) [Pa], the first n_q <= 0 (zeros: pure penalty).  The rest matters with friction only.
+    x_before : (n_s, 2) [m], where the surfaces were then, and multipliers_before : (n_m,) [Pa], theirs then.
     mobilised : (n_q,) [1], the shear of slave nodes over p_N then, positive along the edges, the body on the left.
     """
 
@@ -130,13 +135,14 @@ class Tractions:
     starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
     row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
     t_N : (n_q,) nodal normal traction [Pa], <= 0: of slave nodes the mean of -p_N over what each faces, of a master's
-    the mean of the slave's there, so that none has more than the slave.  node_gap, node_covered : (n_q,) as in Facing.
-    multipliers : (n_q,) [Pa], t_N on slave sides, and mobilised : (n_q,) [1]: the new history.
+    the mean of the slave's there, so that none has more than the slave; of a tied pair > 0 where it is pulled.
+    node_gap, node_covered : (n_q,) as in Facing.
+    multipliers : (n_m,) [Pa], t_N on slave sides, the tractions of ties, and mobilised : (n_q,) [1]: the new history.
     shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces.
     E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
     n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.
-    stored : [J] that the springs of contact hold, sum A (p_N depth + tau^2/eps_T)/2.
+    stored : [J] that the springs of contact hold, sum A (p_N depth + tau^2/eps_T)/2, and those of ties.
     """
 
     force: Floats
@@ -172,12 +178,13 @@ class Coupling:
 class Couplings:
     """What a half needs to solve for displacements and multipliers lambda at once.
 
-    residual : (n_q,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N a slave
-    node makes.
-    weight : (n_q,) [m2], W_j = sum A N_j.
+    residual : (n_m,) [N], R_j = sum A N_j (lambda_j + p_N) over what a node faces: 0 where lambda is the t_N a slave
+    node makes; of a tie eps_j sum A N_j d, 0 where nothing of what its node faced went away from it.
+    weight : (n_m,) [m2], W_j = sum A N_j.
     nodes : (n_b, 6) of the pieces that touch or have multipliers: the slave edge's two (0, 1), their two neighbours,
-    the master edge's two (4, 5).  ends : (n_b, 4) the pair nodes of (0, 1, 4, 5).
-    values : (n_b, 6, 4, 5), to be added up: for node i and node j of (0, 1, 4, 5)
+    the master edge's two (4, 5).  ends : (n_b, 4) the multipliers of (0, 1, 4, 5); of a tied piece those of node 0 and
+    of node 1 along x and y.
+    values : (n_b, 6, 4, 5), to be added up: for node i and multiplier j of ends
     df_i/dlambda_j [m2] along x and y, dR_j/dx_i [N/m] along x and y, dR_i/dlambda_j [m2] less W_i where i = j.
     """
 

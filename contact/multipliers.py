@@ -4,6 +4,7 @@ The multipliers lambda of the augmented Lagrangian are those of no penetration w
     R_j = sum A N_j (lambda_j + p_N) = W_j (lambda_j - t_N_j) = 0,   W_j = sum A N_j
 over what the node faces: where lambda is the t_N it makes.  A half that solves for u and lambda at once needs the
 derivatives of the forces f by lambda and of R by x and lambda; they are exact, from the same pieces as the stiffness.
+Those of ties are of contact.tied.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from contact.compiled import kernel
+from contact.facing import cut_surfaces
 from contact.messages import Coupling, Couplings, Floats, Ints
 from contact.piece import (
     EPS_N,
@@ -28,8 +30,9 @@ from contact.piece import (
     field_normal,
     frame_change,
 )
-from contact.search import GAUSS, cut_surfaces
+from contact.search import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
+from contact.tied import bonds_at, tied_couplings, ties_of
 from contact.traction import checked_request, piece_cuts, piece_nodes, points_at, shares_normal
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
@@ -42,10 +45,18 @@ def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     asked = checked_request(surfaces, request)
     cut = cut_surfaces(surfaces, asked.x)
     points, multipliers = points_at(surfaces, cut, asked), asked.multipliers
-    residual, weight = balances(cut.at, cut.values, points.p_N, multipliers)
+    residual, weight = balances(cut.at, cut.values, points.p_N, multipliers[:surfaces.pair_nodes.size])
     nodes, at, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.at,
                                        cut.values, cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric,
                                        points.c, points.doing, points.p_N, multipliers)
+    if surfaces.pair_nodes.tied.size:
+        ties, n_q = ties_of(surfaces), surfaces.pair_nodes.size
+        bonds = bonds_at(surfaces, asked.x, multipliers, cut.values[surfaces.tied[cut.number] == 1, 3])
+        more = tied_couplings(asked.x, r.edges, ties.met, ties.values, ties.arm, ties.bond, ties.node_eps, n_q)
+        nodes, at = np.concatenate([nodes, more[0]]), np.concatenate([at, more[1]])
+        values = np.concatenate([values, more[2]])
+        residual = np.concatenate([residual, (ties.node_eps[:, None] * bonds.apart).ravel()])
+        weight = np.concatenate([weight, np.repeat(ties.weight, 2)])
     return Couplings(residual, weight, nodes, at, values)
 
 

@@ -22,7 +22,7 @@ class PairLayout:
     node : (n_q,) index s.  pair : (n_q,) number of the pair.  searched : (n_q,) 1 where its side is searched from, else
     0.  first, last : (n_passes, 2) first pair node, and last + 1, of the slave's and of the master's side of each pass.
     place : (n_edges, 2) place of an edge's nodes among those of its surface.  sides : (n_sides, 2) surface and first
-    pair node of each side.
+    pair node of each side.  tied : (n_t,) pair nodes of the slave sides of tied pairs.
     """
 
     node: Ints
@@ -32,11 +32,17 @@ class PairLayout:
     last: Ints
     place: Ints
     sides: Ints
+    tied: Ints
 
     @property
     def size(self) -> int:
         """Return n_q."""
         return self.node.size
+
+    @property
+    def n_multipliers(self) -> int:
+        """Return n_m = n_q + 2 n_t."""
+        return self.node.size + 2 * self.tied.size
 
 
 def pair_layout_of(register: Register) -> PairLayout:
@@ -69,8 +75,11 @@ def pair_layout_of(register: Register) -> PairLayout:
              for k, *both in np.column_stack([p.pair, p.slave, p.master]).tolist()]
     first, last = np.ascontiguousarray(np.array(spans, dtype=np.int32).reshape(-1, 2, 2).transpose(2, 0, 1))
     sides = [[surface, begin] for (_, surface), begin in begins.items()]
-    return PairLayout(_whole(node), _whole(pair), _whole(searched), first, last, place,
-                      np.array(sides, dtype=np.int32).reshape(-1, 2))
+    of_pair, own_side = _whole(pair), _whole(searched)
+    tied = np.zeros(0, dtype=np.int32) if p.tied is None else np.unique(p.pair[np.asarray(p.tied) == 1])
+    bonded = np.flatnonzero(np.isin(of_pair, tied) & (own_side == 1)).astype(np.int32)
+    return PairLayout(_whole(node), of_pair, own_side, first, last, place,
+                      np.array(sides, dtype=np.int32).reshape(-1, 2), bonded)
 
 
 def _whole(parts: list[Ints]) -> Ints:

@@ -15,7 +15,6 @@ forces: numba compiles either on its own, so that neither pays for the other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,9 +22,7 @@ import numpy as np
 from contact.arcs import across, normal_tree, opposite, reached, tilted
 from contact.arcs import feet as feet  # for those who search by rays
 from contact.compiled import inner, kernel
-from contact.messages import Facing, Floats, Ints
-from contact.pair_nodes import pair_nodes_at
-from contact.rounding import rounding_of
+from contact.messages import Floats, Ints
 from contact.surfaces import (
     END_TOLERANCE,
     FACING_COS,
@@ -33,8 +30,6 @@ from contact.surfaces import (
     RegisteredSurfaces,
     box_tree,
     candidates,
-    checked_reals,
-    edge_frames,
     frame_of,
 )
 
@@ -425,74 +420,12 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise
     return n_points
 
 
-# The reply to a Project request
+def pass_points(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise,
+                i: int) -> tuple[Ints, Floats, Floats]:
+    """Search pass i at x : (n_s, 2) [m]; return (n, 2) edges, (n, 5) values and near : (n_s,) [m], as of face_pass.
 
-AXIS_TOLERANCE = 1e-9  # of the scene's radius: how far beyond the axis a node may lie
-
-
-@dataclass(frozen=True)
-class Cut:
-    """All contact quadrature points of a scene, in one table, and what was computed on the way.
-
-    number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
-    at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.
-    values : (n_p, 7) xi_s, xi_m [1], gap [m], area, area_m [m2], wide_s, wide_m [1].
-    normal : (n_edges, 3, 2) [1] as from contact.surfaces, or contact.rounding where mutual.  node_gap : (n_q,) [m] and
-    node_covered : (n_q,) [1] as in Facing. The two points of a piece are neighbours.
-    """
-
-    number: Ints
-    met: Ints
-    at: Ints
-    values: Floats
-    normal: Floats
-    node_gap: Floats
-    node_covered: Floats
-
-
-def project(surfaces: RegisteredSurfaces, x: Floats) -> Facing:
-    """Find the contact quadrature points at coordinates x : (n_s, 2) [m].
-
-    Raises ValueError where x is no possible geometry.
-    """
-    c = cut_surfaces(surfaces, x, mutual=True)
-    slave_edge, master_edge = np.ascontiguousarray(c.met.T)
-    xi_s, xi_m, gap, area, area_m, wide_s, wide_m = np.ascontiguousarray(c.values.T)
-    return Facing(surfaces.passes.pair[c.number], slave_edge, master_edge, xi_s, xi_m, gap, area, area_m, wide_s,
-    wide_m,
-                  c.node_gap, c.node_covered)
-
-
-def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) -> Cut:
-    """Cut the slave edges of every pass at x : (n_s, 2) [m], by arcs if mutual, else by rays.  Raises ValueError."""
-    r = surfaces.register
-    x = checked_reals("x", x, (r.n_nodes, 2))
-    length, normal = edge_frames(x, r.edges, surfaces.previous, surfaces.following)
-    _check_geometry(surfaces, x, length)
-    rise: Rise = None
-    if mutual:
-        rounding = rounding_of(x, r.edges, surfaces.previous, surfaces.following, r.axisymmetric, length, normal)
-        normal, rise = rounding.normal, rounding.rise
-    passes, of = surfaces.passes, surfaces.pair_nodes
-    node_gap = np.full(of.size, np.inf)
-    tables = [_pass(surfaces, x, length, normal, rise, i, node_gap) for i in range(passes.slave.size)]
-    counts = [len(values) for _, values in tables]
-    number = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
-    columns = 5 if rise is None else 7
-    if len(tables) == 1:
-        met, values = tables[0]
-    else:
-        met = np.concatenate([np.empty((0, 2), dtype=np.int32), *(m for m, _ in tables)])
-        values = np.concatenate([np.empty((0, columns)), *(v for _, v in tables)])
-    at = pair_nodes_at(number, met, of.first, of.place)
-    covered = covered_fractions(x, r.edges, length, of.sides, surfaces.start, of.place, r.axisymmetric, at, values,
-                                of.size)
-    return Cut(number, met, at, values, normal, node_gap, covered)
-
-
-def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise, i: int,
-          node_gap: Floats) -> tuple[Ints, Floats]:
-    """Search pass i; return (n, 2) edges and (n, 7) values, and lower node_gap : (n_q,) [m] where the pass's is less.
+    length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] for heat, with (n, 7) values; None
+    for forces.
     """
     r, p, start = surfaces.register, surfaces.passes, surfaces.start
     slave, master = p.slave[i], p.master[i]
@@ -510,60 +443,7 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
         n = face_pass(x, r.edges, length, normal, rise, ranges, surfaces.offsets[i], first, last, masters,
                       float(p.gap_max[i]), float(depth[i]), r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
-            of = surfaces.pair_nodes
-            lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], float(p.gap_max[i]))
             if p.weight[i] != 1.0:
                 values[:n, 3:5] *= p.weight[i]
-            return met[:n], values[:n]
+            return met[:n], values[:n], near
         capacity = n
-
-
-def _check_geometry(surfaces: RegisteredSurfaces, x: Floats, length: Floats) -> None:
-    if length.size and not length.min() > 0.0:
-        e = int(np.argmin(length))
-        raise ValueError(f"edge {e} (nodes {surfaces.register.edges[e].tolist()}) has no length")
-    if surfaces.register.axisymmetric and x.size and x[:, 0].min() < -AXIS_TOLERANCE * np.abs(x[:, 0]).max():
-        node = int(np.argmin(x[:, 0]))
-        raise ValueError(f"node {node} lies beyond the axis, r = {x[node, 0]!r}")
-
-
-@kernel
-def lower_gaps(node_gap: Floats, near: Floats, node: Ints, first: Ints, last: Ints, gap_max: float) -> None:
-    """Lower node_gap : (n_q,) [m] of a pass's sides to the gaps its nodes have, near : (n_s,) [m], and to gap_max [m].
-
-    node : (n_q,) index s.  first, last : (2,) pair nodes of the slave's and of the master's side.
-    """
-    for side in range(2):
-        for q in range(first[side], last[side]):
-            node_gap[q] = min(node_gap[q], near[node[q]], gap_max)
-
-
-@kernel
-def covered_fractions(x: Floats, edges: Ints, length: Floats, sides: Ints, start: Ints, place: Ints, axisymmetric: bool,
-                      at: Ints, values: Floats, n_q: int) -> Floats:
-    """Return (n_q,) the part in [0, 1] of each pair node's side, by its shape function, that faces the other side.
-
-    x : (n_s, 2) [m].  edges, place : (n_edges, 2).  length : (n_edges,) [m].  sides : (n_sides, 2) surface and first
-    pair node.  start : (n_surfaces + 1,) first edges.  at : (n_p, 4) pair nodes.
-    values : (n_p, 7), xi_s, xi_m [1], gap [m], area, area_m [m2], wide_s, wide_m [1].
-    """
-    whole, faced = np.zeros(n_q), np.zeros(n_q)
-    for k in range(sides.shape[0]):
-        surface, first = sides[k, 0], sides[k, 1]
-        for e in range(start[surface], start[surface + 1]):
-            a, b = edges[e, 0], edges[e, 1]
-            r_a = 2.0 * np.pi * max(x[a, 0], 0.0) if axisymmetric else 1.0
-            r_b = 2.0 * np.pi * max(x[b, 0], 0.0) if axisymmetric else 1.0
-            whole[first + place[e, 0]] += length[e] * (2.0 * r_a + r_b) / 6.0
-            whole[first + place[e, 1]] += length[e] * (r_a + 2.0 * r_b) / 6.0
-    for i in range(at.shape[0]):
-        for side in range(2):
-            a, b = at[i, 2 * side], at[i, 2 * side + 1]
-            # fault: covered share by the other node's shape function -> faced[a] += values[i, side] * values[i, 3 +
-            #   side] | contact/test_facing
-            faced[a] += (1.0 - values[i, side]) * values[i, 3 + side]
-            faced[b] += values[i, side] * values[i, 3 + side]
-    for q in range(n_q):
-        # Surfaces that fold over each other are met twice: more than all is all.
-        faced[q] = min(faced[q] / whole[q], 1.0) if whole[q] > 0.0 else 0.0
-    return faced

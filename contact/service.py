@@ -9,9 +9,9 @@ from __future__ import annotations
 import traceback
 from collections import OrderedDict
 
+from contact.facing import project
 from contact.messages import Coupling, Project, Refused, Register, Registered, Reply, Request, Traction
 from contact.multipliers import coupling
-from contact.search import project
 from contact.surfaces import RegisteredSurfaces, surfaces_of
 from contact.traction import traction
 

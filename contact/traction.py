@@ -11,13 +11,15 @@ The two drags stand the gap apart, so their moments balance only to tau A g_N.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import kernel
+from contact.facing import Cut, cut_surfaces
 from contact.messages import Coupling, Floats, Ints, Traction, Tractions
+from contact.penalty import in_a_row, penalties
 from contact.piece import (
     EPS_N,
     EPS_T,
@@ -39,9 +41,10 @@ from contact.piece import (
     TRIAL_XI,
     piece_stiffness,
 )
-from contact.search import GAUSS, Cut, cut_surfaces, feet
+from contact.search import GAUSS, feet
 from contact.slip import slip_since
 from contact.surfaces import CORNER_COS, Frame, RegisteredSurfaces, checked_reals, edge_frames, frame_of
+from contact.tied import Bonds, bonds_at, ties_of
 
 # Assembly of pieces
 
@@ -140,17 +143,32 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     nodes, forces, blocks = pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
                                    cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
                                    points.doing)
+    of, bonds = surfaces.pair_nodes, None
+    if of.tied.size:
+        bonds = bonds_at(surfaces, asked.x, asked.multipliers, cut.values[surfaces.tied[cut.number] == 1, 3])
+        nodes, forces = np.concatenate([nodes, bonds.nodes]), np.concatenate([forces, bonds.forces])
+        blocks = np.concatenate([blocks, bonds.blocks])
     force = added_up(r.n_nodes, nodes, forces)
     starts, columns, stiffness = rows_of(r.n_nodes, nodes, blocks)
-    of = surfaces.pair_nodes
     t_N, t_T, E_friction = nodal_means(of.size, cut.at, cut.values, points.p_N, points.tau, points.heat)
     t_N = on_masters(t_N, of.searched, cut.at, cut.values)
     mobilised = mobilised_friction(cut.at, cut.values, points.c, points.doing, points.p_N, points.tau, asked.mobilised)
     slipping = slipping_fractions(of.size, cut.at, cut.values, points.doing)
-    return Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
+    told = Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
                      np.where(of.searched == 1, t_N, 0.0), mobilised, t_T, E_friction, slipping,
                      int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)),
                      spring_energy(cut.values, points))
+    return told if bonds is None else _with_ties(surfaces, told, bonds, asked.multipliers)
+
+
+def _with_ties(surfaces: RegisteredSurfaces, told: Tractions, bonds: Bonds, multipliers: Floats) -> Tractions:
+    """Add what ties carry to tractions; multipliers : (n_m,) [Pa], those asked for."""
+    ties, n_q = ties_of(surfaces), surfaces.pair_nodes.size
+    went = np.divide(ties.node_eps, ties.weight, out=np.zeros_like(ties.weight), where=ties.weight > 0.0)
+    # fault: multipliers of ties stay what they were -> pulls = multipliers[n_q:].copy() | contact/test_tied
+    pulls = multipliers[n_q:] - (went[:, None] * bonds.apart).ravel()
+    return replace(told, t_N=told.t_N + bonds.t_N, shear=told.shear + bonds.t_T,
+                   multipliers=np.concatenate([told.multipliers, pulls]), stored=told.stored + bonds.stored)
 
 
 def spring_energy(values: Floats, points: PointStates) -> float:
@@ -169,7 +187,7 @@ def spring_energy(values: Floats, points: PointStates) -> float:
 class Asked:
     """The arrays of a request, checked.
 
-    x, before : (n_s, 2) [m] now and when the history was noted.  multipliers, multipliers_before : (n_q,) [Pa].
+    x, before : (n_s, 2) [m] now and when the history was noted.  multipliers, multipliers_before : (n_m,) [Pa].
     mobilised : (n_q,) [1], shear over p_N then.
     """
 
@@ -182,12 +200,13 @@ class Asked:
 
 def checked_request(surfaces: RegisteredSurfaces, request: Traction | Coupling) -> Asked:
     """Check the arrays of a request.  Raises ValueError."""
-    n, n_q = surfaces.register.n_nodes, surfaces.pair_nodes.size
-    multipliers = checked_reals("multipliers", request.multipliers, (n_q,))
-    if multipliers.size and multipliers.max() > 0.0:
-        raise ValueError(f"multipliers must be <= 0, got {multipliers.max()!r} at pair node {multipliers.argmax()}")
+    n, n_q, n_m = surfaces.register.n_nodes, surfaces.pair_nodes.size, surfaces.pair_nodes.n_multipliers
+    multipliers = checked_reals("multipliers", request.multipliers, (n_m,))
+    pressing = multipliers[:n_q]
+    if pressing.size and pressing.max() > 0.0:
+        raise ValueError(f"multipliers must be <= 0, got {pressing.max()!r} at pair node {pressing.argmax()}")
     before = checked_reals("x_before", request.x_before, (n, 2))
-    then = checked_reals("multipliers_before", request.multipliers_before, (n_q,))
+    then = checked_reals("multipliers_before", request.multipliers_before, (n_m,))
     mobilised = checked_reals("mobilised", request.mobilised, (n_q,))
     return Asked(checked_reals("x", request.x, (n, 2)), multipliers, before, then, mobilised)
 
@@ -198,6 +217,9 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
     c = np.zeros((n, N_CONSTANTS))
     c[:, LAMBDA_1:LAMBDA_2 + 1] = asked.multipliers[cut.at[:, :2]]
     c[:, EPS_N], c[:, MU] = penalties(p.eps_N[cut.number], surfaces.stiffness, cut.met), p.mu[cut.number]
+    # What is tied neither presses nor rubs: its forces are those of contact.tied.
+    c[surfaces.tied[cut.number] == 1, :LAMBDA_2 + 1] = 0.0
+    c[surfaces.tied[cut.number] == 1, EPS_N] = 0.0
     c[:, OFFSET_1:OFFSET_2 + 1] = surfaces.offsets[cut.number, cut.met[:, 0]]
     c[:, EPS_T] = np.where(p.eps_T[cut.number] > 0.0, p.eps_T[cut.number], c[:, EPS_N])
     points = PointStates(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
@@ -210,27 +232,6 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
             normal, cut.met, cut.at, cut.values, p.eps_N[cut.number], surfaces.stiffness, c, points.doing, points.p_N,
             points.tau, points.heat)
     return points
-
-
-@kernel
-def penalties(stated: Floats, stiffness: Floats, met: Ints) -> Floats:
-    """Return eps_N (n_p,) [Pa/m] of points: as stated, or that of the two edges in a row where that is 0.
-
-    stated : (n_p,) [Pa/m].  stiffness : (n_edges,) [Pa/m].  met : (n_p, 2) slave and master edge.
-    """
-    eps = stated.copy()
-    for i in range(eps.size):
-        if not eps[i] > 0.0:
-            # fault: one penalty for the whole of a surface -> eps[i] = in_a_row(stiffness.max(), stiffness.max()) |
-            #   contact/test_local_penalty
-            eps[i] = in_a_row(stiffness[met[i, 0]], stiffness[met[i, 1]])
-    return eps
-
-
-@kernel
-def in_a_row(first: float, second: float) -> float:
-    """Return the stiffness [Pa/m] of two layers one behind the other, each [Pa/m], 0 where one has none."""
-    return first * second / (first + second) if first > 0.0 and second > 0.0 else 0.0
 
 
 @kernel

@@ -107,13 +107,13 @@ def _turn(nodes: NDArray[np.intp], c: NDArray[np.intp], x: Floats, to: Floats) -
 
 
 def _neighbours(system: System, x: Floats, loading: Loading) -> Mapping[int, list[int]]:
-    """Body -> the bodies that it presses at x : (n, 2) [m]."""
+    """Body -> the bodies that it presses at x : (n, 2) [m], or is tied to."""
     assert loading.query is not None
     t_N = loading.query(x).t_N
     out: dict[int, list[int]] = {body: [] for body in range(len(system.interface.bodies))}
     for pair in system.interface.pairs:
         a, b = (system.interface.bodies.index(side.partition(".")[0]) for side in (pair.slave, pair.master))
-        if a != b and bool((t_N[system.contact.on_slaves([pair.name])] < 0.0).any()):
+        if a != b and (pair.tied or bool((t_N[system.contact.on_slaves([pair.name])] < 0.0).any())):
             out[a].append(b)
             out[b].append(a)
     return out

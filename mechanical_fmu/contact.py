@@ -25,6 +25,19 @@ class MeshContact(ContactSurfaces):
         of = np.array([pair.name in pairs for pair in self.interface.pairs], dtype=np.bool_)
         return (self.pair_nodes.searched == 1) & of[self.pair_nodes.pair]
 
+    def multiplied(self, pairs: Collection[str]) -> NDArray[np.bool_]:
+        """Say, (n_m,), which multipliers are those of these pairs: of slave nodes, or of their ties."""
+        of, tied = self.on_slaves(pairs), self.pair_nodes.tied
+        held = np.repeat(of[tied], 2)
+        of[tied] = False
+        return np.concatenate([of, held])
+
+    @cached_property
+    def tied(self) -> NDArray[np.bool_] | None:
+        """Say, (n_q,), which pair nodes are of tied pairs; None where no pair is tied."""
+        tied = np.array([pair.tied for pair in self.interface.pairs], dtype=np.bool_)
+        return tied[self.pair_nodes.pair] if tied.any() else None
+
     @cached_property
     def slips(self) -> bool:
         """Say whether a pair has friction."""
@@ -62,26 +75,30 @@ def _rows(tractions: Tractions, size: int) -> bsr_matrix:
 
 
 # What a pair node does (contact.status).
-ALONE, OPEN, TOUCHES, SLIPS = range(4)
+ALONE, OPEN, TOUCHES, SLIPS, TIED = range(5)
 
 
-def contact_variables(n_q: int, slips: bool = False, with_status: bool = False) -> tuple[Variable, ...]:
+def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
+                      tied: bool = False) -> tuple[Variable, ...]:
     """List the contact outputs of both mechanical halves; n_q : pair nodes, slips : whether a pair has friction.
 
-    with_status : whether the half tells what each of them does.
+    with_status : whether the half tells what each of them does.  tied : whether a pair is, and the half has forces.
     """
-    variables = [Variable("contact.t_N", (n_q,), unit="Pa", description="normal traction, <= 0", on="pair_nodes"),
+    sign = "normal traction, <= 0; of tied pairs > 0 where they are pulled" if tied else "normal traction, <= 0"
+    variables = [Variable("contact.t_N", (n_q,), unit="Pa", description=sign, on="pair_nodes"),
                  Variable("contact.gap", (n_q,), unit="m", description="normal gap", on="pair_nodes"),
                  Variable("contact.covered", (n_q,), unit="1", description="share of a node's side that is faced",
                           on="pair_nodes"),
                  Variable("contact.touching", description="facing points that touch")]
     if with_status:
         variables.append(Variable("contact.status", (n_q,), unit="1", on="pair_nodes", description="0 faces nothing, "
-                                  "1 open, 2 touches (with friction: sticks), 3 slips: most of what it touches"))
+                                  "1 open, 2 touches (with friction: sticks), 3 slips: most of what it touches"
+                                  + ", 4 tied" * tied))
+    if slips or tied:
+        variables.append(Variable("contact.t_T", (n_q,), unit="Pa", description="shear traction of slave nodes",
+                                  on="pair_nodes"))
     if slips:
-        variables += [Variable("contact.t_T", (n_q,), unit="Pa", description="shear traction of slave nodes",
-                               on="pair_nodes"),
-                      Variable("contact.E_friction", (n_q,), unit="J", description="friction heat of the substep",
+        variables += [Variable("contact.E_friction", (n_q,), unit="J", description="friction heat of the substep",
                                on="pair_nodes"),
                       Variable("contact.E_friction.at", (), "output", start="end", kind="String",
                                variability="constant",
@@ -93,20 +110,30 @@ def contact_variables(n_q: int, slips: bool = False, with_status: bool = False) 
     return tuple(variables)
 
 
-def status(tractions: Tractions) -> Floats:
-    """Tell what each pair node does: (n_q,) ALONE, OPEN, TOUCHES or SLIPS; nodes of a master never slip."""
+def status(tractions: Tractions, tied: NDArray[np.bool_] | None = None) -> Floats:
+    """Tell what each pair node does: (n_q,) ALONE, OPEN, TOUCHES or SLIPS; nodes of a master never slip.
+
+    tied : (n_q,) which are of tied pairs, None: none.  Those that face something are TIED.
+    """
     faces = np.where(tractions.node_covered > 0.0, OPEN, ALONE)
     slides = np.where(tractions.slipping > 0.5, SLIPS, TOUCHES)
     # fault: what slips is told to stick -> slides = np.full(faces.shape, TOUCHES) | mechanical_fmu/test_fields
-    return np.where(tractions.t_N < 0.0, slides, faces).astype(np.float64)
+    does = np.where(tractions.t_N < 0.0, slides, faces)
+    if tied is not None:
+        does = np.where(tied & (tractions.node_covered > 0.0), TIED, np.where(tied, ALONE, does))
+    return does.astype(np.float64)
 
 
-def contact_outputs(tractions: Tractions, slips: bool = False) -> dict[str, Value]:
-    """Return the values of contact_variables."""
+def contact_outputs(tractions: Tractions, slips: bool = False,
+                    tied: NDArray[np.bool_] | None = None) -> dict[str, Value]:
+    """Return the values of contact_variables; tied : (n_q,) which pair nodes are of tied pairs, None: none."""
     outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
                                  "contact.covered": tractions.node_covered,
-                                 "contact.touching": float(tractions.n_touching), "contact.status": status(tractions)}
+                                 "contact.touching": float(tractions.n_touching),
+                                 "contact.status": status(tractions, tied)}
+    if slips or tied is not None:
+        outputs["contact.t_T"] = tractions.shear
     if slips:
-        outputs |= {"contact.t_T": tractions.shear, "contact.E_friction": tractions.E_friction,
+        outputs |= {"contact.E_friction": tractions.E_friction,
                     "contact.slipping": float(tractions.n_slipping), "contact.slip_share": tractions.slipping}
     return outputs

@@ -155,7 +155,8 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
         outputs += [Variable(f"motion.{interface.bodies[b]}", (3,), unit="1",
                              description="u_x, u_y [m] and angle [rad] of the reference point", on="none")
                     for b in system.rigid.body]
-    return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True) if n_q else ()))
+    return (*inputs, *outputs, *(contact_variables(n_q, system.contact.slips, with_status=True,
+                                                         tied=system.contact.tied is not None) if n_q else ()))
 
 
 def damps(system: System) -> bool:
@@ -201,7 +202,7 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
-        outputs |= contact_outputs(balance.tractions, system.contact.slips)
+        outputs |= contact_outputs(balance.tractions, system.contact.slips, system.contact.tied)
     return outputs
 
 
@@ -283,7 +284,7 @@ def resting(system: System, u: Floats, loading: Loading) -> ForceBalance:
         refuse_loose(system, first)
     except SingularMatrixError:
         pressure = TOUCHING_AS_DRAWN * float(system.size.min()) * max(pair.eps_N for pair in system.interface.pairs)
-        slaves = system.contact.on_slaves([pair.name for pair in system.interface.pairs])
+        slaves = system.contact.multiplied([pair.name for pair in system.interface.pairs if not pair.tied])
         # fault: bodies that touch as drawn fall -> query = loading.query.with_multipliers(np.where(slaves, 0.0, 0.0)) |
         #   mechanical_fmu/test_solution_loads
         query = loading.query.with_multipliers(np.where(slaves, -pressure, 0.0))

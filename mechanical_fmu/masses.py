@@ -82,7 +82,9 @@ class Masses:
         if how is None or not how.contact_mass_behind or not self.interface.pairs:
             return csr_matrix(eye_array(self.n)), np.zeros(self.n, dtype=np.bool_)
         massless = np.zeros(len(self.interface.nodes), dtype=np.bool_)
-        massless[self.interface.contact_nodes] = True
+        surfaces = {name for pair in self.interface.pairs if not pair.tied for name in (pair.slave, pair.master)}
+        for name in surfaces:
+            massless[self.interface.surfaces[name]] = True
         deformable = self.kinds
         if self.rigid is not None:
             massless[self.rigid.nodes] = False

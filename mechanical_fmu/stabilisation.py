@@ -155,6 +155,6 @@ def _with_pressures(system: System, loading: Loading, balance: ForceBalance) -> 
     """The loading with the multipliers that an increment found, where pairs are augmented."""
     if not isinstance(loading.query, ContactQuery) or balance.tractions is None or not system.spec.augmented:
         return loading
-    augmented = system.contact.on_slaves(system.spec.augmented)
+    augmented = system.contact.multiplied(system.spec.augmented)
     return replace(loading, query=loading.query.with_multipliers(np.where(augmented, balance.tractions.multipliers,
                                                                           0.0)))

@@ -76,8 +76,9 @@ def beginning(system: System) -> Beginning:
                              "does not have; give it those of that run, or leave u0 out")
     contact = system.contact.no_history(interface.nodes + u)
     if MULTIPLIERS in start:
-        contact = History(np.nan_to_num(start[MULTIPLIERS], nan=0.0), contact.x,
-                          np.nan_to_num(start[MOBILISED], nan=0.0))
+        multipliers = contact.multipliers.copy()
+        multipliers[:system.contact.pair_nodes.size] = np.nan_to_num(start[MULTIPLIERS], nan=0.0)
+        contact = History(multipliers, contact.x, np.nan_to_num(start[MOBILISED], nan=0.0))
     # fault: a run that goes on is solved at its start -> return Beginning(u, history, contact, False) |
     #   coupler/test_warm_starts
-    return Beginning(u, history, contact, AS_LEFT in start)
+    return Beginning(u, history, contact, AS_LEFT in start and not system.contact.pair_nodes.tied.size)

@@ -118,6 +118,12 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
     N_s, N_m = shape_functions(facing.xi_s), shape_functions(facing.xi_m)
     searched = surfaces.searched_nodes(facing)
     p = (N_s * np.maximum(-t_N[searched], 0.0)).sum(axis=1)
+    if any(pair.tied for pair in surfaces.interface.pairs):
+        bonded = np.array([pair.tied for pair in surfaces.interface.pairs])[facing.pair]
+        # What is bonded touches, whatever it carries.
+        # fault: a tied pair that is pulled conducts like an open one -> bonded &= False |
+        #   coupler/test_ties::test_heat_crosses_it_by_its_resistance_though_it_is_pulled
+        p = np.where(bonded, np.maximum(p, np.finfo(float).tiny), p)
     # fault: touching by gap instead of pressure -> gap = np.maximum(facing.gap, 0.0) | thermal_fmu/test_thermal_contact
     gap = np.where(p > 0, 0.0, np.maximum(facing.gap, 0.0))
     nodes = np.concatenate([surfaces.edges[facing.slave_edge], surfaces.edges[facing.master_edge]], axis=1)

@@ -377,6 +377,12 @@ def rod_wrongs(problem: RodProblem, interface: Interface) -> Iterator[Wrong]:
     if interface.axisymmetric:
         yield Wrong(("geometry",), "the mechanical half `rod` is straight", "Write `geometry: plane`.")
     yield from _bodies(interface, problem.bodies, problem.materials)
+    for pair in interface.pairs:
+        # fault: rods leave aside in silence that they are tied -> if False: |
+        #   coupler/test_ties::test_rods_are_not_tied
+        if pair.tied:
+            yield Wrong(("pairs", pair.name, "tied"), "rods press on each other, they do not pull: the mechanical half "
+                        "`rod` has no tied pairs", "Choose the half elastic, or make the two one body.")
     for name in problem.held:
         yield from known(name, interface.bodies, ("held", name), "body")
     for name in interface.bodies:

@@ -36,8 +36,8 @@ class ContactRefusedError(ArithmeticError):
 class History:
     """The history of contact, which the mechanical state holds.
 
-    multipliers : (n_q,) [Pa] of the pair nodes.  x : (n_s, 2) [m], where the surfaces were then.  mobilised : (n_q,)
-    [1], shear over p_N of slave nodes.
+    multipliers : (n_m,) [Pa] of the pair nodes, then x and y of those of ties.  x : (n_s, 2) [m], where the surfaces
+    were then.  mobilised : (n_q,) [1], shear over p_N of slave nodes.
     """
 
     multipliers: Floats
@@ -99,7 +99,7 @@ class ContactSurfaces:
     def tractions(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Tractions:
         """Ask for the contact forces at x : (n_nodes, 2) [m].
 
-        multipliers : (n_q,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        multipliers : (n_m,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Traction(name, at, of_now, history.x, history.multipliers,
@@ -111,7 +111,7 @@ class ContactSurfaces:
     def couplings(self, link: Link, x: Floats, history: History, multipliers: Floats | None = None) -> Couplings:
         """Ask for residual and derivatives of the multipliers at x : (n_nodes, 2) [m].
 
-        multipliers : (n_q,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
+        multipliers : (n_m,) [Pa] of the moment, None for those of the history.  Raises ContactRefusedError, LinkError.
         """
         at, of_now = self._at_surfaces(x), history.multipliers if multipliers is None else multipliers
         reply = self._ask(link, lambda name: Coupling(name, at, of_now, history.x, history.multipliers,
@@ -122,8 +122,8 @@ class ContactSurfaces:
 
     def no_history(self, x: Floats) -> History:
         """Return the history before anything pressed or slipped, with the surfaces at x : (n_nodes, 2) [m]."""
-        zeros = np.zeros(self.interface.pair_nodes.size)
-        return History(zeros, self._at_surfaces(x), zeros)
+        zeros = np.zeros(self.pair_nodes.n_multipliers)
+        return History(zeros, self._at_surfaces(x), zeros[:self.pair_nodes.size])
 
     def _at_surfaces(self, x: Floats) -> Floats:
         return np.ascontiguousarray(x[self.interface.contact_nodes])

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from contact.facing import project
 from contact.half.interface import Interface, Pair, PairSide, register_message, search_depth
 from contact.messages import Facing, Floats
-from contact.search import SELF_CONTACT_DEPTH, project
+from contact.search import SELF_CONTACT_DEPTH
 from contact.surfaces import surfaces_of
 
 # Notes before a run, one sentence each

@@ -132,7 +132,7 @@ def _rows_of(pair: Pair, interface: Interface, frames: list[tuple[Floats, float]
         n = np.stack([t[:, 1], -t[:, 0]], axis=1)
         for x in (ends[:, 0], ends[:, 1]):
             apart = np.concatenate([motions_at(x, *frames[a]), -motions_at(x, *frames[b])], axis=2)
-            rows += [np.einsum("ni,nij->nj", d, apart) for d in ((n, t) if pair.mu > 0.0 else (n,))]
+            rows += [np.einsum("ni,nij->nj", d, apart) for d in ((n, t) if pair.mu > 0.0 or pair.tied else (n,))]
     return (a, b), np.concatenate(rows)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -18,6 +19,8 @@ from contact.messages import Passes, Register
 
 FORMAT = "slideline.interface"
 FORMAT_VERSION = 3  # 1: contact told one value a node, whatever the pair; 2: one penalty for a whole pair
+# Of a scene with tied pairs: who knows no ties must not take them for contact.
+TIED_VERSION = 4
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -31,6 +34,7 @@ class Pair:
     mu : Coulomb's coefficient.  eps_T : stiffness of sticking [Pa/m], 0 for that of the penalty.  two_pass : searched
     from either side with half the weight.  by_node : one point a slave node, not points on cut edges.  local : the
     penalty is at each place that of the two edges there in a row (Interface.stiffness), and eps_N bounds it.
+    tied : what faces each other at the start, no farther apart than gap_max, is bonded for good (contact.tied).
     """
 
     name: str
@@ -43,6 +47,12 @@ class Pair:
     two_pass: bool = False
     by_node: bool = False
     local: bool = False
+    tied: bool = False
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """Return the fields by name; `tied` where it is."""
+        return {key: value for key, value in vars(self).items() if key != "tied" or value}
 
 
 @dataclass(frozen=True)
@@ -202,7 +212,7 @@ class Interface:
     @cached_property
     def surfaces_hash(self) -> str:
         """Hash of everything the contact service is told of the surfaces."""
-        text = json.dumps([FORMAT_VERSION, *(vars(p) for p in self.pairs)])
+        text = json.dumps([FORMAT_VERSION, *(p.plain for p in self.pairs)])
         names = sorted({n for p in self.pairs for n in (p.slave, p.master)})
         return _hash(self.geometry.encode(), text.encode(), self.contact_nodes,
                      self.nodes[self.contact_nodes], *(self.surfaces[n] for n in names),
@@ -226,9 +236,12 @@ def _hash(*parts: bytes | Floats | Ints) -> str:
 def write_interface(interface: Interface, path: Path) -> None:
     """Write an interface to an HDF5 file (layout: docs/design.md)."""
     with h5py.File(path, "w", track_order=True) as f:
-        f.attrs.update(format=FORMAT, version=FORMAT_VERSION, geometry=interface.geometry,
+        # fault: a half that knows no ties takes them for contact -> version = FORMAT_VERSION |
+        #   coupler/test_ties::test_a_scene_with_a_tied_pair_says_so_to_halves_by_its_version
+        version = TIED_VERSION if any(pair.tied for pair in interface.pairs) else FORMAT_VERSION
+        f.attrs.update(format=FORMAT, version=version, geometry=interface.geometry,
                        bodies=json.dumps(interface.bodies), materials=json.dumps(interface.materials),
-                       pairs=json.dumps([vars(p) for p in interface.pairs]))
+                       pairs=json.dumps([p.plain for p in interface.pairs]))
         for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
             f[name] = getattr(interface, name)
         if interface.regions:
@@ -246,8 +259,8 @@ def read_interface(path: Path) -> Interface:
     """Read an interface file.  Raises ValueError where it is not one, or of another version."""
     try:
         with h5py.File(path, "r") as f:
-            if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
-                raise ValueError(f"{path}: not a {FORMAT} file of version {FORMAT_VERSION}")
+            if f.attrs.get("format") != FORMAT or f.attrs.get("version") not in (FORMAT_VERSION, TIED_VERSION):
+                raise ValueError(f"{path}: not a {FORMAT} file of version {FORMAT_VERSION} or {TIED_VERSION}")
             regions = {k: f[k][()].astype(np.int32) for k in ("quad_region", "triangle_region")
                        if "regions" in f.attrs}
             return Interface(
@@ -293,6 +306,7 @@ def register_message(interface: Interface) -> Register:
         stiffness=np.concatenate([np.empty(0), *(interface.stiffness.get(name, np.zeros(len(e)))
                                                  for name, e in zip(names, edges, strict=True))]),
         offset=interface.gap_offset,
+        x=interface.nodes[nodes] if any(pair.tied for pair in interface.pairs) else None,
     )
 
 
@@ -306,12 +320,12 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
         weight = 0.5 if pair.two_pass or slave == master else 1.0
         eps_N = 0.0 if pair.local else pair.eps_N
         rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T or eps_N, pair.mu,
-                search_depth(interface, pair))
+                search_depth(interface, pair), int(pair.tied))
         rows.append((i, slave, master, *rest))
         if pair.two_pass and slave != master:
             rows.append((i, master, slave, *rest))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 10
-    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 11
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, np.int32]
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 

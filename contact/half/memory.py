@@ -90,7 +90,8 @@ def remembered(data: bytes, layout: MemoryLayout, interface: Interface) -> dict[
     if n_q:
         pairs = [pair.name for pair in interface.pairs]
         sides = [(pairs.index(side.pair), side.own, side.at.start, side.at.stop) for side in interface.pair_sides]
-        out |= {MULTIPLIERS: _array(state, layout.multipliers), MOBILISED: _array(state, layout.mobilised),
+        # Those of ties, behind them, are found anew with the equilibrium.
+        out |= {MULTIPLIERS: _array(state, layout.multipliers)[:n_q], MOBILISED: _array(state, layout.mobilised),
                 SIDES: np.array(sides, dtype=np.float64)}
     history, at = _array(state, layout.cells).ravel(), 0
     for kind in layout.rows:

@@ -104,7 +104,8 @@ class PairData(Part):
     """What the halves do with a pair."""
 
     augmented: Annotated[Augmented | None, Entry(
-        "no penetration (elastic); `null`: by the penalty alone", default="`{}`; with inertia `null`")] = None
+        "no penetration (elastic); `null`: by the penalty alone", default="`{}`; with inertia `null`, but for tied "
+        "pairs (`null` with `explicit`)")] = None
     friction: Annotated[Friction | None, Entry("friction")] = None
     conduction: Annotated[Conduction | None, Entry("heat across contact and gap",
                                                    default="none: no heat crosses")] = None
@@ -114,6 +115,15 @@ class PairData(Part):
     def mu(self) -> float:
         """Coulomb's coefficient, 0 without friction."""
         return 0.0 if self.friction is None else self.friction.mu
+
+
+# What a pair cannot have where it is tied, and why.
+TIED_NEVER = {
+    "friction": "does not slip, so nothing rubs", "clearance": "keeps the gap it is drawn with",
+    "interference": "keeps the gap it is drawn with", "two_pass": "is held at its slave's nodes, from both sides alike",
+    "form": "is held on edges cut at the other side's nodes",
+    "conduction": "conducts as a bond does: state its resistance [m2K/W], or nothing",
+    "radiation": "conducts as a bond does, and nothing crosses a gap in it"}
 
 
 class ContactPair(PairData):
@@ -131,6 +141,12 @@ class ContactPair(PairData):
         default="as drawn")] = None
     interference: Annotated[FieldSpec | None, Entry("the same with the other sign: how far they would overlap", "m",
                                                     default="as drawn")] = None
+    tied: Annotated[Flag, Entry(
+        "bonded: what faces each other as drawn, no farther apart than `gap_max`, stays so for good and conducts"
+    )] = False
+    resistance: Annotated[Positive | None, Entry(
+        "of a tied pair, to heat: its sides differ by the flux times it", "m2K/W",
+        default="none: it conducts as a hundredth of the two cells that meet there")] = None
     penalty: Annotated[Stiffness, Entry(
         "contact stiffness; `auto`: at each place that of the two cells there in a row, of each its constrained "
         "modulus at `T0`, at most 10 E, over its size", "Pa/m", kind="number > 0 or `auto`")] = "auto"
@@ -143,6 +159,22 @@ class ContactPair(PairData):
         if self.slave == self.master and (self.clearance is not None or self.interference is not None):
             raise problem("a surface that faces itself has no clearance of its own", "Leave it out.",
                           at=("clearance" if self.clearance is not None else "interference",))
+        return self
+
+    @model_validator(mode="after")
+    def _tied_alone(self) -> ContactPair:
+        if not self.tied:
+            if self.resistance is not None:
+                raise problem("a resistance is that of a tied pair", "Write tied: true, or state it as conduction: "
+                              "{closed: {law: constant, h: 1/resistance}, open: null}.", at=("resistance",))
+            return self
+        if self.slave == self.master:
+            raise problem("a surface is not tied to itself", "Name the surface it is tied to.", at=("master",))
+        for key, why in TIED_NEVER.items():
+            # fault: what a tied pair cannot have is left aside in silence -> if False: |
+            #   coupler/test_ties::test_what_contradicts_is_told_with_its_place
+            if key in self.model_fields_set and getattr(self, key) not in (None, False, ContactForm.EDGES):
+                raise problem(f"a tied pair {why}", f"Leave {key} out, or leave tied out.", at=(key,))
         return self
 
     @model_validator(mode="after")

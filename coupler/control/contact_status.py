@@ -44,7 +44,7 @@ class ContactState(Enum):
 class PairNodes:
     """A pair: nodes : its pair nodes.  gap_max [m].
 
-    floor [Pa], touch [m] : pressures and gaps up to them are round-off.
+    floor [Pa], touch [m] : pressures and gaps up to them are round-off.  tied : bonded, so it is closed for good.
     """
 
     name: str
@@ -52,6 +52,7 @@ class PairNodes:
     gap_max: float
     floor: float = 0.0
     touch: float = 0.0
+    tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def pair_nodes_of(interface: Interface) -> tuple[PairNodes, ...]:
     size = float(np.ptp(interface.nodes, axis=0).max())
     return tuple(PairNodes(pair.name, np.concatenate([np.arange(side.at.start, side.at.stop) for side in
                                                       interface.pair_sides if side.pair == pair.name]), pair.gap_max,
-                           pair.eps_N * ROUND_OFF * size, ROUND_OFF * size) for pair in interface.pairs)
+                           pair.eps_N * ROUND_OFF * size, ROUND_OFF * size, pair.tied) for pair in interface.pairs)
 
 
 def status_monitors(interface: Interface) -> tuple[str, ...]:
@@ -94,6 +95,10 @@ def contact_status(nodes: tuple[PairNodes, ...], level: Level, monitors: Mapping
 
 
 def _pair(pair: PairNodes, level: Level) -> tuple[ContactState, tuple[float, ...]]:
+    # fault: a tied pair that is pulled has opened -> if False: |
+    #   coupler/test_ties::test_its_status_is_closed_whatever_it_carries
+    if pair.tied:
+        return ContactState.CLOSED, ()
     covered = level.covered[pair.nodes]
     told = bool(covered.any())  # a half that does not tell gives zeros
     p = -level.t_N[pair.nodes].min(initial=0.0)

@@ -32,9 +32,9 @@ from coupler.report.figures import (
 Array = NDArray[np.float64]
 Codes = NDArray[np.int8]
 
-ALONE, OPEN, TOUCHES, STICKS, SLIPS = range(5)
-WORDS = {ALONE: "faces nothing", OPEN: "open", TOUCHES: "touches", STICKS: "sticks", SLIPS: "slips"}
-LOOKS = {ALONE: "#ffffff", TOUCHES: COLOURS[0], STICKS: COLOURS[2], SLIPS: COLOURS[1]}
+ALONE, OPEN, TOUCHES, STICKS, SLIPS, TIED = range(6)
+WORDS = {ALONE: "faces nothing", OPEN: "open", TOUCHES: "touches", STICKS: "sticks", SLIPS: "slips", TIED: "tied"}
+LOOKS = {ALONE: "#ffffff", TOUCHES: COLOURS[0], STICKS: COLOURS[2], SLIPS: COLOURS[1], TIED: COLOURS[3]}
 MOST = 0.5  # a node slips where more than this share of what it touches does
 # Of a file that does not tell what slips, the ratio of shear and pressure has to.  Of a node they are two different
 # means of what its points have: where all of them slip, the ratio lies some percent around mu.
@@ -45,14 +45,17 @@ ZOOM_BELOW = 0.4  # changes within less than this share of the run get a second,
 MARGIN = 0.08
 
 
-def status(along: Along, mu: float, gap_max: float) -> Codes:
-    """Return what each node does at each time, (n_t, n) codes of ALONE to SLIPS [1].
+def status(along: Along, mu: float, gap_max: float, tied: bool = False) -> Codes:
+    """Return what each node does at each time, (n_t, n) codes of ALONE to TIED [1].
 
     Pressed: touching, or, where friction is known, sticking or slipping (most of what it touches is at Coulomb's
     bound; in a file that does not tell, |t_T| is nearly mu |t_N|).  Not pressed: open, or, at gap_max [m], with nothing
-    to face.  A rigid half presses on whole surfaces: its nodes that face nothing are not pressed.
+    to face.  A rigid half presses on whole surfaces: its nodes that face nothing are not pressed.  What is tied stays.
     """
     alone = along.gap >= np.float32(gap_max)
+    if tied:
+        # fault: report: a tied pair is open where it is pulled -> pass | coupler/test_ties::test_the_report_says_tied
+        return np.where(alone, ALONE, TIED).astype(np.int8)
     # fault: report: a rigid body touches what it has left -> pressed = along.t_N < 0.0; alone = alone & ~pressed |
     #   coupler/test_contact_lines
     pressed = (along.t_N < 0.0) & ~alone
@@ -80,7 +83,7 @@ def contact_pictures(results: Results) -> list[Picture]:
 
 
 def _picture(results: Results, name: str, pair: Mapping[str, Any], along: Along) -> Picture:
-    code = status(along, float(pair["mu"]), float(pair["gap_max"]))
+    code = status(along, float(pair["mu"]), float(pair["gap_max"]), bool(pair.get("tied")))
     near = closer(results.t, code)
     figure = page_figure(3.4 if near is None else 5.6)
     length = shown("m", float(along.s[-1]))

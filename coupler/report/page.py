@@ -134,7 +134,8 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
         ("scenario", f"{h['scenario']['file']} (hash {str(h['scenario']['hash'])[:12]})"),
         ("halves", ", ".join(f"{side}: {kind}" for side, kind in h["halves"].items())),
         ("geometry", f"{h['geometry']}; bodies {', '.join(h['bodies'])}"),
-        ("contact pairs", "; ".join(f"{p['name']}: slave {p['slave']}, master {p['master']}" for p in h["pairs"])
+        ("contact pairs", "; ".join(f"{p['name']}: slave {p['slave']}, master {p['master']}"
+                                    + ", tied" * bool(p.get("tied")) for p in h["pairs"])
          or "none"),
         ("coupling", f"{c['scheme']}, {counted(planned, 'window')} planned to t = {number(end, 6)} s; "
          + ", ".join(f"{counted(int(n), side + ' substep')} a window" for side, n in c["substeps"].items())),

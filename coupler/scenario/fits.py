@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from contact.facing import cut_surfaces
 from contact.half.functions import field_from
 from contact.half.interface import Interface, Pair, register_message
 from contact.problem.pairs import ContactPair
-from contact.search import cut_surfaces
 from contact.surfaces import surfaces_of
 from coupler.scenario.document import Document, DocumentErrors
 from coupler.scenario.schema import ScenarioFile

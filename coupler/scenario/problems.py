@@ -18,7 +18,8 @@ from contact.half.start import start_temperature
 from contact.problem.boundary import FORMAT, UNEVEN, Supported
 from contact.problem.curves import FieldSum, Phases
 from contact.problem.errors import Wrong
-from contact.problem.material import Latent, Material
+from contact.problem.laws import Constant
+from contact.problem.material import Axes, Latent, Material
 from contact.problem.mechanical import (
     BodyMaterial,
     BodyOptions,
@@ -33,8 +34,9 @@ from contact.problem.mechanical import (
     Rigid,
     RigidProblem,
     RodProblem,
+    Solution,
 )
-from contact.problem.pairs import Augmented, ContactPair, PairData
+from contact.problem.pairs import Augmented, Conduction, ContactPair, PairData
 from contact.problem.part import Part, properties_in
 from contact.problem.start import AtNodes, Course, FromFrames
 from contact.problem.thermal import (
@@ -49,6 +51,7 @@ from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.ties import bond_conductance
 
 # Which halves there are: our own, those of other packages (entry points `slideline.halves`), prebuilt FMUs.
 
@@ -213,8 +216,30 @@ def _thermal(s: Stated, half: str) -> ThermalProblem:
                format=FORMAT, materials=_share(s, THERMAL),
                bodies={n: _as(BodyHeat, b, T0=stated_start(b.T0), regions=_regions(
                    b, lambda part: _as(RegionHeat, part, T0=stated_start(part.T0)))) for n, b in s.file.bodies.items()},
-               pairs={n: _made(PairData, conduction=p.conduction, radiation=p.radiation, friction=p.friction)
+               pairs={n: _made(PairData, conduction=_conduction(s, n, p), radiation=p.radiation, friction=p.friction)
                       for n, p in s.pairs.items()})
+
+
+def _conduction(s: Stated, name: str, pair: ContactPair) -> Conduction | None:
+    """How heat crosses a pair: as it says; where it is tied through its resistance, as if pressed at all times."""
+    if not pair.tied:
+        return pair.conduction
+    h = bond_conductance(s.interface, name, _k_at_start(s)) if pair.resistance is None else 1.0 / pair.resistance
+    return _made(Conduction, closed=_made(Constant, law="constant", h=h), open=None)
+
+
+def _k_at_start(s: Stated) -> dict[str, float]:
+    """Part -> its conductivity [W/mK], the larger of two axes, as it starts."""
+    found = {}
+    for name, _, part in s.parts:
+        material = s.file.materials.get(part.material)
+        k = None if material is None else material.k
+        axes = (k.k_1, k.k_2) if isinstance(k, Axes) else (k,)
+        T = np.array([0.5 * sum(s.start_range(name, part.T0))])
+        values = [float(property_from(one.solid if isinstance(one, Phases) else one)(T)[0])
+                  for one in axes if one is not None]
+        found[name] = max(values, default=0.0)  # what is missing is told
+    return found
 
 
 def _regions(body: MeshedBody, make: Callable[[MeshedBody], P]) -> dict[str, P] | None:
@@ -241,7 +266,9 @@ def _prebuilt(problem: Part) -> Part:
 def _whole_pairs(s: Stated) -> dict[str, Any]:
     """Pairs in full, with the penalty that was found."""
     eps_N = {p.name: p.eps_N for p in s.interface.pairs}
-    return {n: p.model_copy(update={"penalty": eps_N[n]} if eps_N.get(n) else {}) for n, p in s.pairs.items()}
+    tied = {n: {"conduction": _conduction(s, n, p)} for n, p in s.pairs.items() if p.tied}
+    return {n: p.model_copy(update=({"penalty": eps_N[n]} if eps_N.get(n) else {}) | tied.get(n, {}))
+            for n, p in s.pairs.items()}
 
 
 def _elastic(s: Stated, half: str) -> ElasticProblem:
@@ -261,8 +288,12 @@ def _augmented(s: Stated, pair: ContactPair, elastic: Elastic) -> Augmented | No
     """How the penetration of a pair is driven out: as it says, and where it says nothing by the default.
 
     With inertia contact is a spring of the motion unless a pair says otherwise: what collides has no steady pressure.
+    What is tied does not collide; but explicit steps have no equilibrium to settle in.
     """
-    if "augmented" in pair.model_fields_set or elastic.inert:
+    # fault: with inertia ties are springs unless told -> bonded = False |
+    #   coupler/test_ties::test_ties_settle_with_inertia_too_but_not_in_explicit_steps
+    bonded = pair.tied and elastic.method is not Solution.EXPLICIT
+    if "augmented" in pair.model_fields_set or (elastic.inert and not bonded):
         return pair.augmented
     # All pairs of a scene settle by one method: where others state one, it is theirs.
     stated = [other.augmented.method for other in s.pairs.values() if other.augmented is not None]
@@ -468,7 +499,15 @@ def _of_elastic(s: Stated, problem: ElasticProblem) -> Iterator[Wrong]:
 
 def _nothing_to_solve(s: Stated) -> Iterator[Wrong]:
     """Rigid bodies move and press as prescribed: contact must not ask for more."""
+    motion = {} if s.file.mechanical.rigid is None else s.file.mechanical.rigid.motion
     for name, pair in s.file.contact.items():
+        one, other = pair.slave.split(".")[0], pair.master.split(".")[0]
+        # fault: what is tied moves apart under the half rigid -> if False: |
+        #   coupler/test_ties::test_other_contradictions_are_told_too
+        if pair.tied and motion.get(one) != motion.get(other):
+            yield Wrong(("pairs", name, "tied"), f"the half `rigid` moves {one} and {other} apart: their motions are "
+                        "not one",
+                        f"Give both one motion in mechanical.rigid.motion, or set contact.{name}.tied=false.")
         # fault: the rigid half ignores friction in silence -> if False: | coupler/test_scenario_contact
         if pair.mu > 0.0:
             yield Wrong(("pairs", name, "friction", "mu"), "the half `rigid` has no forces, and so no friction",

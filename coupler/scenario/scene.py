@@ -24,6 +24,7 @@ from coupler.scenario.regions import regions_of
 from coupler.scenario.schema import Geometry, ScenarioFile
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart, courses_of, starts_of
+from coupler.scenario.ties import refuse_loose_ties
 from coupler.scenario.warm import TakenMechanics, mechanics_of, start_arrays
 
 
@@ -85,6 +86,7 @@ def scene_of(document: Document, file: ScenarioFile, found: DocumentErrors) -> S
         bare = replace(bare, regions=regions.names, quad_region=regions.quads, triangle_region=regions.triangles)
     bare = replace(bare, stiffness=stiffness_of(file, bare, dict(parts_of(file))))
     bare = replace(bare, pairs=_pairs(document, file, bare, found))
+    refuse_loose_ties(document, bare, found)
     bare = replace(bare, offset=offsets_of(document, file, bare, found))
     arrays, mechanics = start_arrays(mechanics_of(document, runs, file, meshes, found), bare)
     return Scene(replace(bare, start=bare.start | arrays), points, starts, courses, mechanics)
@@ -177,7 +179,8 @@ def _pair(document: Document, file: ScenarioFile, name: str, interface: Interfac
         raise document.error(("contact", name, "penalty"), "E is not positive at T0, so there is no penalty",
                              "State the penalty as a number [Pa/m].")
     return Pair(name, slave, master, pair.gap_max, eps_N, mu=pair.mu, eps_T=_stick(pair),
-                two_pass=pair.two_pass, by_node=pair.form is ContactForm.NODES, local=local and eps_N > 0.0)
+                two_pass=pair.two_pass, by_node=pair.form is ContactForm.NODES, local=local and eps_N > 0.0,
+                tied=pair.tied)
 
 
 def _stick(pair: ContactPair) -> float:

@@ -98,7 +98,7 @@ class Yields:
 
 def _yield_of(interface: Interface, pair: Pair) -> PairYield | None:
     sides = (pair.slave, pair.master)
-    if pair.slave == pair.master or not all(side in interface.stiffness for side in sides):
+    if pair.tied or pair.slave == pair.master or not all(side in interface.stiffness for side in sides):
         return None
     own, edges = interface.side_of(pair.name, pair.slave), interface.surfaces[pair.slave]
     place = np.searchsorted(own.nodes, edges)

@@ -77,8 +77,9 @@ def push(register: Register, x: Floats, multipliers: Floats | None = None, x_bef
     service = ContactService()
     registered = service.handle(register)
     assert isinstance(registered, Registered), registered
-    zeros = np.zeros(pair_layout_of(register).size)
-    given = zeros if multipliers is None else multipliers
+    layout = pair_layout_of(register)
+    zeros = np.zeros(layout.size)
+    given = np.zeros(layout.n_multipliers) if multipliers is None else multipliers
     reply = service.handle(Traction(registered.surfaces, x, given, x if x_before is None else x_before,
                                     given if multipliers_before is None else multipliers_before,
                                     zeros if mobilised is None else mobilised))
