@@ -63,6 +63,11 @@ class MeshContact(ContactSurfaces):
         """Assemble the stiffness (2 n_s, 2 n_s) [N/m] of the touching points on the surface nodes."""
         return _rows(tractions, self.dofs.size).toarray()
 
+    def against(self, tractions: Tractions, motions: Floats) -> Floats:
+        """Compute what that stiffness holds against motions : (2 n_nodes, m) [1], M' K M : (m, m) [N/m]."""
+        moved = motions[self.dofs]
+        return np.asarray(moved.T @ (_rows(tractions, self.dofs.size) @ moved))
+
     def matrix(self, tractions: Tractions) -> csr_matrix:
         """Assemble the same on all degrees of freedom of the mesh, (2 n_nodes, 2 n_nodes) [N/m]."""
         K = _rows(tractions, self.dofs.size).tocoo()

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from contact.half.contact_client import History
 from contact.half.linalg import SingularMatrixError, factorise
@@ -280,11 +280,12 @@ def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
     equation = np.full(c.nodes.shape, -1)
     equation[:, ENDS] = place[c.ends]
     equation = np.broadcast_to(equation[:, :, None], c.values.shape[:3])
-    use = column >= 0
+    # Most pieces are open: where nothing touches, nothing answers.
+    use = (column >= 0) & c.values.any(axis=3)
     j, dofs = column[use], system.contact.dofs.reshape(-1, 2)[row[use]]
     both, twice = dofs.ravel(), np.repeat(j, 2)
-    B = csr_matrix(coo_matrix((eps * c.values[..., :2][use].ravel(), (both, twice)), shape=(n, k)))
-    C = csr_matrix(coo_matrix((c.values[..., 2:4][use].ravel() / (eps * weight[twice]), (twice, both)), shape=(k, n)))
+    B = csr_matrix((eps * c.values[..., :2][use].ravel(), (both, twice)), shape=(n, k))
+    C = csr_matrix((c.values[..., 2:4][use].ravel() / (eps * weight[twice]), (twice, both)), shape=(k, n))
     D, i = np.eye(k), equation[use]
     inside = i >= 0
     np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
@@ -292,6 +293,7 @@ def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
     if system.rigid is not None:
         B = csr_matrix(system.rigid.follow(balance.u).T @ B)
     B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
+    B.eliminate_zeros()  # nodes that face something and touch nothing: no force of theirs is to be solved for
     return MultiplierEquations(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
 
 

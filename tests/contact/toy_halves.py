@@ -40,7 +40,7 @@ def environment(**more: str) -> dict[str, str]:
 def fresh(code: str, *args: object, env: dict[str, str] | None = None) -> str:
     """Run a program in a process of its own; its standard output.  Fails, with its words, unless it ends with 0."""
     done = subprocess.run([sys.executable, "-P", "-c", textwrap.dedent(code), *map(str, args)], capture_output=True,
-                          text=True, timeout=120, env=env or environment(), check=False)
+                          text=True, timeout=240, env=env or environment(), check=False)
     assert done.returncode == 0, f"ended with {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-4000:]}"
     return done.stdout
 
@@ -48,6 +48,6 @@ def fresh(code: str, *args: object, env: dict[str, str] | None = None) -> str:
 def build(path: Path, n: int = 4, **model: object) -> Path:
     """The FMU of a toy half, built by its own builder in a process of its own."""
     out = directory(path, n, **model) / "toy.fmu"
-    subprocess.run([sys.executable, "-P", "-m", "toy_half.build", str(path), str(out)], check=True, timeout=120,
+    subprocess.run([sys.executable, "-P", "-m", "toy_half.build", str(path), str(out)], check=True, timeout=240,
                    env=environment())
     return out

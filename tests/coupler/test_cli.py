@@ -74,15 +74,19 @@ def test_ctrl_c_leaves_a_readable_file_and_no_process(tmp_path, how):
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     family = psutil.Process(child.pid)
     assert child.stderr
-    while "| window" not in (line := child.stderr.readline()):
-        assert line, "the run ended before its first window"
-    children = family.children(recursive=True)
-    assert len(children) == (3 if how else 0)
-    os.killpg(child.pid, signal.SIGINT)  # what a terminal does: the whole group
-    output, errors = child.communicate(timeout=60)
+    with child:
+        try:
+            while "| window" not in (line := child.stderr.readline()):
+                assert line, "the run ended before its first window"
+            children = family.children(recursive=True)
+            assert len(children) == (3 if how else 0)
+            os.killpg(child.pid, signal.SIGINT)  # what a terminal does: the whole group
+            output, errors = child.communicate(timeout=120)
+        finally:
+            child.kill()
     assert child.returncode == 130, errors
     assert "interrupted" in output
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while any(c.is_running() and c.status() != psutil.STATUS_ZOMBIE for c in children):
         assert time.monotonic() < deadline, "a process outlived the run"
         time.sleep(0.05)

@@ -69,7 +69,7 @@ def test_two_builders_at_once_end_with_one_fmu(cache, tmp_path):
            "print(build_half('toy', Path(sys.argv[1]), Path(sys.argv[2])))"
     both = [subprocess.Popen([sys.executable, "-P", "-c", code, str(tmp_path / "a"), str(cache)], text=True,
                              stdout=subprocess.PIPE, env=environment()) for _ in range(2)]
-    paths = {process.communicate(timeout=120)[0].strip() for process in both}
+    paths = {process.communicate(timeout=240)[0].strip() for process in both}
     assert [p.returncode for p in both] == [0, 0]
     assert len(paths) == 1
     assert Path(paths.pop()).is_file()

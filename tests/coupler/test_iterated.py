@@ -276,7 +276,7 @@ def test_what_was_learnt_in_a_window_serves_the_next():
 
 SMALL = {"bodies.lower.mesh.rectangle.cells": [4, 4], "bodies.upper.mesh.rectangle.cells": [5, 5],
          "coupling.scheme": "iterated", "coupling.end": 11500, "materials.steel.alpha": 1.2e-5,
-         "coupling.windows": [{"until": 2500, "size": 1250}, {"until": 10000, "first": 1500, "last": 100},
+         "coupling.windows": [{"until": 2500, "size": 2500}, {"until": 10000, "first": 2500, "last": 300},
                               {"until": 11500, "size": 300}]}
 
 

@@ -45,7 +45,7 @@ def _put_back(monkeypatch):
 
 
 def wait_for(flag: Path) -> None:
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + 200.0
     while not flag.exists():
         assert time.monotonic() < until, "the service never came to that traction"
         time.sleep(0.02)
@@ -84,7 +84,7 @@ try:
             pass
 except ServiceDownError as exc:
     print("named:", str(exc).splitlines()[0])
-    print("left:", of([c.pid for c in children], 1.0))
+    print("left:", of([c.pid for c in children], 30.0))
 """
 
 
@@ -119,7 +119,7 @@ def test_a_coupler_killed_in_a_traction_leaves_nobody(tmp_path):
         wait_for(tmp_path / "flag")
         coupler.send_signal(signal.SIGKILL)
         coupler.communicate()
-    assert of(pids, 3.0) == []
+    assert of(pids, 30.0) == []
 
 
 def test_a_run_says_what_its_service_was_asked(tmp_path):

@@ -36,7 +36,8 @@ from fake_contact import facing, register  # noqa: E402
 HOST = [*python(), str(HERE / "fake_host.py")]
 SERVICE = [*python(), str(HERE.parent / "contact" / "fake_contact.py")]
 IDLE = [sys.executable, "-c", "import time; time.sleep(60)"]
-SOON = 5.0  # s
+# A wait ends when what is awaited is there: this only ends one in vain, on a machine however busy.
+SOON = 30.0  # s; half of what a child that nobody ends goes on for
 X = np.random.default_rng(7).random((4, 2))
 
 
@@ -103,7 +104,7 @@ def test_a_half_in_a_process_is_a_half(fmu):
         assert half.log_tail() == "nothing to say"
         pids = list(p.pids.values())
         assert int(half.read(["pid"])["pid"]) == p.pids["thermal"] != os.getpid()
-    assert gone(pids, 0.5)
+    assert gone(pids)
 
 
 def test_children_compute_on_one_thread_and_ignore_ctrl_c(fmu):
@@ -144,7 +145,7 @@ def ended(fmu: Path, trouble: Callable[[Processes], object], **options: float) -
             trouble(p)
     except (HalfError, ServiceDownError) as exc:
         seconds = time.monotonic() - started
-        assert gone(pids, 0.5)
+        assert gone(pids)
         return Ended(exc, seconds)
     raise AssertionError("nobody noticed")
 
@@ -190,9 +191,15 @@ def test_a_death_is_noticed_while_another_half_works(fmu):
 
 
 def test_a_stuck_half_is_named_at_its_deadline(fmu):
-    end = ended(fmu, lambda p: p.halves["thermal"].advance(0.0, 7.0, {}, []), call_deadline=4.0)
+    def trouble(p: Processes) -> None:
+        client = p.halves["thermal"]._client
+        assert client._deadline == 50.0
+        client._deadline = 2.0  # shorter now that the start, which takes as long as the machine likes, is over
+        p.halves["thermal"].advance(0.0, 7.0, {}, [])
+
+    end = ended(fmu, trouble, call_deadline=50.0)
     assert re.search("half 'thermal'.*busy with Step for", str(end.error))
-    assert 4.0 <= end.seconds < 4.0 + SOON
+    assert 2.0 <= end.seconds < 2.0 + SOON
 
 
 def test_a_stopped_half_is_named_within_the_lease(fmu):
@@ -202,7 +209,7 @@ def test_a_stopped_half_is_named_within_the_lease(fmu):
 
     end = ended(fmu, trouble)
     assert re.search("half 'thermal'.*gone", str(end.error))
-    assert end.seconds < 2 * SOON
+    assert end.seconds < SOON
 
 
 def test_a_half_that_does_not_start_is_named(fmu, tmp_path):
@@ -255,30 +262,41 @@ with two(Path(sys.argv[2])) as p:
 """
 
 
+@contextmanager
+def program(fmu: Path, doing: str) -> Iterator[subprocess.Popen[str]]:
+    """A coupler in a process of its own, dead and its pipes closed in the end, whatever happened."""
+    coupler = subprocess.Popen([sys.executable, "-c", COUPLER, str(HERE), str(fmu), doing], text=True,
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with coupler:
+        try:
+            yield coupler
+        finally:
+            coupler.kill()
+
+
 @pytest.mark.parametrize("doing", ["idle", "step"])
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL, signal.SIGTERM])
 def test_no_orphans_when_the_coupler_is_ended(fmu, how, doing):
-    coupler = subprocess.Popen([sys.executable, "-c", COUPLER, str(HERE), str(fmu), doing], text=True,
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert coupler.stdout is not None
-    pids = [int(word) for word in coupler.stdout.readline().split()]
-    assert len(pids) == 3
-    assert not gone(pids, 0.3)
-    coupler.send_signal(how)
-    _, err = coupler.communicate(timeout=2 * SOON)
+    with program(fmu, doing) as coupler:
+        assert coupler.stdout is not None
+        pids = [int(word) for word in coupler.stdout.readline().split()]
+        assert len(pids) == 3
+        assert not gone(pids, 0.3)
+        coupler.send_signal(how)
+        _, err = coupler.communicate(timeout=SOON)
     assert coupler.returncode != 0
     assert how is not signal.SIGINT or "KeyboardInterrupt" in err
-    assert gone(pids, 3.0)
+    assert gone(pids)
 
 
 def test_no_orphans_when_ctrl_c_comes_while_they_start(fmu):
-    coupler = subprocess.Popen([sys.executable, "-c", COUPLER, str(HERE), str(fmu), "idle"],
-                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    me = psutil.Process(coupler.pid)
-    children: list[psutil.Process] = []
-    while len(children) < 2 and coupler.poll() is None:
-        children = me.children()
-        time.sleep(0.01)
-    coupler.send_signal(signal.SIGINT)
-    assert coupler.wait(2 * SOON) != 0
-    assert gone([c.pid for c in children], 3.0)
+    with program(fmu, "idle") as coupler:
+        me = psutil.Process(coupler.pid)
+        children: list[psutil.Process] = []
+        while len(children) < 2 and coupler.poll() is None:
+            children = me.children()
+            time.sleep(0.01)
+        coupler.send_signal(signal.SIGINT)
+        coupler.communicate(timeout=SOON)
+    assert coupler.returncode != 0
+    assert gone([c.pid for c in children])

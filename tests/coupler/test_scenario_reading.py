@@ -75,9 +75,9 @@ def test_a_folder_is_not_a_scenario(tmp_path: Path) -> None:
                                                  for i in range(1, 40)), id="few aliases, many values"),
 ])
 def test_texts_made_to_hang_are_refused_soon(data: bytes, tmp_path: Path) -> None:
-    start = time.perf_counter()
+    start = time.process_time()
     refusal(tmp_path / "s.yaml", data)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 def test_many_aliases_are_refused_by_their_number(tmp_path: Path) -> None:
@@ -92,10 +92,10 @@ def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     with path.open("wb") as f:
         f.truncate(200_000_000)
-    start = time.perf_counter()
+    start = time.process_time()
     error = refusal(path, None)
     assert f"larger than {MAX_BYTES}" in error.message
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 2
 
 
 def test_anchors_and_merges_within_reason_are_welcome(tmp_path: Path) -> None:

@@ -108,9 +108,9 @@ def exact(problem: str) -> float:
 
 
 def order(problem: str, scheme: CouplingScheme, level: Seen) -> float:
-    """log2 of the error in windows of 1/80 s over that in windows half as long."""
+    """log2 of the error in windows of 1/40 s over that in windows half as long."""
     errors = []
-    for n in (320, 640):
+    for n in (160, 320):
         end, _ = couple(halves(problem), first(problem), (END, n), scheme.name, how=TIGHT.changed(level=level))
         found = float(end.now.x[0, 1]) if problem == "temperature" else float(end.now.T[0])
         errors.append(abs(found - exact(problem)))
@@ -150,14 +150,14 @@ def ratios(pair: Halves, state: CoupledState, scheme: CouplingScheme, level: See
     return found
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("share", [0.05, 0.3])
 @pytest.mark.parametrize(("scheme", "level"), ROWS)
 def test_the_estimated_error_is_the_true_one_within_a_factor_of_two(scheme, level, share):
     """Of T, in windows of a share of the longest stable one; the first two begin with levels of other schemes."""
     assert 0.5 < np.median(honesty("all", scheme, level, share * UNIT)[2:]) < 2.0
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1])
+@pytest.mark.parametrize("share", [0.1])
 @pytest.mark.parametrize("scheme", [s for s in SCHEMES if s.exchange_at(Seen.MIDDLE).order(True)
                                     < s.exchange_at(Seen.MIDDLE).order(False)], ids=lambda s: s.name.value)
 def test_heat_that_comes_a_window_late_is_seen_by_the_estimate(scheme, share):

@@ -33,7 +33,7 @@ def driven(value: float, *, t: float = 8.0, **more: object) -> Scene:
 
 def test_a_touch_deep_inside_one_window_is_found():
     """17 mm of 40 mm in a window: before, nothing pressed and the top edge lay 17 mm inside."""
-    fine = told(driven(-0.018, size=0.25))
+    fine = told(driven(-0.018, size=0.5))
     for size in (8.0, 1.0):
         story = told(driven(-0.018, size=size))
         assert story.outcome == "completed", story.message

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import time
 from collections.abc import Mapping
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
@@ -27,7 +26,8 @@ from random_scenes.scene import Scene
 Floats = NDArray[np.float64]
 REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
 MOST_WINDOWS = 200  # tried ones; a scene that wants more is left: it is not small
-MOST_SECONDS = 8.0  # of CPU, so that other work on the machine changes no verdict
+# Solver calls and their iterations: a run has as many on a slow machine as on a fast one, so no verdict depends on it.
+MOST_WORK = 4000
 
 
 class TooLongError(Exception):
@@ -124,14 +124,14 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                                 extra.setdefault(f"{half.name}.{name}", []).append(value)
 
                     keep()
-                    started = 0.0  # the first window of all compiles
                     for number, progress in enumerate(run.windows(until=until)):
-                        started = started or time.process_time()
                         words += progress.notes
                         if run.state.now.t > levels[-1].t:
                             keep()
-                        if number >= most or time.process_time() - started > MOST_SECONDS:
-                            raise TooLongError(f"{number + 1} windows tried, at t = {run.state.now.t:.6g} s")
+                        work = sum(half.work for half in (run.halves.thermal, run.halves.mechanical))
+                        if number >= most or work > MOST_WORK:
+                            raise TooLongError(f"{number + 1} windows tried, {work} solver calls and iterations, "
+                                               f"at t = {run.state.now.t:.6g} s")
                 results = Results(folder / "run.h5")
                 words += results.notes
                 words += [c.sentence for c in results.trust if c.verdict in (TrustVerdict.BROKEN, TrustVerdict.NOTED)]

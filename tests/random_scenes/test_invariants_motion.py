@@ -117,7 +117,7 @@ ENFORCED: dict[str, dict[str, Any]] = {
 
 
 # A quarter turn in one window is cut where all pressures are found at once: other windows, no comparison.
-@pytest.mark.parametrize(("windows", "enforced"), [(n, e) for n in (1, 3, 9) for e in ENFORCED
+@pytest.mark.parametrize(("windows", "enforced"), [(n, e) for n in (1, 9) for e in ENFORCED
                                                    if (n, e) != (1, "semi_smooth")])
 def test_a_scene_with_friction_feels_nothing_of_a_turn(windows: int, enforced: str) -> None:
     """Where the half cuts the window of the turn too."""
@@ -137,9 +137,9 @@ def rubbed_story(enforced: str) -> Story:
     return story
 
 
-@pytest.mark.parametrize("windows", [1, 3, 9])
+@pytest.mark.parametrize("windows", [1, 9])
 def test_a_scene_whose_heat_sees_the_middle_feels_nothing_of_a_turn(windows: int) -> None:
-    """On the chord: 1.7, 0.17 and 0.019 K of 114 K."""
+    """On the chord: 1.7 and 0.019 K of 114 K (0.17 K in three windows)."""
     story = story_of(0.0, "iterated")
     assert not felt(story.scene, story, windows)
 

@@ -71,9 +71,13 @@ def test_touch_and_slip_off_are_found_where_they_are(original):
     assert w.taken.sum() == 12 + 15 + 2
 
 
-@pytest.mark.parametrize("change", [moved, mirrored, turned, in_inches], ids=lambda f: f.__name__)
-def test_a_copy_has_its_events_at_the_same_times(original, change: Callable[[Tree], Tree], tmp_path):
-    assert_same_times(original, solve(tmp_path, change(copy.deepcopy(uneven())), "elastic"))
+@pytest.mark.parametrize("changes", [(moved, turned), (mirrored, in_inches)],
+                         ids=lambda some: " ".join(change.__name__ for change in some))
+def test_a_copy_has_its_events_at_the_same_times(original, changes: tuple[Callable[[Tree], Tree], ...], tmp_path):
+    tree = copy.deepcopy(uneven())
+    for change in changes:
+        tree = change(tree)
+    assert_same_times(original, solve(tmp_path, tree, "elastic"))
 
 
 def test_renumbered(original, monkeypatch, tmp_path):

@@ -48,7 +48,9 @@ def check_table(results: Results, tolerance: str) -> None:
     assert not misses, "\n".join(misses)
 
 
-CASES = [("elastic", 24, 24), ("rigid", 24, 24), ("rigid", 24, 31), ("elastic", 24, 31)]
+UNLIKE_RIGID = pytest.param(("rigid", 24, 31), marks=pytest.mark.slow)
+"""Unlike meshes of rigid blocks: the elastic ones ask the same of contact, and more."""
+CASES = [("elastic", 24, 24), ("rigid", 24, 24), UNLIKE_RIGID, ("elastic", 24, 31)]
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
@@ -84,7 +86,7 @@ def test_every_joule_is_accounted_for(runs, case):
 ELASTIC_LAG = 0.22
 
 
-@pytest.mark.parametrize("cells", [(24, 24), (24, 31)])
+@pytest.mark.parametrize("cells", [(24, 24), pytest.param((24, 31), marks=pytest.mark.slow)])
 def test_elastic_against_rigid(runs, cells):
     elastic, rigid = runs("elastic", *cells), runs("rigid", *cells)
     for row in F1["rows"]:
@@ -132,8 +134,7 @@ def test_the_upper_block_springs_back_when_it_slips_off(runs):
     assert free == pytest.approx(-0.0508069342, abs=1e-9)
 
 
-def test_equal_probes_at_full_contact(runs):
-    for case, tolerance in [(("elastic", 24, 24), F1["equal_probes_matching"]),
-                            (("rigid", 24, 31), F1["equal_probes_matching"]),
-                            (("elastic", 24, 31), F1["equal_probes_elastic_24_31"])]:
-        assert np.ptp(at(runs(*case), 12500)) <= tolerance, case
+@pytest.mark.parametrize("case", CASES, ids=lambda c: "-".join(map(str, c)))
+def test_equal_probes_at_full_contact(runs, case):
+    unlike = case == ("elastic", 24, 31)
+    assert np.ptp(at(runs(*case), 12500)) <= F1["equal_probes_elastic_24_31" if unlike else "equal_probes_matching"]
