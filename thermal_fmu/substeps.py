@@ -243,6 +243,7 @@ def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix 
              stop: float) -> SolvedStep | str:
     """Solve the step from `point` to stop [s] and measure it; return why it failed where it did."""
     method, context, h = plan.method, plan.context, stop - point.t
+    # fault: an inner step knows of the data at the start of all alone -> if False: | thermal_fmu/test_thermal_monotone
     if progress.done is not None:
         context = replace(context, known=progress.done.known)
     # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive

@@ -85,15 +85,18 @@ def tried_again(attempt: Attempt, control: ControlState, why: str) -> ControlSta
     return replace(control, failures=control.failures + 1)
 
 
-def gave_up(attempt: Attempt, why: str, how: str) -> CouplingError:
+SMALLER = ("Everything up to here is in the results file. Give smaller windows (coupling.windows) "
+           "or more substeps around this time, or look at the data that change here")
+
+
+def gave_up(attempt: Attempt, why: str, how: str, remedy: str = SMALLER) -> CouplingError:
     """The error of a window that cannot be solved."""
     history = attempt.solved.history
     return CouplingError(
         f"{why}; {how}", t=attempt.t, window=attempt.at.control.number + 1,
         iteration=len(history.misfits) if history else 0,
         residuals=tuple(history.misfits[-1].values()) if history else (),
-        remedy="Everything up to here is in the results file. Give smaller windows (coupling.windows) "
-               "or more substeps around this time, or look at the data that change here")
+        remedy=remedy)
 
 
 # So many windows on end in which hardly anything changes are a steady state.
@@ -158,6 +161,12 @@ def _failed(attempt: Attempt) -> Decision:
                             window=control.number + 1, iteration=len(history.misfits),
                             residuals=tuple(history.misfits[-1].values()),
                             remedy="Give smaller windows, another acceleration or more iterations")
+    # A rule may change what the half depends on; without one the same would be asked again.
+    # fault: what no shorter window helps is asked of shorter ones -> if False: | coupler/test_steady_unsolved
+    if solved.final and not plan.rules:
+        raise gave_up(attempt, solved.message, "it is the same in a window of any length",
+                      "Everything up to here is in the results file. Look at the data: what is steady needs a solution "
+                      "with them; from a start that is nearer, or by thermal.increments, Newton's method may find it")
     if not plan.rules:
         return Decision(solved, cut(attempt, 0.5, solved.message))
     monitored = failed_monitors(control, attempt.span, solved)

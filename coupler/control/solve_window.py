@@ -77,7 +77,8 @@ def solve_once(halves: Halves, state: CoupledState, span: Span, options: SolveOp
         solved = scheme.solve(WindowTask(given, state, span, options.settings.iteration, saved.roll_back,
                                          options.extrapolation))
     except DiscardError as discard:
-        return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=options.scheme)
+        return Solved(discard.verdict, str(discard), state, (), discard.work, {}, scheme=options.scheme,
+                      final=discard.final)
     other = options.instead(solved)
     if other is None:
         return solved

@@ -367,7 +367,7 @@ class Solved:
     history : where the scheme iterates.  anyway : the window is taken although it did not converge, or its error is too
     large, by request.  scheme : by which it was solved.  extrapolation : of x and t_N in it.
     whole : where this is the answer of the window's two halves (coupler.control.solve_window), that of the window in
-    one.
+    one.  final : no shorter window would do, as a half says that gave up.
     """
 
     verdict: Verdict
@@ -381,6 +381,7 @@ class Solved:
     scheme: Scheme = field(kw_only=True)
     extrapolation: float = 0.0
     whole: Solved | None = None
+    final: bool = False
 
     @property
     def taken(self) -> bool:

@@ -45,12 +45,21 @@ OF_A_SUBSTEP = ("max_", "cuts", "substeps", "rejected", "residual", "iterations"
 
 
 class DiscardError(Exception):
-    """A half could not do its substep.  work : what the whole passes before it cost."""
+    """A half could not do its substep.  work : what the whole passes before it cost.
 
-    def __init__(self, verdict: Verdict, message: str, work: Work) -> None:
+    final : whether the half says that no shorter substep would do.
+    """
+
+    def __init__(self, verdict: Verdict, message: str, work: Work, final: bool = False) -> None:
         super().__init__(message)
         self.verdict = verdict
         self.work = work
+        self.final = final
+
+
+def _is_final(answer: Advance, h: float) -> bool:
+    """Whether a half that could not do a substep of h [s] suggests none that is shorter."""
+    return answer.dt_suggest >= h * (1.0 - 1e-9)
 
 
 @dataclass(frozen=True)
@@ -129,7 +138,8 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
                   "control.event": np.array(float(state.events))}
         answer, sent, cost = _advance(_Call(halves.thermal, "thermal", t0, t1, inputs, halves.thermal_outputs), sent)
         if answer.status is not Status.OK:
-            raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done)
+            raise DiscardError(Verdict.THERMAL_DISCARD, f"{halves.thermal.name}: {answer.message}", done,
+                               _is_final(answer, t1 - t0))
         outputs, work = answer.outputs, work.plus(cost)
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX) or n in NO_TERMS})
         told = _told(told, outputs)
@@ -172,7 +182,8 @@ def mechanical_pass(halves: Halves, state: CoupledState, times: list[float], end
         call = _Call(halves.mechanical, "mechanical", t0, t1, inputs, halves.mechanical_outputs)
         answer, sent, cost = _advance(call, sent)
         if answer.status is not Status.OK:
-            raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done)
+            raise DiscardError(Verdict.MECHANICAL_DISCARD, f"{halves.mechanical.name}: {answer.message}", done,
+                               _is_final(answer, t1 - t0))
         outputs, work = answer.outputs, work.plus(cost)
         told = _told(told, outputs)
         for name in HEATS:

@@ -108,10 +108,10 @@ def lateral(h: float, a: int, b: int) -> float:
 @pytest.mark.parametrize("h", [1.0, 100.0, 1e4])
 @pytest.mark.parametrize("cells", [(8, 8), (8, 11), (11, 8)])
 def test_the_order_in_space_along_a_contact_is_two(cells: tuple[int, int], h: float) -> None:
-    """Errors of 8 cells: 1.4e-3 to 3.9e-3 by shape functions at contact points, 1.5e-3 to 1.2e-2 now."""
+    """Errors of 8 cells: 1.1e-3 to 3.9e-3, those of shape functions: within the data nothing is taken off."""
     a, b = cells
     errors = [lateral(h, a * f, b * f) for f in (1, 2, 4)]
-    assert errors[0] < 1.3e-2
+    assert errors[0] < 4.2e-3
     assert all(one / two > 3.6 for one, two in pairwise(errors))
 
 

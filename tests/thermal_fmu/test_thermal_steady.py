@@ -103,6 +103,19 @@ def test_what_no_increment_solves_is_discarded_with_a_reason():
     assert half.step(state, inputs_of(bar, half) | {"control.method": 3}, 0.0, 1.0, link).state is not None
 
 
+@pytest.mark.parametrize(("T_inf", "moved", "again"), [
+    (2000.0, 1.0, 1.0), ({"t": [0, 10], "value": [300, 2000]}, 1.0, 0.5), (2000.0, 1.01, 0.5)],
+    ids=["loads stay", "loads rise", "bodies moved"])
+def test_what_has_no_steady_state_asks_for_a_shorter_step_only_where_that_may_help(T_inf, moved, again):
+    """A conductivity that turns negative: a suggestion as long as the step says that none would do."""
+    bar, model = furnace({"polynomial": [50.0, -0.1]}, T_inf)
+    half, link = load(bar, model), FlatContact()
+    state, _ = half.start(inputs_of(bar, half), 0.0, link)
+    done = half.step(state, inputs_of(bar, half) | {"x": bar.nodes * moved}, 9.0, 1.0, link)
+    assert isinstance(done, Discard)
+    assert done.dt_suggest == again
+
+
 def test_the_method_is_a_rule_too():
     """control.method 5 in a transient model: the steady state at once."""
     bar = scene(Box(0, 1, 0, 1, 10))

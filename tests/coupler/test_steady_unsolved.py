@@ -1,0 +1,47 @@
+"""A steady problem without a solution is told once: no window is halved that it does not depend on."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from random_scenes.direct_half import without_fmus
+
+from coupler import CouplingError, Results, load_scenario, run
+
+
+def failed(path: Path, T_inf: Any) -> tuple[str, int]:
+    """What a run says to a conductivity that turns negative at 800 K, and how many windows it tried."""
+    doc = {"slideline": 2, "units": {"temperature": "K"}, "geometry": "plane",
+           "materials": {"m": {"rho": 1000, "c": 500, "k": {"polynomial": [50.0, -0.1]}}},
+           "bodies": {"a": {"mesh": {"rectangle": {"origin": [0, 0], "size": [1, 1], "cells": [10, 1]}},
+                            "material": "m", "T0": 300}},
+           "thermal": {"method": "steady", "boundary": [
+               {"on": "a.left", "temperature": 300}, {"on": "a.right", "radiation": {"emissivity": 1.0, "T": T_inf}}]},
+           "mechanical": {"half": "rigid"},
+           "coupling": {"end": 10, "scheme": "staggered", "windows": [{"until": 10, "size": 5}]}}
+    with (path / "scene.yaml").open("w", encoding="utf-8") as f:
+        YAML(typ="safe", pure=True).dump(doc, f)
+    with without_fmus(), pytest.raises(CouplingError) as said:
+        run(load_scenario(path / "scene.yaml"), out=path / "run.h5")
+    return str(said.value), len(Results(path / "run.h5").windows.H)
+
+
+def test_it_is_told_once(tmp_path: Path) -> None:
+    said, windows = failed(tmp_path, 2000.0)
+    assert "the same in a window of any length" in said
+    assert "conductivity of body a" in said
+    assert "smaller windows" not in said
+    assert windows <= 1
+
+
+def test_where_loads_change_shorter_windows_go_as_far_as_there_is_an_answer(tmp_path: Path) -> None:
+    said, windows = failed(tmp_path, {"t": [0, 10], "value": [300, 2000]})
+    assert "the window was halved 10 times" in said
+    assert windows > 10
