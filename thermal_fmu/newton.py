@@ -18,6 +18,7 @@ from thermal_fmu.cells import BadPropertyError, MatrixEntries, conduct, store
 from thermal_fmu.methods import Stage
 from thermal_fmu.phase_change import temperature
 from thermal_fmu.scene import SubstepData, ThermalScene
+from thermal_fmu.settled import STAGE_TOLERANCE, STALLED, is_solved
 from thermal_fmu.sources import ThermalLoads
 
 Floats = NDArray[np.float64]
@@ -295,12 +296,9 @@ SUFFICIENT_DECREASE = 1e-4  # Armijo's constant: least relative decrease, times 
 # Where a node is at the edge of a phase no step may lower the residual, yet a short one beyond it has the other side's
 # slopes.  A scene that melts may take so many that raise it.
 MAX_CLIMBS = 8
-STAGE_TOLERANCE = 0.1  # of the model's tolerance: the heat balance of a long run must close to it
 LINEAR_TOLERANCE = 0.3  # of the stage's tolerance, so that a linear scene takes one solve
 ROUND_OFF = 16.0 * np.finfo(float).eps  # of |J| |T|: what the residual cannot resolve
-REFINED = 0.5  # of the heat that is missing in all: what a solve that is worth it takes off
 MOST_ROUND_OFF = 10.0  # of the model's tolerance: where a step goes, T may be of no sense
-STALLED = 0.1  # of the residual before: what a solve leaves of it where only round-off is left
 
 # Phase continuation: blur from 1 down by BLUR_FACTOR to LEAST_BLUR, then none.  Slabs of 40 cells that freeze or melt
 # in one step took 16 solves in the median, one in twenty more than 110, at worst 2 200 (docs/design.md).  Newton's
@@ -416,41 +414,26 @@ def newton(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,
     # fault: infinite heat taken for convergence -> pass |
     #   thermal_fmu/test_thermal_newton::test_heat_that_is_not_finite_names_body_and_node
     _demand_finite(problem, now.R, "the heat")
-    before = missed = np.inf
+    last: StageBalance | None = None
     for iteration in range(MAX_ITERATIONS):
-        enough, asked = STAGE_TOLERANCE * tolerance * now.scale, tolerance * now.scale if iteration else 0.0
-        # What lies within round-off of the guess is not yet as small as it can be, and adds up from step to step: the
-        # heat of a long step may be less than the round-off of what could flow in it.  Bodies at rest have no residual.
-        # The floor is a bound.  What lies below it and is not yet what the heat balance asks for may be made smaller.
-        # The sum of all nodes does not see the round-off of what they exchange: it is made as small as it gets.
-        # fault: what a whole scene takes up is lost in what its nodes exchange -> settled = True |
-        #   thermal_fmu/test_thermal_ledger
-        settled = now.missing <= enough or now.missing > REFINED * missed
-        # fault: little heat beside much round-off is at rest -> round_off = floor if iteration or now.scale <= 1e3 *
-        #   floor else 0.0 | thermal_fmu/test_thermal_ledger
-        # fault: a guess within round-off is taken as it is -> round_off = floor | thermal_fmu/test_thermal_ledger
-        # fault: whatever lies below the bound of round-off is taken -> round_off = floor if iteration else 0.0 |
-        #   thermal_fmu/test_thermal_ledger
-        round_off = floor if now.norm > STALLED * before else min(floor, asked)
-        if now.norm <= max(enough, round_off if settled else 0.0):
+        if is_solved(now, last, tolerance, floor):
             return SolvedStage(s, now, iteration, now.relative_residual, anchor, linear)
-        missed = now.missing
+        last = now
         if now.jacobian is None:
             now = balance(problem, s, jacobian=True)
             linear = _linearised(s, now)
             weight = _column_sums(now.jacobian)
         assert now.jacobian is not None
-        target = LINEAR_TOLERANCE * max(enough, min(floor, STALLED * now.norm))
+        target = LINEAR_TOLERANCE * max(STAGE_TOLERANCE * tolerance * now.scale, min(floor, STALLED * now.norm))
         solution = solve(now.jacobian, np.where(problem.scene.fixed, 0.0, -now.R), target, anchor, factors,
                          floor)
         step, anchor = solution.x, solution.anchor
         _demand_finite(problem, step, f"the temperature of iteration {iteration + 1}")
-        before = now.norm
         size = float(weight @ np.abs(s + step))
         # fault: round-off by the guess alone -> floor += 0.0 | thermal_fmu/test_thermal_exchange
         floor = max(floor, float(min(ROUND_OFF * size, MOST_ROUND_OFF * tolerance * now.scale)))
         s, now = descend(partial(balance, problem, jacobian=False), s, step, now, floor, climbs > 0)
-        climbs -= int(now.norm >= before and now.norm > floor)
+        climbs -= int(now.norm >= last.norm and now.norm > floor)
     raise NotConvergedError(f"{MAX_ITERATIONS} iterations left a residual of {now.relative_residual:.2e} of the heat "
                             f"that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
 

@@ -61,7 +61,7 @@ MAX_GAIN_DAMPED = 0.8
 # fault: auto freezes entropy only where little is fed back -> MAX_GAIN_SPLIT = 0.25 | stability/test_atlas
 MAX_GAIN_SPLIT = 0.5 * MAX_GAIN_DAMPED
 # Below this three iterates agree, of second order: what the split spares is not worth its first.
-# fault: auto freezes entropy where iterates agree at once -> MIN_GAIN_SPLIT = 0.0 | coupler/test_defaults
+# fault: auto freezes entropy where iterates agree at once -> MIN_GAIN_SPLIT = 0.0 | coupler/test_auto
 MIN_GAIN_SPLIT = 0.1
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.

@@ -16,7 +16,7 @@ from contact.rpc.link import open_link
 from thermal_fmu.stations.half import load_lumped
 
 sys.path.insert(0, str(Path(__file__).parent))
-from thermal_scenes import EXPECTED, Box, imbalance, inputs_of, order, scene
+from thermal_scenes import EXPECTED, Box, FlatContact, imbalance, inputs_of, order, scene
 
 AREA, LENGTH = 0.02, 0.03
 ONE = scene(Box(0, LENGTH, 0, AREA, 3, 2))
@@ -133,3 +133,22 @@ def test_a_restored_body_gives_the_same_bits() -> None:
     cold = load_lumped(ONE, model).step(from_bytes(to_bytes(state), ("thermal_fmu",)), inputs, 9.0, 9.0, link)
     assert np.array_equal(hot.outputs["T"], cold.outputs["T"])
     assert hot.outputs["heat.radiation"] == cold.outputs["heat.radiation"]
+
+
+@pytest.mark.parametrize("h", [1e4, 1e8, 1e12])
+def test_little_heat_is_kept_beside_round_off_of_a_contact(h: float) -> None:
+    """1e-6 J a step into two bodies of 1 J/K in contact: round-off of h A T dt is up to 1e8 times that."""
+    mesh = scene(Box(0, 1, 0, 1, 1, 1), Box(0, 1, -1, 0, 1, 1),
+                 pairs=(Pair("p", "a.bottom", "b.top", gap_max=1.0, eps_N=1.0),))
+    T0, unit = 1000.0 / 3.0, {"rho": 1.0, "c": 1.0, "k": 1.0}
+    model = spec([{"on": "a.top", "flux": 1e-8}], T0, unit,
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": h}, "open": None}}})
+    model["bodies"]["b"] = {"material": "m", "T0": T0}
+    half, link = load_lumped(mesh, model), FlatContact()
+    inputs = inputs_of(mesh, half, t_N=np.full(len(mesh.contact_nodes), -1e6))
+    state, stored = half.start(inputs, 0.0, link)[0], 0.0
+    for n in range(20):
+        done = half.step(state, inputs, 100.0 * n, 100.0, link)
+        assert isinstance(done, Done), done
+        state, stored = done.state, float(done.outputs["heat_stored"])
+    assert stored == pytest.approx(20 * 1e-6, rel=1e-4)  # a rounding of T is 6e-8 of a step

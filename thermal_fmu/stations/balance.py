@@ -25,7 +25,6 @@ from thermal_fmu.newton import (
     MAX_CLIMBS,
     MAX_ITERATIONS,
     ROUND_OFF,
-    STAGE_TOLERANCE,
     NotConvergedError,
     descend,
     phase_continuation,
@@ -33,6 +32,7 @@ from thermal_fmu.newton import (
 from thermal_fmu.phase_change import Melting, NodalFields, temperature
 from thermal_fmu.problem import ThermalBody
 from thermal_fmu.scene import SubstepData, prescribed_values
+from thermal_fmu.settled import STAGE_TOLERANCE, is_solved
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 from thermal_fmu.stations.scene import StationScene
 from thermal_fmu.stations.stations import (
@@ -87,7 +87,8 @@ class StationBalance:
 
     R : (n,) residual [J]; at fixed stations the heat that came through them.  flow : (n,) [W] into the stations,
     reactions included.  terms : (n_terms,) [W], as boundary.TERMS, each : as BoundaryHeat has it.
-    stored : (n_bodies,) [J].  norm : sum of |R| at free stations, scale : of the sizes of all heats [J].
+    stored : (n_bodies,) [J].  norm : sum of |R| at free stations, missing : |sum of R| there, scale : of
+    the sizes of all heats [J].
     band : (3 width + 1, n) dR/ds [J/K].
     pull : (n,) what the change of prescribed values since s_n does to the residual of their neighbours [J].
     moved : sum over the stations of what each took up or gave off [J].
@@ -99,6 +100,7 @@ class StationBalance:
     each: Floats
     stored: Floats
     norm: float
+    missing: float
     scale: float
     band: Floats
     pull: Floats
@@ -135,10 +137,10 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     band.reshape(-1)[touched], band.reshape(-1)[diagonal] = 0.0, 1.0
     R = S - problem.earlier - weight * f
     reaction = np.where(scene.fixed, R, 0.0)
-    moved = float(np.abs(S).sum())
+    moved, free = float(np.abs(S).sum()), R - reaction
     scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, boundary.each, stored,
-                          float(np.abs(R - reaction).sum()), scale, band, pull, moved)
+                          float(np.abs(free).sum()), abs(float(free.sum())), scale, band, pull, moved)
 
 
 def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
@@ -280,9 +282,11 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: Newton
     now = station_balance(problem, s)
     floor = ROUND_OFF * float(np.abs(now.band).sum(axis=0) @ np.abs(s))
     climbs = MAX_CLIMBS if scene.melting else 0
+    last: StationBalance | None = None
     for iteration in range(limits.iterations):
-        if now.norm <= max(STAGE_TOLERANCE * tolerance * now.scale, floor):
+        if is_solved(now, last, tolerance, floor):
             return SolvedStations(s, now, iteration)
+        last = now
         step = scene.stations.solve(now.band, np.where(scene.fixed, 0.0, -now.R))
         if not np.isfinite(step).all():
             raise NotConvergedError(f"the temperature of iteration {iteration + 1} is not finite")
@@ -290,9 +294,8 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: Newton
             s = s + step
             now = station_balance(problem, s)
             continue
-        before = now.norm
         s, now = descend(partial(station_balance, problem), s, step, now, floor, climbs > 0)
-        climbs -= int(now.norm >= before and now.norm > floor)
+        climbs -= int(now.norm >= last.norm and now.norm > floor)
     raise NotConvergedError(f"{limits.iterations} iterations left a residual of {now.relative_residual:.2e} of the "
                             f"heat that flows (tolerance {STAGE_TOLERANCE * tolerance:.1e})")
 
