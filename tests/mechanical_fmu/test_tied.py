@@ -295,3 +295,24 @@ def test_a_bimetal_strip_bends_as_timoshenko_says():
     m, n, h = thick[0] / thick[1], E1 / E2, sum(thick)
     exact = 6 * da * dT * (1 + m) ** 2 / (h * (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n))))
     assert kappa == pytest.approx(exact, rel=5e-3)
+
+
+def test_a_wave_passes_a_joint_of_like_meshes_as_if_there_were_none():
+    """A push at one end, followed until it has gone to the other."""
+    rho, cells = 7800.0, 8
+
+    def pushed(interface, first, last, pairs):
+        c = np.sqrt(E / rho)
+        dt, steps = 1.0 / cells / c, 24
+        half = elastic(interface, [{"on": f"{first}.bottom", "pressure": {"t": [0, 0], "value": [0, P]}}],
+                       {"rho": rho, "nu": 0.0}, tolerance=1e-10, dynamics={}, pairs=pairs)
+        with closing(open_link("direct")) as link:
+            state, _ = half.start(inputs_of(half), 0.0, link)
+            for k in range(steps):
+                state, _ = done(half.step(state, inputs_of(half), k * dt, dt, link))
+        end = np.unique(interface.surfaces[f"{last}.top"])
+        return np.array(state.v).reshape(-1, 2)[end, 1].mean()
+
+    one = pushed(block(np.linspace(0, 1, cells + 1), np.linspace(0, 2, 2 * cells + 1)), "block", "block", {})
+    assert one > P / np.sqrt(E * rho)  # it has come, and doubles at the free end
+    assert pushed(tied(blocks(cells, cells)), "lower", "upper", SEMI_SMOOTH) == pytest.approx(one, rel=1e-7)
