@@ -55,7 +55,8 @@ class Register:
     passes : which surface is searched from which, and the penalties and friction of what faces.
     stiffness : (n_edges,) [Pa/m], of the layer of cells behind each edge; None: 0.
     offset : (n_q,) [m], what is added to gaps at pair nodes of sides that are searched from, linear between; None: 0.
-    x : (n_s, 2) [m], where tied sides faced each other; None where nothing is tied.
+    x : (n_s, 2) [m], as drawn: where tied sides faced each other, and by how much edges are chords of round surfaces;
+    None: nothing is tied, and edges are as round as they are when asked for.
     """
 
     n_nodes: int

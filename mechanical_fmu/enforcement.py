@@ -91,11 +91,11 @@ def unsettled(system: System, changes: Changes) -> tuple[str, str]:
     # fault: a node that does not settle misnamed -> worst = int(np.argmin(np.abs(change))) |
     #   mechanical_fmu/test_semi_smooth
     worst = int(np.argmax(np.abs(change)))
-    worst = worst if worst < of.size else int(of.tied[(worst - of.size) // 2])
-    node, pair = int(system.interface.pair_nodes[worst]), of.pair[worst]
+    q = worst if worst < of.size else int(of.tied[(worst - of.size) // 2])
+    node, pair = int(system.interface.pair_nodes[q]), system.interface.pairs[of.pair[q]]
     x, y = system.interface.nodes[node]
     return (f"still change by {abs(change[worst]):.3g} Pa (of at most {largest:.3g})",
-            f"pair {system.interface.pairs[pair].name}, node {node + 1} (at the start at {x:.6g}, {y:.6g} m)")
+            f"pair {pair.name}, node {node + 1} of {pair.slave} (at the start at {x:.6g}, {y:.6g} m)")
 
 
 def contact_history(system: System, balance: ForceBalance, before: History) -> History:

@@ -53,8 +53,9 @@ class ConductionGroup:
         T_n = T[self.nodes]
         mean = 0.5 * ((self.N_s * T_n[:, :2]).sum(axis=1) + (self.N_m * T_n[:, 2:]).sum(axis=1))
         h, dh = (closed_conductance if self.closed else open_conductance)(self.law, self.argument, mean)
-        # fault: derivative of h(T) forgotten -> dh = 0.0 * dh | thermal_fmu/test_thermal_nonlinear
-        W, dW = factor * self.area * h, factor * self.area * dh
+        W = factor * self.area * h
+        # fault: derivative of h(T) forgotten -> dW = 0.0 * dh | thermal_fmu/test_thermal_nonlinear
+        dW = factor * self.area * dh
         if self.most is None:
             return W, dW
         # fault: contact conducts beyond what numbers hold -> most = W | thermal_fmu/test_thermal_ledger

@@ -233,7 +233,7 @@ def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, 
     """
     if anchor is not None and b.size >= SMALLEST and anchor.indptr.size == b.size + 1:
         # Where b is round-off all but a little A Z has as much of it, and what is least shares the rest out at random.
-        # fault: what is left of heat is shared out by round-off -> pass | thermal_fmu/test_thermal_ledger
+        # fault: what is left of heat is shared out by round-off -> if False: | thermal_fmu/test_thermal_ledger
         if float(np.abs(b).sum()) <= round_off:
             return LinearSolution(factors.of(anchor)(b), anchor)
         x = _gmres(A, b, target / np.sqrt(b.size), factors.of(anchor))

@@ -306,7 +306,7 @@ def register_message(interface: Interface) -> Register:
         stiffness=np.concatenate([np.empty(0), *(interface.stiffness.get(name, np.zeros(len(e)))
                                                  for name, e in zip(names, edges, strict=True))]),
         offset=interface.gap_offset,
-        x=interface.nodes[nodes] if any(pair.tied for pair in interface.pairs) else None,
+        x=interface.nodes[nodes],
     )
 
 

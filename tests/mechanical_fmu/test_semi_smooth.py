@@ -173,8 +173,8 @@ def test_pressures_that_do_not_settle_are_named():
         answer = half.step(state, inputs_of(half), 0.0, 1.0, link)
     assert isinstance(answer, Discard)
     found = re.search(r"no equilibrium after 2 iterations: the forces on body \w+ are out of balance by (\S+) .*the "
-                      r"contact pressures still change by (\S+) Pa \(of at most (\S+)\), most on pair "
-                      r"interface, node (\d+) \(at the start at (\S+), (\S+) m\); method: uzawa", answer.message)
+                      r"contact pressures still change by (\S+) Pa \(of at most (\S+)\), most on pair interface, node "
+                      r"(\d+) of upper\.bottom \(at the start at (\S+), (\S+) m\); method: uzawa", answer.message)
     assert found, answer.message
     assert 0.0 < float(found[2]) < float(found[3])
     assert (half.system.interface.nodes[int(found[4]) - 1] == [float(found[5]), float(found[6])]).all()
