@@ -13,7 +13,7 @@ import numpy as np
 
 from contact.compiled import inner, kernel
 from contact.messages import Floats, Ints
-from contact.surfaces import END_TOLERANCE, FACING_COS, Frame
+from contact.surfaces import END_TOLERANCE, FACING_COS, Frame, empty_tree, fill_tree, leaves_of
 
 # |n_s - n_m| at least, of normals that face each other and are shortened by being interpolated.
 LEAST_SPREAD = 1.3
@@ -108,20 +108,14 @@ def normal_tree(normal: Floats, chain: Ints) -> Floats:
 
     normal : (n_edges, 3, 2) [1].  chain : (m,) edge numbers.  Numbered as the boxes of contact.surfaces.box_tree.
     """
-    P = 1
-    while chain.size > P:
-        P *= 2
+    P = leaves_of(chain.size)
     ranges = np.empty((2 * P, 4))
-    for k in range(P):
+    empty_tree(ranges)
+    for k in range(chain.size):
         for c in range(2):
-            ranges[P + k, 2 * c], ranges[P + k, 2 * c + 1] = np.inf, -np.inf
-            if k < chain.size:
-                one, two = normal[chain[k], 1, c], normal[chain[k], 2, c]
-                ranges[P + k, 2 * c], ranges[P + k, 2 * c + 1] = min(one, two), max(one, two)
-    for i in range(P - 1, 0, -1):
-        for c in range(2):
-            ranges[i, 2 * c] = min(ranges[2 * i, 2 * c], ranges[2 * i + 1, 2 * c])
-            ranges[i, 2 * c + 1] = max(ranges[2 * i, 2 * c + 1], ranges[2 * i + 1, 2 * c + 1])
+            one, two = normal[chain[k], 1, c], normal[chain[k], 2, c]
+            ranges[P + k, 2 * c], ranges[P + k, 2 * c + 1] = min(one, two), max(one, two)
+    fill_tree(ranges)
     return ranges
 
 

@@ -302,31 +302,50 @@ class Frame(NamedTuple):
     v2: float
 
 
-@kernel
-def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
-    """Build boxes [x_min, x_max, y_min, y_max] [m] over a chain of edges, as an implicit binary tree.
+@inner
+def leaves_of(m: int) -> int:
+    """Return P = 2^i >= m, the leaves of a tree of m edges.
 
-    x : (n_s, 2) [m].  edges : (n_edges, 2).  chain : (m,) edge numbers, neighbours side by side, so the boxes are tight
-    however the surface bends.  Returns (2 P, 4) [m]: node i has children 2i and 2i + 1, leaf P + k is edge chain[k];
-    P = 2^i >= m.
+    A tree is (2 P, 4) ranges: node i has children 2 i and 2 i + 1, leaf P + k is that of the k-th edge.
     """
     P = 1
-    while chain.size > P:
+    while m > P:
         P *= 2
-    boxes = np.empty((2 * P, 4))
-    for k in range(P):
-        if k < chain.size:
-            a, b = edges[chain[k], 0], edges[chain[k], 1]
-            for c in range(2):
-                boxes[P + k, 2 * c] = min(x[a, c], x[b, c])
-                boxes[P + k, 2 * c + 1] = max(x[a, c], x[b, c])
-        else:
-            for c in range(4):  # an empty box: whatever it is compared with, it is passed by
-                boxes[P + k, c] = np.inf if c % 2 == 0 else -np.inf
-    for i in range(P - 1, 0, -1):
+    return P
+
+
+@inner
+def empty_tree(tree: Floats) -> None:
+    """Make all of tree : (2 P, 4) empty ranges: whatever they are compared with, they are passed by."""
+    for i in range(tree.shape[0]):
         for c in range(2):
-            boxes[i, 2 * c] = min(boxes[2 * i, 2 * c], boxes[2 * i + 1, 2 * c])
-            boxes[i, 2 * c + 1] = max(boxes[2 * i, 2 * c + 1], boxes[2 * i + 1, 2 * c + 1])
+            tree[i, 2 * c], tree[i, 2 * c + 1] = np.inf, -np.inf
+
+
+@inner
+def fill_tree(tree: Floats) -> None:
+    """Give each node of tree : (2 P, 4) the ranges of both its children, from the leaves up."""
+    for i in range(tree.shape[0] // 2 - 1, 0, -1):
+        for c in range(2):
+            tree[i, 2 * c] = min(tree[2 * i, 2 * c], tree[2 * i + 1, 2 * c])
+            tree[i, 2 * c + 1] = max(tree[2 * i, 2 * c + 1], tree[2 * i + 1, 2 * c + 1])
+
+
+@kernel
+def box_tree(x: Floats, edges: Ints, chain: Ints) -> Floats:
+    """Build boxes [x_min, x_max, y_min, y_max] [m] over a chain of edges, as an implicit binary tree (leaves_of).
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).  chain : (m,) edge numbers, neighbours side by side, so the boxes are tight
+    however the surface bends.  Returns (2 P, 4) [m].
+    """
+    P = leaves_of(chain.size)
+    boxes = np.empty((2 * P, 4))
+    empty_tree(boxes)
+    for k in range(chain.size):
+        a, b = edges[chain[k], 0], edges[chain[k], 1]
+        for c in range(2):
+            boxes[P + k, 2 * c], boxes[P + k, 2 * c + 1] = min(x[a, c], x[b, c]), max(x[a, c], x[b, c])
+    fill_tree(boxes)
     return boxes
 
 
