@@ -2,7 +2,8 @@
 
 Forces act on the edges as they are.  But a gap of 1 mm between edges of 5 mm on a radius of 50 mm is 6 % of itself
 farther, or nearer, than that between the arcs; and a surface that ends at a plane of symmetry goes on beyond it: with
-its last edge's own normal there, the rays of half an edge are lost.
+its last edge's own normal there, the rays of half an edge are lost.  How round a surface is, is asked of it as drawn
+(contact.facing); its normals, where it is.
 """
 
 from __future__ import annotations
