@@ -29,8 +29,9 @@ from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_he
 from thermal_fmu.contact_quadrature import ContactPoints, contact_points
 from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.known import KnownRange, range_of, widened
+from thermal_fmu.linear import AnchorMatrix, Factors
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
-from thermal_fmu.newton import AnchorMatrix, Factors, NotConvergedError
+from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Conductivity, Model, parse_model
 from thermal_fmu.scene import ThermalScene, freeze, with_friction

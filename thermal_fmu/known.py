@@ -73,9 +73,9 @@ class DataRange:
 
         given : (n,) what nodes are given whatever surrounds them, as by sources.  Where any is, T itself is known.
         """
-        heated = np.isin(self.component, self.component[given != 0.0])
-        if not heated.any():
+        if not given.any():
             return self.bodies
+        heated = np.isin(self.component, self.component[given != 0.0])
         return widened(self.bodies, _by_component(self.of_body, self.component[heated], T[heated], T[heated]))
 
 

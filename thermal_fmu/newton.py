@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from contact.half.linalg import Solve, factorise
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import BoundaryHeat, boundary_flow, demand_limits
 from thermal_fmu.cells import BadPropertyError, MatrixEntries, conduct, store
+from thermal_fmu.linear import AnchorMatrix, Factors, solve
 from thermal_fmu.methods import Stage
 from thermal_fmu.phase_change import temperature
 from thermal_fmu.scene import SubstepData, ThermalScene
@@ -139,17 +139,17 @@ def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Float
             lifted: Floats) -> tuple[csr_matrix, Floats | None]:
     """Return the matrix, rows and columns of fixed nodes those of the identity, and those columns times lifted : (n,).
     """
-    pattern, shape = scene.volume.pattern, (scene.volume.n, scene.volume.n)
+    pattern = scene.volume.pattern
     for slots, values in boundary.places:
         change = slope * values.ravel()
         # fault: boundary terms of a melting node unscaled -> np.add.at(data, slots.ravel(), change) |
         #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
         np.add.at(data, slots.ravel(), change if dT is None else change * dT[pattern.indices[slots.ravel()]])
-    pull = csr_matrix((data, pattern.indices, pattern.indptr), shape=shape) @ lifted if lifted.any() else None
+    pull = pattern.of(data) @ lifted if lifted.any() else None
     touched, diagonal = scene.fixed_entries
     data[touched] = 0.0
     data[diagonal] = 1.0
-    A = csr_matrix((data, pattern.indices, pattern.indptr), shape=shape)
+    A = pattern.of(data)
     if not boundary.across:
         return A, pull
     nodes = np.concatenate([nodes for nodes, _ in boundary.across])
@@ -166,129 +166,6 @@ def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Float
 
 
 # Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.
-#
-# From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a
-# solve with existing factors costs a twentieth of new ones.  The anchor, the matrix that was factored, is part of the
-# state: the factors are rebuilt from it where they are not at hand, so hot and cold caches give the same bits.
-
-# Linear solves: GMRES about an anchor
-
-# More iterations than this cost about half of new factors (measured at 1 250 and 7 500 unknowns), which also serve
-# the steps to come.
-MAX_KRYLOV = 8
-PATIENCE = 2  # iterations before their rate is judged: the first ones say little about it
-SMALLEST = 400  # unknowns: below, new factors cost no more than a few products in Python
-
-
-@dataclass(frozen=True)
-class AnchorMatrix:
-    """The matrix whose factors are used, as CSR arrays.
-
-    indptr : (n + 1,).  indices : (nnz,).  data : (nnz,) [J/K].
-    """
-
-    indptr: Ints
-    indices: Ints
-    data: Floats
-
-    def matrix(self) -> csr_matrix:
-        """Return the matrix itself."""
-        n = self.indptr.size - 1
-        return csr_matrix((self.data, self.indices, self.indptr), shape=(n, n))
-
-
-@dataclass(frozen=True)
-class LinearSolution:
-    """x : (n,).  anchor : for the next solve, the one that came in where its factors served."""
-
-    x: Floats
-    anchor: AnchorMatrix
-
-
-class Factors:
-    """The factors of the last anchor asked for.  Equal matrices have equal factors, to the bit."""
-
-    def __init__(self) -> None:
-        self._anchor: AnchorMatrix | None = None
-        self._solve: Solve | None = None
-        self.made = 0
-
-    def of(self, anchor: AnchorMatrix) -> Solve:
-        """Return the factors of an anchor.  Raises SingularMatrixError."""
-        # fault: factors of an old matrix -> if self._solve is None or self._anchor is None : |
-        #   thermal_fmu/test_thermal_solver
-        if self._solve is None or self._anchor is None or not _equal(self._anchor, anchor):
-            self._solve = factorise(anchor.matrix())
-            self.made += 1
-        self._anchor = anchor
-        return self._solve
-
-
-def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, factors: Factors,
-          round_off: float = 0.0) -> LinearSolution:
-    """Solve A x = b : (n,) until the sum of |b - A x| is at most target, or exactly where that takes new factors.
-
-    round_off : what b may have of it, added up [J]; where b is no more, x is what the factors at hand say.
-    Raises SingularMatrixError.
-    """
-    if anchor is not None and b.size >= SMALLEST and anchor.indptr.size == b.size + 1:
-        # Where b is round-off all but a little A Z has as much of it, and what is least shares the rest out at random.
-        # fault: what is left of heat is shared out by round-off -> if False: | thermal_fmu/test_thermal_ledger
-        if float(np.abs(b).sum()) <= round_off:
-            return LinearSolution(factors.of(anchor)(b), anchor)
-        x = _gmres(A, b, target / np.sqrt(b.size), factors.of(anchor))
-        if x is not None and float(np.abs(b - A @ x).sum()) <= target:
-            return LinearSolution(x, anchor)
-    fresh = AnchorMatrix(A.indptr, A.indices, A.data)
-    return LinearSolution(factors.of(fresh)(b), fresh)
-
-
-def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floats], Floats]) -> Floats | None:
-    """Find x : (n,) with |b - A x|_2 <= target by right preconditioned GMRES from 0; None as soon as it will take too
-
-    long.
-    """
-    size = float(np.linalg.norm(b))
-    if size == 0.0:
-        return np.zeros(b.size)
-    V, Z = np.zeros((MAX_KRYLOV + 1, b.size)), np.zeros((MAX_KRYLOV, b.size))
-    H = np.zeros((MAX_KRYLOV + 1, MAX_KRYLOV))
-    start = np.zeros(MAX_KRYLOV + 1)
-    V[0], start[0] = b / size, size
-    for j in range(MAX_KRYLOV):
-        Z[j] = precondition(V[j])
-        w = A @ Z[j]
-        for _ in range(2):  # the second pass keeps V orthogonal to round-off
-            h = V[: j + 1] @ w
-            w -= h @ V[: j + 1]
-            H[: j + 1, j] += h
-        H[j + 1, j] = np.linalg.norm(w)
-        y, residual = _least(H[: j + 2, : j + 1], start[: j + 2])
-        # fault: linear residual not checked -> if residual <= 1e6 * target: | thermal_fmu/test_thermal_solver
-        if residual <= target:
-            return np.asarray(y @ Z[: j + 1])
-        if not np.isfinite(residual) or (j >= PATIENCE and (residual / size) ** (MAX_KRYLOV / (j + 1)) * size > target):
-            return None
-        V[j + 1] = w / H[j + 1, j]
-    return None
-
-
-def _least(H: Floats, start: Floats) -> tuple[Floats, float]:
-    """Return y that minimises |start - H y|, and that norm, for a tiny upper Hessenberg H."""
-    Q, R = np.linalg.qr(H, mode="complete")
-    turned = Q.T @ start
-    m = H.shape[1]
-    if not R.diagonal().all():
-        return np.zeros(m), np.inf
-    return np.linalg.solve(R[:m], turned[:m]), float(abs(turned[m]))
-
-
-def _equal(one: AnchorMatrix, other: AnchorMatrix) -> bool:
-    return one is other or all(a is b or np.array_equal(a, b) for a, b in (
-        (one.indptr, other.indptr), (one.indices, other.indices), (one.data, other.data)))
-
-
-# Newton's method
 
 MAX_ITERATIONS = 25  # quadratic convergence needs a handful, a peaked c(T) with halved steps some more
 MAX_HALVINGS = 8  # a step worth less than 1/256 of Newton's is no step

@@ -14,9 +14,10 @@ from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
 from thermal_fmu.cells import BadPropertyError, spread_energies
 from thermal_fmu.known import KnownRange, data_range, range_of
 from thermal_fmu.limiter import end_of, went_beyond
+from thermal_fmu.linear import AnchorMatrix, Factors
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
 from thermal_fmu.monotone import StepEnd, Try, eased, monotone, needed
-from thermal_fmu.newton import AnchorMatrix, Factors, SolvedStage, StageProblem, balance, solve_stage
+from thermal_fmu.newton import SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 

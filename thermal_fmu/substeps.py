@@ -12,8 +12,9 @@ from contact.problem.thermal import InnerSteps, ThermalProblem
 from thermal_fmu import phase_change
 from thermal_fmu.cells import BadPropertyError, MatrixEntries, capacities, conduct
 from thermal_fmu.limiter import MOST
+from thermal_fmu.linear import AnchorMatrix
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
-from thermal_fmu.newton import AnchorMatrix, NotConvergedError, SolvedStage, StageProblem, balance, solve_stage
+from thermal_fmu.newton import NotConvergedError, SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
 from thermal_fmu.step import (
     Floats,

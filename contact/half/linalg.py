@@ -2,8 +2,7 @@
 
 PARDISO's analysis (ordering, tree, supernodes) is made once a pattern, from the pattern alone: scaling and matching by
 values are switched off.  So new factors on a cached pattern are the same bits as those of a first call, and the cache
-is
-invisible.  Where the values are symmetric half the matrix is factored, in half the time.
+is invisible.  Where the values are symmetric half the matrix is factored, in half the time.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import ctypes
 import os
 import weakref
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any, ClassVar
@@ -47,8 +47,17 @@ class Pattern:
 
         entries : (n_entries,) of the blocks, flat, in order, all in the same unit (a stiffness: [N/m]).
         """
-        data = np.bincount(self.slots, weights=entries, minlength=self.indices.size)
-        return csr_matrix((data, self.indices, self.indptr), shape=(self.n, self.n))
+        return self.of(np.bincount(self.slots, weights=entries, minlength=self.indices.size).astype(float, copy=False))
+
+    def of(self, data: Floats) -> csr_matrix:
+        """Return the matrix (n, n) of the values data : (nnz,) at the places of the pattern, in their unit."""
+        matrix: csr_matrix = copy(self._zeros)  # an eighth of the time of making one, which checks the places again
+        matrix.data = data
+        return matrix
+
+    @cached_property
+    def _zeros(self) -> csr_matrix:
+        return csr_matrix((np.zeros(self.indices.size), self.indices, self.indptr), shape=(self.n, self.n))
 
 
 def pattern_of(n: int, *dofs: NDArray[np.integer]) -> Pattern:

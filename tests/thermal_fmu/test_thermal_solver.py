@@ -13,7 +13,7 @@ from thermal_scenes import Box, FlatContact, imbalance, inputs_of, scene, spec
 
 from contact.half.interface import Pair
 from contact.half.state import from_bytes, to_bytes
-from thermal_fmu import newton
+from thermal_fmu import linear
 from thermal_fmu.half import load
 
 
@@ -50,7 +50,7 @@ def test_old_factors_serve_and_change_nothing_that_matters(monkeypatch, k):
     reusing = load(mesh, model)
     with_old = slide(reusing, mesh, begun(reusing, mesh), 0, 30)
     assert reusing._factors.made < 15
-    monkeypatch.setattr(newton, "SMALLEST", 10**9)
+    monkeypatch.setattr(linear, "SMALLEST", 10**9)
     fresh = load(mesh, model)
     with_new = slide(fresh, mesh, begun(fresh, mesh), 0, 30)
     assert fresh._factors.made >= 30
@@ -85,9 +85,9 @@ def test_gmres_solves_or_says_that_it_takes_too_long():
     n = 50
     A = csr_matrix(diags([np.full(n - 1, -1.0), np.full(n, 2.5), np.full(n - 1, -1.1)], [-1, 0, 1]))
     b = np.cos(np.arange(n))
-    near = newton.Factors().of(newton.AnchorMatrix(*(lambda B: (B.indptr, B.indices,
+    near = linear.Factors().of(linear.AnchorMatrix(*(lambda B: (B.indptr, B.indices,
                                                                 B.data))(csr_matrix(A + 0.01 * eye(n)))))
-    x = newton._gmres(A, b, 1e-12, near)
+    x = linear._gmres(A, b, 1e-12, near)
     assert np.linalg.norm(b - A @ x) < 2e-12
-    assert newton._gmres(A, b, 1e-12, lambda v: v) is None
-    assert not newton._gmres(A, 0.0 * b, 1e-12, near).any()
+    assert linear._gmres(A, b, 1e-12, lambda v: v) is None
+    assert not linear._gmres(A, 0.0 * b, 1e-12, near).any()

@@ -14,7 +14,7 @@ from contact.half.interface import Interface, Pair
 from contact.half.model import Done
 from contact.messages import Facing, Project, Refused, Register, Registered
 from thermal_fmu.half import ThermalHalf, ThermalState, contact_at, load
-from thermal_fmu.newton import Factors
+from thermal_fmu.linear import Factors
 from thermal_fmu.scene import freeze
 from thermal_fmu.step import StepContext
 
