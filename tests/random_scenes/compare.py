@@ -43,12 +43,12 @@ class Agreement:
     J: float = 0.0
 
 
-def agreement(scene: Scene, same_windows: bool = True) -> Agreement:
+def agreement(scene: Scene, same_windows: bool = True, iterated: bool = False) -> Agreement:
     """What the tolerances of a scene allow: of solvers and iterations ten times, of adaptive windows twice.
 
     An iteration ends where a window's change is met to rtol, so what two runs end with differs by rtol of the range at
     most.  Adaptive windows tell nothing as long as they are the same ones; where one run takes a window that the other
-    refuses, each is wrong by what its windows may be.
+    refuses, each is wrong by what its windows may be.  iterated : a run that was unstable came to iterate its windows.
     """
     file = form_of(scene.doc)
     elastic = file.mechanical.elastic if file.mechanical.half == "elastic" else None
@@ -65,7 +65,8 @@ def agreement(scene: Scene, same_windows: bool = True) -> Agreement:
     if file.thermal.adaptive is not None:
         K += SOLVED * (file.thermal.adaptive.tolerance or 0.0)
     coupling = file.coupling
-    if coupling.scheme.value in ("iterated", "auto") or coupling.on_cycle is not None or coupling.adaptive is not None:
+    if (iterated or coupling.scheme.value in ("iterated", "auto") or coupling.on_cycle is not None
+            or coupling.adaptive is not None):
         ends = coupling.iteration.tolerance
         solved = max(solved, SOLVED * max(ends.temperature.rtol, ends.gap.rtol, ends.pressure.rtol))
         K, m = K + SOLVED * ends.temperature.atol, m + SOLVED * ends.gap.atol
