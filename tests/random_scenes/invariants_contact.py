@@ -13,7 +13,7 @@ from random_scenes.compare import agreement
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.outlines import depth, jumped, nearest_edge, outline_of
 from random_scenes.scene import Scene
-from random_scenes.story import COMPLETED, FAILED, REFUSED, Story, told
+from random_scenes.story import COMPLETED, ERROR_BAR, FAILED, REFUSED, Story, told
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -161,10 +161,13 @@ def _same_order(scene: Scene, story: Story, rng: np.random.Generator) -> list[Fi
             near = (story.t >= t - step) & (story.t <= t + step)
             if near.sum() > 2 and len(set(true[name][near])) == 1 and states[k] != true[name][near][0]:
                 does, should = ("presses", "is apart") if states[k] else ("is apart", "presses")
+                # Whether a pair touches is no more sure than the coordinates of either run.
+                unsure = (ERROR_BAR,) if "m" in other.may_be_off or "m" in story.may_be_off else ()
                 findings.append(Finding(
                     f"in windows ten times as long pair {name} {does} at t = {t:.6g} s; in short ones it {should} from "
                     f"{max(t - step, 0.0):.6g} to {t + step:.6g} s", 2.0,
-                    (*THROUGH, "up and down", "missed a touch", "did not notice"), other))
+                    (*THROUGH, *unsure, "up and down", "missed a touch", "did not notice"),
+                    story if "m" in story.may_be_off else other))
                 break
     return findings
 

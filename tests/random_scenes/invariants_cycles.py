@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from random_scenes.data_bounds import last_change
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.scene import Scene
-from random_scenes.story import COMPLETED, MOST_WINDOWS, Story, told
+from random_scenes.story import COMPLETED, ERROR_BAR, MOST_WINDOWS, Story, told
 
 Floats = NDArray[np.float64]
 
@@ -22,8 +22,7 @@ LONGEST_PERIOD = 7  # windows
 AGAIN = 0.01  # of an increment: what comes again
 APART = 0.05  # of the range, from finer windows: what a cycle must be off to be one of the exchange
 UNITS = {"temperature": "K", "gap": "m", "pressure": "Pa"}
-ERROR_BAR = "may be off by"  # the words of an error bar, which tells of what dies out within it
-MENDED = "a disturbance turns round and"  # the words of an exchange that was unstable or rang, and is damped from there on
+MENDED = "a disturbance turns round and"  # the words of an exchange that was unstable or rang, and was mended
 FLOORS = {"temperature": 1e-3, "gap": 1e-9, "pressure": 1e3}  # [K], [m], [Pa]: less is round-off and solvers' tolerance
 FINER = 8
 NAMED_BY = ("up and down", "ringing", " rings", "alternat", "oscillat", "cycle")

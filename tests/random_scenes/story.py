@@ -28,6 +28,7 @@ REFUSED, FAILED, COMPLETED = "refused", "failed", "completed"
 MOST_WINDOWS = 200  # tried ones; a scene that wants more is left: it is not small
 # Solver calls and their iterations: a run has as many on a slow machine as on a fast one, so no verdict depends on it.
 MOST_WORK = 4000
+ERROR_BAR = "may be off by"  # the words of the error bar of a probe that is too large
 
 
 class TooLongError(Exception):
