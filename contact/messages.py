@@ -135,11 +135,13 @@ class Tractions:
     force : (n_s, 2) [N] on the nodes (per metre depth when plane); both sides, adding up to zero.
     starts : (n_s + 1,), columns : (n_b,), blocks : (n_b, 2, 2) [N/m] stiffness -d(force)/dx, exact, by rows of nodes:
     row s couples to columns[starts[s]:starts[s + 1]]; symmetric where nothing slips and nothing turns.
-    t_N : (n_q,) nodal normal traction [Pa], <= 0: of slave nodes the mean of -p_N over what each faces, of a master's
-    the mean of the slave's there, so that none has more than the slave; of a tied pair > 0 where it is pulled.
+    t_N : (n_q,) nodal normal traction [Pa], <= 0: of slave nodes the mean of -p_N over what each faces (of next to
+    nothing: as contact.nodal.at_slivers says), of a master's the mean of the slave's there, so that none has more
+    than the slave; of a tied pair > 0 where it is pulled.
     node_gap, node_covered : (n_q,) as in Facing.
-    multipliers : (n_m,) [Pa], t_N on slave sides, the tractions of ties, and mobilised : (n_q,) [1]: the new history.
-    shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces.
+    multipliers : (n_m,) [Pa], of slave nodes the mean of -p_N over what each faces, 0 of others, and the tractions of
+    ties, and mobilised : (n_q,) [1]: the new history.
+    shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces (of next to nothing: as t_N).
     E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
     n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.

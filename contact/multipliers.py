@@ -10,9 +10,9 @@ Those of ties are of contact.tied.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact.compiled import kernel
-from contact.facing import cut_surfaces
 from contact.messages import Coupling, Couplings, Floats, Ints
 from contact.piece import (
     EPS_N,
@@ -33,7 +33,7 @@ from contact.piece import (
 from contact.search import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
 from contact.tied import bonds_at, tied_couplings, ties_of
-from contact.traction import checked_request, piece_cuts, piece_nodes, points_at, shares_normal
+from contact.traction import evaluated, piece_cuts, piece_nodes, shares_normal
 
 # The nodes of a piece that have a multiplier or an equation R: those of its two edges.
 ENDS = (0, 1, 4, 5)
@@ -42,9 +42,8 @@ ENDS = (0, 1, 4, 5)
 def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     """Compute residual and derivatives at request.x.  Raises ValueError."""
     r = surfaces.register
-    asked = checked_request(surfaces, request)
-    cut = cut_surfaces(surfaces, asked.x)
-    points, multipliers = points_at(surfaces, cut, asked), asked.multipliers
+    asked, cut, points = evaluated(surfaces, request)
+    multipliers = asked.multipliers
     residual, weight = balances(cut.at, cut.values, points.p_N, multipliers[:surfaces.pair_nodes.size])
     nodes, at, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.at,
                                        cut.values, cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric,
@@ -203,3 +202,31 @@ def by_multiplier(n: Floats, points: Floats, c: Floats, doing: Floats, q: int, o
             out[ENDS[k], j, 0] += sign * w * (nx + drag * ny)
             out[ENDS[k], j, 1] += sign * w * (ny - drag * nx)
             out[ENDS[k], j, 4] -= w
+
+
+@kernel
+def assembled(nodes: Ints, ends: Ints, values: Floats, place: NDArray[np.int64], size: Floats, eps: float, n: int,
+              k: int) -> tuple[Floats, Floats, Floats]:
+    """Sum the pieces of Couplings: B : (n, k) [N/m], eps times what multipliers do to forces, C : (k, n) [1] and
+    D : (k, k) [1], the derivatives of R over W eps by places and by multipliers over eps, those of W_i lambda_i too.
+
+    nodes : (n_b, 6).  ends : (n_b, 4).  values : (n_b, 6, 4, 5).  place : (n_m,) number of a multiplier among the k, -1
+    of others.  size : (n_m,) [N/m], W eps.  n : 2 n_s.
+    """
+    B, C, D = np.zeros((n, k)), np.zeros((k, n)), np.eye(k)
+    for b in range(nodes.shape[0]):
+        for j in range(4):
+            column = place[ends[b, j]]
+            if column < 0:
+                continue
+            per = 1.0 / size[ends[b, j]]
+            for i in range(6):
+                row = 2 * nodes[b, i]
+                for d in range(2):
+                    B[row + d, column] += eps * values[b, i, j, d]
+                    C[column, row + d] += per * values[b, i, j, 2 + d]
+            for i in range(4):
+                equation = place[ends[b, i]]
+                if equation >= 0:
+                    D[equation, column] += eps / size[ends[b, i]] * values[b, ENDS[i], j, 4]
+    return B, C, D

@@ -279,7 +279,7 @@ class Constraints:
         """
         loose = []
         for body in range(self.n_bodies):
-            C = self.rigid_motions(x, body)[self.fixed[self.holder[self.fixed // 2] == body]]
+            C = self.rigid_motions(x, body, self._held[body])
             if self.axisymmetric:
                 C = np.vstack([C, [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])
             values, vectors = np.linalg.eigh(C.T @ C)
@@ -288,24 +288,34 @@ class Constraints:
                 loose.append((body, Z))
         return tuple(loose)
 
-    def rigid_motions(self, x: Floats, body: int) -> Floats:
-        """Compute (2 n_nodes, 3) [1]: moving along x, along y, turning by 1/size; 0 on other bodies.
+    def rigid_motions(self, x: Floats, body: int, dofs: NDArray[np.intp] | None = None) -> Floats:
+        """Compute (n_dofs, 3) [1]: moving along x, along y, turning by 1/size; 0 on other bodies.
 
-        x : (n_nodes, 2) [m].
+        x : (n_nodes, 2) [m].  dofs : (n_dofs,) degrees of freedom, None for all of them.
         """
-        here = self.node_body == body
-        offset = x - 0.5 * (x[here].max(axis=0) + x[here].min(axis=0))
-        size = max(float(np.abs(offset[here]).max()), np.finfo(float).tiny)
-        motions = np.zeros((len(x), 2, 3))
-        motions[here, 0, 0] = motions[here, 1, 1] = 1.0
-        motions[here, 0, 2] = -offset[here, 1] / size
-        motions[here, 1, 2] = offset[here, 0] / size
+        dofs = np.arange(x.size) if dofs is None else dofs
+        own = x[self._nodes[body]]
+        low, high = own.min(axis=0), own.max(axis=0)
+        size = max(float((0.5 * (high - low)).max()), np.finfo(float).tiny)
+        node, along_y = dofs // 2, dofs % 2
+        arm = (x[node] - 0.5 * (low + high)) / size
+        motions = np.zeros((dofs.size, 3))
+        motions[:, 0], motions[:, 1] = 1 - along_y, along_y
+        motions[:, 2] = np.where(along_y, arm[:, 0], -arm[:, 1])
+        motions[self.holder[node] != body] = 0.0
         if self.rigid is not None:
             for k in np.flatnonzero(self.rigid.body == body):
-                point, turn = self.rigid.point_rows[k], self.rigid.turn_rows[k]
-                motions[point] = [[1.0, 0.0, -offset[point, 1] / size], [0.0, 1.0, offset[point, 0] / size]]
-                motions[turn, 0, 2] = self.rigid.size[k] / size
-        return motions.reshape(-1, 3)
+                motions[node == self.rigid.turn_rows[k]] = 0.0
+                motions[dofs == 2 * self.rigid.turn_rows[k], 2] = self.rigid.size[k] / size
+        return motions
+
+    @cached_property
+    def _nodes(self) -> tuple[NDArray[np.intp], ...]:
+        return tuple(np.flatnonzero(self.node_body == body) for body in range(self.n_bodies))
+
+    @cached_property
+    def _held(self) -> tuple[NDArray[np.intp], ...]:
+        return tuple(self.fixed[self.holder[self.fixed // 2] == body] for body in range(self.n_bodies))
 
     @cached_property
     def holder(self) -> NDArray[np.int32]:

@@ -61,18 +61,24 @@ class MeshContact(ContactSurfaces):
 
     def dense(self, tractions: Tractions) -> Floats:
         """Assemble the stiffness (2 n_s, 2 n_s) [N/m] of the touching points on the surface nodes."""
-        return _rows(tractions, self.dofs.size).toarray()
+        n = len(tractions.starts) - 1
+        K = np.zeros((n, 2, n, 2))
+        K[np.repeat(np.arange(n), np.diff(tractions.starts)), :, tractions.columns] = tractions.blocks
+        return K.reshape(2 * n, 2 * n)
 
     def against(self, tractions: Tractions, motions: Floats) -> Floats:
-        """Compute what that stiffness holds against motions : (2 n_nodes, m) [1], M' K M : (m, m) [N/m]."""
-        moved = motions[self.dofs]
-        return np.asarray(moved.T @ (_rows(tractions, self.dofs.size) @ moved))
+        """Compute what that stiffness holds against motions : (2 n_s, m) [1], M' K M : (m, m) [N/m]."""
+        return np.asarray(motions.T @ (_rows(tractions, self.dofs.size) @ motions))
 
     def matrix(self, tractions: Tractions) -> csr_matrix:
         """Assemble the same on all degrees of freedom of the mesh, (2 n_nodes, 2 n_nodes) [N/m]."""
-        K = _rows(tractions, self.dofs.size).tocoo()
-        n = 2 * len(self.interface.nodes)
-        return csr_matrix((K.data, (self.dofs[K.row], self.dofs[K.col])), shape=(n, n))
+        # Surface nodes ascend: blocks in the order of the surface are in that of the mesh.
+        nodes, n = self.interface.contact_nodes, len(self.interface.nodes)
+        starts = np.zeros(n + 1, dtype=np.int32)
+        starts[nodes + 1] = np.diff(tractions.starts)
+        np.cumsum(starts, out=starts)
+        columns = nodes[tractions.columns].astype(np.int32)
+        return bsr_matrix((tractions.blocks, columns, starts), shape=(2 * n, 2 * n)).tocsr()
 
 
 def _rows(tractions: Tractions, size: int) -> bsr_matrix:

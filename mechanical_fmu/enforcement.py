@@ -8,14 +8,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from contact.half.contact_client import History
-from contact.half.linalg import SingularMatrixError, factorise
 from contact.half.model import Link
 from contact.messages import Couplings, Tractions
-from contact.multipliers import ENDS
 from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.multiplier_equations import direction, equations_of
 from mechanical_fmu.newton import (
     MAX_POOR_ITERATIONS,
     POOR_REDUCTION,
@@ -26,19 +24,10 @@ from mechanical_fmu.newton import (
     jumps_text,
     line_search,
     solve,
-    with_tangent,
+    wants_tangent,
 )
 from mechanical_fmu.system import ForceBalance, Loading, System
-from mechanical_fmu.tangent import (
-    RIGHT_SIDES,
-    StiffnessAnchor,
-    constrained,
-    finish,
-    refuse_loose,
-    right_side,
-    stiffness,
-    symmetric,
-)
+from mechanical_fmu.tangent import StiffnessAnchor
 
 Floats = NDArray[np.float64]
 
@@ -165,40 +154,8 @@ def solve_in_rounds(system: System, loading: Loading, start: ForceBalance, ancho
 # The augmented Lagrangian, displacements and multipliers solved for at once: a semi-smooth Newton (Alart and
 # Curnier).
 #
-# Unknowns are u and lambda at the slave's nodes, lambda = -p where p = max(-lambda - eps_N g_N, 0) averages to p:
-#     r(u, lambda) = 0,   R(u, lambda) = W (lambda - t_N(u, lambda)) = 0,
-# whose solution is the one Uzawa's rounds go to.  With B = df/dlambda, C = dR/du, D = dR/dlambda of
-# contact.multipliers, and the stiffness K of the method's own direction, which has the penalty in it and so needs no
-# multiplier to be regular,
-#     K d - B dl = -r,  C d + D dl = -R:   d = d_0 + X dl,  X = K^-1 B,  (D + C X) dl = -R - C d_0.
-# That is the system in u and lambda with u condensed out: lambda has a few surface nodes, so D + C X is small and
-# dense. With an anchor's factor everything happens on the surface, as in tangent.py.  lambda takes its whole step; d
-# then is a Newton direction of the penalty's energy at the new lambda, so the line search of newton.py holds for it.
-
-@dataclass(frozen=True)
-class MultiplierEquations:
-    """Contact's answer to its multipliers, in units of eps : [Pa/m], so that all of it is of order 1.
-
-    at : (k,) multipliers that are unknown here.  B : (2 n, k), free components only, reduced to
-    reference rows; C : (k, 2 n), D : (k, k) and R : (k,) [m], each row divided by W eps.
-    """
-
-    at: NDArray[np.intp]
-    B: csr_matrix
-    C: csr_matrix
-    D: Floats
-    R: Floats
-    eps: float
-
-
-@dataclass(frozen=True)
-class Direction:
-    """d : (2 n,) [m].  multipliers : (n_m,) [Pa], the new ones.  pull : (n, 2) [N], B times their change."""
-
-    d: Floats
-    multipliers: Floats
-    pull: Floats
-
+# The direction is that of multiplier_equations.py.  lambda takes its whole step; d then is a Newton direction of the
+# penalty's energy at the new lambda, so the line search of newton.py holds for it.
 
 def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
                   settings: SolverSettings) -> Equilibrium:
@@ -212,7 +169,7 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
         return solve_in_rounds(system, loading, start, anchor, settings)
     share = min(system.spec.augmented.values())
     floor, augmented = system.floor(loading, settings.tolerance), system.contact.multiplied(system.spec.augmented)
-    balance, error, poor, fresh = start, system.error(start, floor), 0, False
+    balance, error, poor, fresh, whole = start, system.error(start, floor), 0, False, True
     history: list[float] = []
     while True:
         query = _query(loading)
@@ -234,116 +191,17 @@ def solve_at_once(system: System, loading: Loading, start: ForceBalance, anchor:
             break
         old = anchor if poor < MAX_POOR_ITERATIONS else None
         fresh = fresh or old is None
-        step = direction(system, loading, balance, gap, old, augmented)
+        answer = equations_of(system, query.couplings(system.interface.nodes + balance.u), balance.u, augmented)
+        step = direction(system, loading, balance, gap, old, query.multipliers, answer)
         loading = replace(loading, query=query.with_multipliers(step.multipliers))
         from_here = replace(balance, r=balance.r - step.pull)
         before, touched = float(error.max()), _touched(balance)
-        found = line_search(system, loading, Iterate(from_here, error), step.d, floor, settings.tolerance)
-        balance, error = found.balance, found.error
+        ahead = old is None and whole and wants_tangent(history, settings.tolerance)
+        found = line_search(system, loading, Iterate(from_here, error), step.d, floor, settings.tolerance, ahead)
+        balance, error, whole = found.balance, found.error, found.whole
         # While points open and close, that is what spoils an iteration, not the age of the factor.
         poor += float(error.max()) > POOR_REDUCTION * before and _touched(balance) == touched
     raise NoEquilibriumError(_text(system, settings, error, changes))
-
-
-def direction(system: System, loading: Loading, balance: ForceBalance, gap: Floats, anchor: StiffnessAnchor | None,
-              augmented: NDArray[np.bool_]) -> Direction:
-    """Solve for the change of displacements and multipliers.
-
-    gap : (n_fixed,) [m] still to go to the prescribed displacements.  anchor : whose factor to use, None for a fresh
-    tangent.  augmented : (n_m,) whether a multiplier is of an augmented pair.
-    Raises SingularMatrixError, ContactRefusedError.
-    """
-    query = _query(loading)
-    old, a = query.multipliers, answer_of(system, query, balance, augmented)
-    d, dl = _fresh(system, loading, balance, gap, a) if anchor is None else _anchored(anchor, balance, gap, a)
-    multipliers = np.zeros(old.size)
-    # fault: multipliers that pull -> multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, np.inf) |
-    #   mechanical_fmu/test_semi_smooth
-    multipliers[a.at] = np.minimum(old[a.at] + a.eps * dl, np.where(a.at < system.contact.pair_nodes.size, 0.0, np.inf))
-    # Of what was cut off at 0 the forces know nothing.
-    felt = (multipliers - old)[a.at] / a.eps
-    return Direction(d, multipliers, (a.B @ felt).reshape(-1, 2))
-
-
-def answer_of(system: System, query: ContactQuery, balance: ForceBalance,
-              augmented: NDArray[np.bool_]) -> MultiplierEquations:
-    """Assemble what the multipliers among augmented : (n_m,) do at balance.u.  Raises ContactRefusedError."""
-    c = query.couplings(system.interface.nodes + balance.u)
-    wanted = augmented & (c.weight > 0.0)
-    at = np.intersect1d(np.flatnonzero(wanted), c.ends)
-    place = np.full(wanted.size, -1)
-    place[at] = np.arange(at.size)
-    eps = max(pair.eps_N for pair in system.interface.pairs)
-    n, k, weight = 2 * len(balance.u), at.size, c.weight[at]
-    row = np.broadcast_to(c.nodes[:, :, None], c.values.shape[:3])
-    column = np.broadcast_to(place[c.ends][:, None, :], c.values.shape[:3])
-    equation = np.full(c.nodes.shape, -1)
-    equation[:, ENDS] = place[c.ends]
-    equation = np.broadcast_to(equation[:, :, None], c.values.shape[:3])
-    # Most pieces are open: where nothing touches, nothing answers.
-    use = (column >= 0) & c.values.any(axis=3)
-    j, dofs = column[use], system.contact.dofs.reshape(-1, 2)[row[use]]
-    both, twice = dofs.ravel(), np.repeat(j, 2)
-    B = csr_matrix((eps * c.values[..., :2][use].ravel(), (both, twice)), shape=(n, k))
-    C = csr_matrix((c.values[..., 2:4][use].ravel() / (eps * weight[twice]), (twice, both)), shape=(k, n))
-    D, i = np.eye(k), equation[use]
-    inside = i >= 0
-    np.add.at(D, (i[inside], j[inside]), c.values[..., 4][use][inside] / weight[i[inside]])
-    # fault: multipliers of a rigid body's nodes not gathered -> if False: | mechanical_fmu/test_semi_smooth
-    if system.rigid is not None:
-        B = csr_matrix(system.rigid.follow(balance.u).T @ B)
-    B.data *= np.repeat(system.constraints.free, np.diff(B.indptr))
-    B.eliminate_zeros()  # nodes that face something and touch nothing: no force of theirs is to be solved for
-    return MultiplierEquations(at.astype(np.intp), B, C, D, c.residual[at] / (eps * weight), eps)
-
-
-def _fresh(system: System, loading: Loading, balance: ForceBalance, gap: Floats,
-           a: MultiplierEquations) -> tuple[Floats, Floats]:
-    """d and the change of the multipliers over eps : (k,) [m], with today's tangent."""
-    balance = with_tangent(system, balance, loading)
-    if loading.inertia is None:
-        refuse_loose(system, balance)
-    K = stiffness(system, balance, loading)
-    solve = factorise(constrained(system, K), symmetric(system, balance, loading))
-    d = finish(system, balance, solve(right_side(system, balance, K, gap)), gap)
-    X = np.zeros((d.size, a.at.size))
-    felt = np.unique(a.B.indices)
-    for first in range(0, felt.size, RIGHT_SIDES):
-        some = felt[first : first + RIGHT_SIDES]
-        columns = solve(a.B[:, some].toarray())
-        X[:, some] = columns if system.rigid is None else system.rigid.spread(columns, balance.u)
-    dl = _solved(a.D + a.C @ X, -a.R - a.C @ d)
-    # fault: multipliers that answer for half -> return d + X @ dl, 0.5 * dl | mechanical_fmu/test_semi_smooth
-    return d + X @ dl, dl
-
-
-def _anchored(anchor: StiffnessAnchor, balance: ForceBalance, gap: Floats,
-              a: MultiplierEquations) -> tuple[Floats, Floats]:
-    """The same with the factor of an anchor: d_s + S (E d_s - B dl) = d_0s and C d_s + D dl = -R on the surface."""
-    system = anchor.system
-    refuse_loose(system, balance)
-    b = right_side(system, balance, anchor.matrix, gap, balance.tractions)
-    dofs, moved = system.contact.dofs, np.zeros(b.size)
-    moved[system.constraints.fixed] = gap
-    R = a.R + a.C @ moved
-    E, B, C = anchor.surface_change(balance.tractions), a.B[dofs].toarray(), a.C[:, dofs].toarray()
-    C = C * system.constraints.free[dofs]
-    active = np.flatnonzero(E.any(axis=1) | B.any(axis=1) | C.any(axis=0))
-    E, B, C, m = E[np.ix_(active, active)], B[active], C[:, active], active.size
-    S = anchor.compliance[np.ix_(active, active)]
-    d_0 = anchor.solve(b)[dofs[active]]
-    solved = _solved(np.block([[np.eye(m) + S @ E, -S @ B], [C, a.D]]), np.concatenate([d_0, -R]))
-    d_s, dl = solved[:m], solved[m:]
-    # fault: anchored multipliers without their force -> b[dofs[active]] -= E @ d_s | mechanical_fmu/test_semi_smooth
-    b[dofs[active]] -= E @ d_s - B @ dl
-    return finish(system, balance, anchor.solve(b), gap), dl
-
-
-def _solved(A: Floats, b: Floats) -> Floats:
-    try:
-        return np.asarray(np.linalg.solve(A, b))
-    except np.linalg.LinAlgError as exc:
-        raise SingularMatrixError("the multipliers of contact are not determined: its equations are singular") from exc
 
 
 def _query(loading: Loading) -> ContactQuery:

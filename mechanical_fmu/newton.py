@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -51,9 +52,15 @@ MIN_CURVATURE = 1e-8
 
 
 class Directions(Protocol):
-    """A way to search within one step.  fresh : whether a tangent was taken in this step."""
+    """A way to search within one step.  fresh : whether a tangent was taken in it.  every : whether each iterate's is.
+    """
 
     fresh: bool
+
+    @property
+    def every(self) -> bool:
+        """Say whether the next direction, too, will be that of a fresh tangent."""
+        ...
 
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
@@ -70,9 +77,14 @@ class Newton:
     def __init__(self, system: System, loading: Loading, anchor: StiffnessAnchor | None) -> None:
         self.system, self.loading, self.anchor, self.poor, self.fresh = system, loading, anchor, 0, False
 
+    @property
+    def every(self) -> bool:
+        """Say whether the next direction, too, will be that of a fresh tangent."""
+        return self.anchor is None or self.poor >= MAX_POOR_ITERATIONS
+
     def direction(self, balance: ForceBalance, gap: Floats) -> Floats:
         """Find d : (2 n_nodes,) [m] at a balance; gap : (n_fixed,) [m], d on prescribed components."""
-        if self.anchor is not None and self.poor < MAX_POOR_ITERATIONS:
+        if self.anchor is not None and not self.every:
             return self.anchor.direction(balance, gap)
         self.fresh = True
         return fresh_direction(self.system, with_tangent(self.system, balance, self.loading), self.loading, gap)
@@ -92,6 +104,8 @@ class Factor:
 
 class Modified:
     """One tangent until it no longer serves; with pairs > 0, corrected by what was learnt since."""
+
+    every = False
 
     def __init__(self, system: System, loading: Loading, pairs: int) -> None:
         self.system, self.loading, self.most, self.fresh = system, loading, pairs, True
@@ -149,8 +163,19 @@ def directions(method: str, system: System, loading: Loading, anchor: StiffnessA
 
 
 def with_tangent(system: System, balance: ForceBalance, loading: Loading) -> ForceBalance:
-    """Return the balance with the entries of its tangent."""
-    return balance if balance.entries is not None else system.balance(balance.u, loading, tangent=True)
+    """Return the balance with the entries of its tangent; what contact does there is known."""
+    if balance.entries is not None:
+        return balance
+    return system.balance(balance.u, loading, tangent=True, tractions=balance.tractions)
+
+
+def wants_tangent(history: Sequence[float], tolerance: float) -> bool:
+    """Say whether after the next iterate another one is to be expected, by the quadratic fall of residuals so far.
+
+    history : relative residuals of the iterates.  Forces and tangent at once cost less than one after the other; a
+    tangent at the solution is made for nothing.
+    """
+    return len(history) < 2 or history[-1] ** 3 > tolerance * history[-2] ** 2
 
 
 # A step is shortened while the work d . r left at its end exceeds this fraction of that at its start (Crisfield's 0.8).
@@ -206,10 +231,14 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class Iterate:
-    """A trial displacement.  error : (n_bodies,) relative residual of each body there."""
+    """A trial displacement.  error : (n_bodies,) relative residual of each body there.
+
+    whole : whether the step there was taken as it was, not shortened.
+    """
 
     balance: ForceBalance
     error: Floats
+    whole: bool = True
 
 
 def solve(system: System, loading: Loading, start: ForceBalance, anchor: StiffnessAnchor | None,
@@ -222,6 +251,7 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
     floor = system.floor(loading, settings.tolerance)
     balance, error = start, system.error(start, floor)
     history, search = [float(error.max())], directions(settings.method, system, loading, anchor)
+    whole = True
     while True:
         gap = loading.target - balance.u.ravel()[system.constraints.fixed]
         if history[-1] <= settings.tolerance and not gap.any():
@@ -229,8 +259,9 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
         if len(history) > settings.most:
             break
         d, before = search.direction(balance, gap), balance
-        found = line_search(system, loading, Iterate(balance, error), d, floor, settings.tolerance)
-        balance, error = found.balance, found.error
+        ahead = search.every and whole and wants_tangent(history, settings.tolerance)
+        found = line_search(system, loading, Iterate(balance, error), d, floor, settings.tolerance, ahead)
+        balance, error, whole = found.balance, found.error, found.whole
         history.append(float(error.max()))
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
@@ -249,10 +280,11 @@ def jumps_text(system: System) -> str:
 
 
 def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: Floats,
-                tolerance: float) -> Iterate:
+                tolerance: float, ahead: bool = False) -> Iterate:
     """Find balance and error at u + s d; s = 1 unless that turns a cell inside out or overshoots.
 
     d : (2 n_nodes,) [m].  floor : (n_bodies,) [N] least force a residual is compared with.
+    ahead : whether the tangent at u + d will be asked for.
     The gap of prescribed components closes in full steps only; while it is open the work has no sign to search by.
     """
     balance, before = start.balance, start.error
@@ -262,7 +294,7 @@ def line_search(system: System, loading: Loading, start: Iterate, d: Floats, flo
     s, best, inverted = 1.0, None, None
     for _ in range(MAX_SHORTENINGS):
         try:
-            trial = system.balance(_moved(system, loading, balance.u, d, s), loading)
+            trial = system.balance(_moved(system, loading, balance.u, d, s), loading, ahead and s == 1.0)
         except CellInversionError as exc:
             inverted, s = exc, 0.5 * s
             continue
@@ -270,9 +302,9 @@ def line_search(system: System, loading: Loading, start: Iterate, d: Floats, flo
         left = float(np.dot(pull, trial.r.ravel()))
         smaller = after.max() <= max(tolerance, 0.5 * before.max())
         if driven or smaller or work >= 0.0 or left <= MAX_WORK_LEFT * abs(work):
-            return Iterate(trial, after)
+            return Iterate(trial, after, s == 1.0)
         if best is None or after.max() < best.error.max():
-            best = Iterate(trial, after)
+            best = Iterate(trial, after, s == 1.0)
         s *= float(np.clip(work / (work - left), 0.1, 0.5))
     if best is None:
         raise inverted or AssertionError("a search tries at least once")

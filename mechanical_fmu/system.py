@@ -99,11 +99,6 @@ class System:
         dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
         return pattern_of(2 * self.volume.n_nodes, *dofs)
 
-    @cached_property
-    def free_entries(self) -> FreeEntries:
-        """Find the entries of free components in the pattern."""
-        return free_entries(self.constraints.free, self.pattern)
-
     def start_history(self) -> Floats:
         """Return (n_history,) of virgin points, for the PointStep of a first Loading."""
         return self.volume.start_history()
@@ -196,8 +191,12 @@ class System:
         """Say whether some cell can be liquid."""
         return any(cells.treatment.kind & LIQUID for cells in self.volume.kinds)
 
-    def balance(self, u: Floats, loading: Loading, tangent: bool = False) -> ForceBalance:
-        """Compute the forces at u : (n_nodes, 2) [m].  Raises CellInversionError, CellError, ContactRefusedError."""
+    def balance(self, u: Floats, loading: Loading, tangent: bool = False,
+                tractions: Tractions | None = None) -> ForceBalance:
+        """Compute the forces at u : (n_nodes, 2) [m].  Raises CellInversionError, CellError, ContactRefusedError.
+
+        tractions : of contact there under this loading, where they are known.
+        """
         internal = self.volume.evaluate(u, loading.moduli, loading.step, tangent)
         x = self.interface.nodes + u
         external = np.zeros_like(u)
@@ -205,9 +204,8 @@ class System:
             if p != 0.0:
                 forces = pressure_forces(x, load.edges, np.full(len(load.edges), p), self.interface.axisymmetric)
                 np.add.at(external, load.edges, forces)
-        tractions = None
         if loading.query is not None:
-            tractions = loading.query(x)
+            tractions = loading.query(x) if tractions is None else tractions
             # fault: contact forces halved -> external += 0.5 * self.contact.force(tractions) |
             #   mechanical_fmu/test_elastic_contact
             external += self.contact.force(tractions)
@@ -261,25 +259,6 @@ class System:
         # fault: tolerance of a body measured by the other -> return np.sqrt(squares[1:]) * [1.0, 0.0][:len(squares) -
         #   1] | mechanical_fmu/test_elastic_contact
         return np.sqrt(squares[1:])
-
-
-@dataclass(frozen=True)
-class FreeEntries:
-    """Which entries of a matrix with a whole diagonal belong to free components.
-
-    keep : (n_entries,) 1.0 where both row and column are free, else 0.0.  diagonal : (n,) its places.
-    fixed : (n,) 1.0 where a component is prescribed.
-    """
-
-    keep: Floats
-    diagonal: NDArray[np.intp]
-    fixed: Floats
-
-
-def free_entries(free: Floats, on: Pattern | csr_matrix) -> FreeEntries:
-    """Find the entries of free components; free : (n,) 1.0 where a component is free, else 0.0."""
-    rows = np.repeat(np.arange(free.size), np.diff(on.indptr))
-    return FreeEntries(free[rows] * free[on.indices], np.flatnonzero(rows == on.indices), 1.0 - free)
 
 
 def system_of(interface: Interface, spec: ElasticSpec) -> System:

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
+from contact.compiled import kernel
 from contact.half.held import name_of
 from contact.half.linalg import SingularMatrixError, Solve, factorise
-from contact.messages import Tractions
+from contact.messages import Ints, Tractions
 from mechanical_fmu.material import Moduli
-from mechanical_fmu.system import ForceBalance, Loading, System, free_entries
+from mechanical_fmu.system import ForceBalance, Loading, System
 
 Floats = NDArray[np.float64]
 
@@ -173,7 +174,7 @@ def refuse_loose(system: System, balance: ForceBalance) -> None:
         return
     x = system.interface.nodes + balance.u
     for body, Z in system.constraints.loose_motions(x):
-        motions = system.constraints.rigid_motions(x, body) @ Z
+        motions = system.constraints.rigid_motions(x, body, system.contact.dofs) @ Z
         held = np.zeros((Z.shape[1], Z.shape[1]))
         if balance.tractions is not None and len(balance.tractions.blocks):
             held = system.contact.against(balance.tractions, motions)
@@ -219,13 +220,27 @@ def constrained(system: System, K: csr_matrix) -> csr_matrix:
 
     K : (2 n_nodes, 2 n_nodes) [N/m], or a mass matrix [kg].
     """
-    # A matrix made on the pattern has views of its arrays.
-    known = K.nnz == system.pattern.indices.size and np.may_share_memory(K.indices, system.pattern.indices)
-    entries = system.free_entries if known else free_entries(system.constraints.free, K)
-    data = K.data * entries.keep
-    # The diagonal is in the pattern, and sums of matrices keep it.
-    data[entries.diagonal] += entries.fixed * np.abs(K.data[entries.diagonal]).max()
-    return csr_matrix((data, K.indices, K.indptr), shape=K.shape)
+    return csr_matrix((_held(K.data, K.indices, K.indptr, system.constraints.free), K.indices, K.indptr), shape=K.shape)
+
+
+@kernel
+def _held(data: Floats, indices: Ints, indptr: Ints, free: Floats) -> Floats:
+    """Return the entries of a matrix whose prescribed components, free : (n,) 0.0, have its largest diagonal alone.
+
+    data, indices : (nnz,) and indptr : (n + 1,), the diagonal among them: it is in the pattern, and sums of matrices
+    keep it.
+    """
+    kept, largest = data.copy(), 0.0
+    for i in range(free.size):
+        for k in range(indptr[i], indptr[i + 1]):
+            if indices[k] == i:
+                largest = max(largest, abs(data[k]))
+    for i in range(free.size):
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            if free[i] == 0.0 or free[j] == 0.0:
+                kept[k] = largest if i == j else 0.0
+    return kept
 
 
 def finish(system: System, balance: ForceBalance, d: Floats, gap: Floats) -> Floats:

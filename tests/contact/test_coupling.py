@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import curved, passes, push
 
-from contact.messages import Coupling, Couplings, Floats, Refused, Register, Registered
+from contact.messages import Coupling, Couplings, Floats, Refused, Register, Registered, Traction
 from contact.multipliers import ENDS
 from contact.pair_nodes import pair_layout_of
 from contact.service import ContactService
@@ -80,6 +80,25 @@ def test_the_residual_is_what_the_pressures_lack():
     # What both sides press in sum is the same.
     assert (c.weight * t_N)[~own].sum() == pytest.approx((c.weight * t_N)[own].sum(), rel=1e-3)
     assert np.abs(c.residual).max() > 0.0
+
+
+@pytest.mark.parametrize("change", ["x", "multipliers", "x_before", "multipliers_before", "mobilised", None])
+def test_an_answer_knows_nothing_of_the_one_before(change):
+    """What forces and equations share is kept from request to request: for the same numbers only."""
+    register, x = curved(7, 9, gap=-0.03)
+    register = replace(register, passes=passes((0, 1), mu=0.2))
+    pressed = np.where(push(register, x).multipliers < 0.0, -2e5, 0.0)
+    asked = {"x": x, "multipliers": pressed, "x_before": x - [1e-4, 0.0], "multipliers_before": pressed,
+             "mobilised": np.full(len(x), 0.01)}
+    other = asked if change is None else {**asked, change: asked[change] * 1.001}
+    services = [ContactService(), ContactService()]
+    names = [registered.surfaces for service in services
+             if isinstance(registered := service.handle(register), Registered)]
+    services[0].handle(Traction(names[0], **asked))
+    for request in (Coupling, Traction):
+        replies = [service.handle(request(name, **other)) for service, name in zip(services, names, strict=True)]
+        for field in fields(replies[1]):
+            np.testing.assert_array_equal(getattr(replies[0], field.name), getattr(replies[1], field.name))
 
 
 def test_a_wrong_request_is_refused():
