@@ -9,7 +9,7 @@ import numpy as np
 from contact.compiled import kernel
 from contact.messages import Facing, Floats, Ints
 from contact.pair_nodes import pair_nodes_at
-from contact.rounding import rounding_of
+from contact.rounding import end_turns, rounding_of, turned_ends
 from contact.search import Rise, pass_points
 from contact.surfaces import RegisteredSurfaces, checked_reals, edge_frames
 from contact.tied import points_now
@@ -22,19 +22,50 @@ class Cut:
     """All contact quadrature points of a scene, in one table, and what was computed on the way.
 
     number : (n_p,) of the pass.  met : (n_p, 2) slave and master edge.
-    at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.
+    at : (n_p, 4) pair nodes, the slave edge's two, then the master edge's two.  shape : (n_p,) which of normals.
     values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2]; (n_p, 7) with wide_s, wide_m [1] where mutual.
-    normal : (n_edges, 3, 2) [1] as from contact.surfaces, or contact.rounding where mutual.  node_gap : (n_q,) [m] and
-    node_covered : (n_q,) [1] as in Facing.  The two points of a piece are neighbours.
+    normals : (k, n_edges, 3, 2) [1] as from contact.surfaces, then those of Shapes, or contact.rounding where mutual.
+    node_gap : (n_q,) [m] and node_covered : (n_q,) [1] as in Facing.  The two points of a piece are neighbours.
     """
 
     number: Ints
     met: Ints
     at: Ints
+    shape: Ints
     values: Floats
-    normal: Floats
+    normals: Floats
     node_gap: Floats
     node_covered: Floats
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """How forces see edges: row 0 straight, row 1, where a pair is smooth, as round as they are drawn.
+
+    of : (n_passes,) the row of each pass.  rise : (k, n_edges) [m] and angle : (k, n_edges, 2) [rad] as in
+    contact.rounding.
+    """
+
+    of: Ints
+    rise: Floats
+    angle: Floats
+
+    def normals(self, normal: Floats) -> Floats:
+        """Return the normals (k, n_edges, 3, 2) [1] of edges whose own are normal : (n_edges, 3, 2) [1]."""
+        return normal[None] if len(self.rise) == 1 else np.stack([normal, turned_ends(normal, self.angle[1])])
+
+
+def shapes_of(surfaces: RegisteredSurfaces) -> Shapes:
+    """Return how forces see the edges of these surfaces, found once."""
+    if "shapes" not in surfaces.found:
+        of, n = surfaces.smooth, len(surfaces.register.edges)
+        rise, angle = np.zeros((1 + int(of.any()), n)), np.zeros((1 + int(of.any()), n, 2))
+        if of.any():
+            rise[1], angle[1] = _drawn(surfaces)
+        surfaces.found["shapes"] = Shapes(of, rise, angle)
+    shapes = surfaces.found["shapes"]
+    assert isinstance(shapes, Shapes)
+    return shapes
 
 
 def project(surfaces: RegisteredSurfaces, x: Floats) -> Facing:
@@ -56,14 +87,19 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) 
     length, normal = edge_frames(x, r.edges, surfaces.previous, surfaces.following)
     _check_geometry(surfaces, x, length)
     rise: Rise = None
+    shapes = shapes_of(surfaces)
+    normals = normal[None] if mutual else shapes.normals(normal)
     if mutual:
         rounding = rounding_of(x, r.edges, surfaces.previous, surfaces.following, r.axisymmetric, length, normal)
-        # fault: edges that bend are round to heat -> normal, rise = rounding.normal, rounding.rise |
+        # fault: edges that bend are round to heat -> normals, rise = rounding.normal[None],
+        #   rounding.rise |
         #   scenarios/test_contact_two_way
-        normal, rise = rounding.normal, rounding.rise if r.x is None else _drawn_rise(surfaces)
+        normals, rise = rounding.normal[None], rounding.rise if r.x is None else _drawn(surfaces)[0]
     passes, of = surfaces.passes, surfaces.pair_nodes
     node_gap = np.full(of.size, np.inf)
-    tables = [_pass(surfaces, x, length, normal, rise, i, node_gap) for i in range(passes.slave.size)]
+    row = np.zeros_like(shapes.of) if mutual else shapes.of
+    tables = [_pass(surfaces, x, length, normals[row[i]], rise, shapes.rise[row[i]], i, node_gap)
+              for i in range(passes.slave.size)]
     counts = [len(values) for _, values in tables]
     number = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
     if len(tables) == 1:
@@ -74,34 +110,33 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) 
     at = pair_nodes_at(number, met, of.first, of.place)
     covered = covered_fractions(x, r.edges, length, of.sides, surfaces.start, of.place, r.axisymmetric, at, values,
                                 of.size)
-    return Cut(number, met, at, values, normal, node_gap, covered)
+    return Cut(number, met, at, row[number], values, normals, node_gap, covered)
 
 
-def _drawn_rise(surfaces: RegisteredSurfaces) -> Floats:
-    """Return (n_edges,) [m], what the surfaces as drawn rise above their edges, found once.
+def _drawn(surfaces: RegisteredSurfaces) -> tuple[Floats, Floats]:
+    """Return what surfaces as drawn rise, (n_edges,) [m], and turn where chains end, (n_edges, 2) [rad], found once.
 
     Edges that bend under load stay the edges they are to forces, which close gaps: so they do to heat.
     """
-    if "rise" not in surfaces.found:
+    if "drawn" not in surfaces.found:
         r = surfaces.register
         assert r.x is not None
         length, normal = edge_frames(r.x, r.edges, surfaces.previous, surfaces.following)
         _check_geometry(surfaces, r.x, length)
-        surfaces.found["rise"] = rounding_of(r.x, r.edges, surfaces.previous, surfaces.following, r.axisymmetric,
-                                             length, normal).rise
-    rise = surfaces.found["rise"]
-    assert isinstance(rise, np.ndarray)
-    return rise
+        drawn = rounding_of(r.x, r.edges, surfaces.previous, surfaces.following, r.axisymmetric, length, normal)
+        surfaces.found["drawn"] = drawn.rise, end_turns(normal, drawn.normal)
+    rise, angle = surfaces.found["drawn"]
+    return rise, angle
 
 
-def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise, i: int,
+def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise, bulge: Floats, i: int,
           node_gap: Floats) -> tuple[Ints, Floats]:
     """Search pass i; return (n, 2) edges and values as in Cut, and lower node_gap : (n_q,) [m] to what the pass's is.
     """
     of, gap_max = surfaces.pair_nodes, float(surfaces.passes.gap_max[i])
     if surfaces.tied[i]:
-        # fault: what is tied is searched for anew -> met, values, _ = pass_points(surfaces, x, length, normal, None, i)
-        #   | contact/test_tied
+        # fault: what is tied is searched for anew -> met, values, _ = pass_points(surfaces, x, length, normal, None,
+        #   bulge, i) | contact/test_tied
         met, values = points_now(surfaces, x, length, i)
         if rise is not None:
             values = np.concatenate([values, np.ones((len(values), 2))], axis=1)  # what is tied is as wide as its edges
@@ -109,7 +144,7 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
         for side in range(2):
             near[surfaces.register.edges[met[:, side]]] = 0.0
     else:
-        met, values, near = pass_points(surfaces, x, length, normal, rise, i)
+        met, values, near = pass_points(surfaces, x, length, normal, rise, bulge, i)
     lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], gap_max)
     return met, values
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-WIRE_VERSION = 7
+WIRE_VERSION = 8
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class Passes:
     faced [m].  eps_N : penalty [Pa/m], 0: at each point that of the two edges there in a row.  eps_T : penalty
     of sticking [Pa/m], 0: as eps_N.  mu : Coulomb's coefficient [1].  depth : how deep behind the other surface is
     looked [m], where that is more than an edge's length; None: nowhere.  tied : 1 where the sides are bonded as they
-    face each other at Register.x, for good, else 0; None: nowhere.
+    face each other at Register.x, for good, else 0; None: nowhere.  smooth : 1 where forces see the sides as round as
+    they are at Register.x (contact.rounding), else 0; None: nowhere.
     """
 
     pair: Ints
@@ -43,6 +44,7 @@ class Passes:
     mu: Floats
     depth: Floats | None = None
     tied: Ints | None = None
+    smooth: Ints | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Register:
     stiffness : (n_edges,) [Pa/m], of the layer of cells behind each edge; None: 0.
     offset : (n_q,) [m], what is added to gaps at pair nodes of sides that are searched from, linear between; None: 0.
     x : (n_s, 2) [m], as drawn: where tied sides faced each other, and by how much edges are chords of round surfaces;
-    None: nothing is tied, and edges are as round as they are when asked for.
+    None: nothing is tied or smooth, and edges are as round to heat as they are when asked for.
     """
 
     n_nodes: int
@@ -144,6 +146,8 @@ class Tractions:
     shear : (n_q,) [Pa] of slave nodes, the mean of tau over what each faces (of next to nothing: as t_N).
     E_friction : (n_q,) [J] of slave nodes, what slipping made since x_before.
     slipping : (n_q,) of what a slave node touches, the part at Coulomb's bound, 0 to 1.
+    slip : (n_q,) [m] of slave nodes, how far they went at that bound since x_before, the mean over what each touches,
+    positive along the edges, the body on the left; what only strains the spring of sticking is none.
     n_touching, n_slipping : contact quadrature points with p_N > 0, and those of them at Coulomb's bound.
     stored : [J] that the springs of contact hold, sum A (p_N depth + tau^2/eps_T)/2, and those of ties.
     """
@@ -160,6 +164,7 @@ class Tractions:
     shear: Floats
     E_friction: Floats
     slipping: Floats
+    slip: Floats
     n_touching: int
     n_slipping: int
     stored: float

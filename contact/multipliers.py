@@ -23,12 +23,15 @@ from contact.piece import (
     OFFSET_1,
     OFFSET_2,
     OPEN,
+    RISE_S,
     SLIPS_BACK,
     SLIPS_FORWARD,
     Flags,
     add_stretch,
     field_normal,
     frame_change,
+    ray_length,
+    rounding_change,
 )
 from contact.search import GAUSS
 from contact.surfaces import RegisteredSurfaces, frame_of
@@ -46,8 +49,8 @@ def coupling(surfaces: RegisteredSurfaces, request: Coupling) -> Couplings:
     multipliers = asked.multipliers
     residual, weight = balances(cut.at, cut.values, points.p_N, multipliers[:surfaces.pair_nodes.size])
     nodes, at, values = coupled_pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.at,
-                                       cut.values, cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric,
-                                       points.c, points.doing, points.p_N, multipliers)
+                                       cut.values, cut.normals, cut.shape, surfaces.passes.by_node[cut.number],
+                                       r.axisymmetric, points.c, points.doing, points.p_N, multipliers)
     if surfaces.pair_nodes.tied.size:
         ties, n_q = ties_of(surfaces), surfaces.pair_nodes.size
         bonds = bonds_at(surfaces, asked.x, multipliers, cut.values[surfaces.tied[cut.number] == 1, 3])
@@ -79,13 +82,13 @@ def balances(at: Ints, values: Floats, p_N: Floats, multipliers: Floats) -> tupl
 
 @kernel
 def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, at: Ints, values: Floats,
-                   normal: Floats, by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats, p_N: Floats,
-                   multipliers: Floats) -> tuple[Ints, Ints, Floats]:
+                   normals: Floats, shape: Ints, by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats,
+                   p_N: Floats, multipliers: Floats) -> tuple[Ints, Ints, Floats]:
     """Compute nodes (n_b, 6), ends (n_b, 4), values (n_b, 6, 4, 5) of pieces that touch or have a multiplier.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
-    at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2)
-    [1].  by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
+    at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normals, shape, by_node :
+    as of contact.traction.pieces.  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
     p_N : (n_p,) [Pa].  multipliers : (n_q,) [Pa].
     """
     n_blocks = 0
@@ -104,7 +107,7 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
     for i in range(0, met.shape[0], 2):
         if not chosen[i]:
             continue
-        e, m = met[i, 0], met[i, 1]
+        e, m, normal = met[i, 0], met[i, 1], normals[shape[i]]
         piece_nodes(edges, previous, following, e, m, nodes[b])
         for k in range(NODES):
             for d in range(2):
@@ -142,7 +145,8 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
             spread = d_cut[1, j] - d_cut[0, j]
             d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + offset * GAUSS * spread
             d_area[j] = per_cut * spread
-        add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
+        rise = 0.0 if by_node else c[q, RISE_S]
+        add_stretch(x, points[q, 0], points[q, 3], rise, axisymmetric, d_xi, d_area)
         by_place(x, n, points, c, doing, p_N[q], q, multipliers, at, d_phi, d_xi, d_area, out)
         if int(doing[q]) > OPEN:
             by_multiplier(n, points, c, doing, q, out)
@@ -162,7 +166,7 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
     sx, sy, ex, ey = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1], x[5, 0] - x[4, 0], x[5, 1] - x[4, 1]
     cross = nx * ey - ny * ex
     slope, widens = c[q, LAMBDA_2] - c[q, LAMBDA_1], c[q, OFFSET_2] - c[q, OFFSET_1]
-    g -= c[q, OFFSET_1] + xi * widens  # from here on the length of the ray
+    g = ray_length(c, q, g, xi, eta)
     shape = (1.0 - xi, xi, 1.0 - eta, eta)
     for j in range(2 * NODES):
         i, along_x, along_y = j // 2, 1.0 - j % 2, float(j % 2)
@@ -172,7 +176,10 @@ def by_place(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, p: 
         wx = own * along_x + d_xi[j] * sx - g * turn * ny - other * along_x
         wy = own * along_y + d_xi[j] * sy + g * turn * nx - other * along_y
         dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
-        dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens) if int(doing[q]) > OPEN else 0.0
+        dp = 0.0
+        if int(doing[q]) > OPEN:
+            rounds = rounding_change(c, q, xi, eta, d_xi[j], deta)
+            dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens + rounds)
         d_shape = (-d_xi[j], d_xi[j], -deta, deta)
         for k in range(4):
             whole = multipliers[at[k]] + p

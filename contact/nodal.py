@@ -6,7 +6,7 @@ import numpy as np
 
 from contact.compiled import kernel
 from contact.messages import Floats, Ints
-from contact.piece import OPEN, SLIPS_FORWARD
+from contact.piece import OPEN
 
 
 @kernel
@@ -109,23 +109,21 @@ def on_masters(t_N: Floats, searched: Ints, at: Ints, values: Floats) -> Floats:
 
 
 @kernel
-def slipping_fractions(n_q: int, at: Ints, values: Floats, doing: Floats) -> Floats:
-    """Return sum(A N of what slips)/sum(A N of what touches) (n_q,) [1] of slave nodes; 0 where nothing touches.
+def touching_means(n_q: int, at: Ints, values: Floats, doing: Floats, told: Floats) -> Floats:
+    """Return sum(A N told)/sum(A N) over what each slave node touches, (n_q,); 0 where nothing touches.
 
     at : (n_p, 4) pair nodes, the slave edge's two first.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  doing : (n_p,) state: open, sticks or slips [1].
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  doing : (n_p,) state [1].
+    told : (n_p,) of the points.
     """
-    slips, touches = np.zeros(n_q), np.zeros(n_q)
+    summed, touches = np.zeros(n_q), np.zeros(n_q)
     for i in range(at.shape[0]):
         if doing[i] == OPEN:
             continue
         for end in range(2):
-            s = at[i, end]
             weight = (values[i, 0] if end == 1 else 1.0 - values[i, 0]) * values[i, 3]
-            touches[s] += weight
-            # fault: what sticks is told as slipping -> if doing[i] > OPEN: | contact/test_traction
-            if doing[i] >= SLIPS_FORWARD:
-                slips[s] += weight
+            summed[at[i, end]] += weight * told[i]
+            touches[at[i, end]] += weight
     for s in range(n_q):
-        slips[s] = slips[s] / touches[s] if touches[s] > 0.0 else 0.0
-    return slips
+        summed[s] = summed[s] / touches[s] if touches[s] > 0.0 else 0.0
+    return summed

@@ -22,10 +22,10 @@ Flags = NDArray[np.bool_]
 NODES = 6
 FIXED = -1  # a cut that moves with the edge; else the number of the node whose foot it is
 # Columns of a point's constants: multipliers at the slave's nodes [Pa], penalties [Pa/m], friction, the mobilised
-# friction before [1], the shear if it sticks with its derivatives by xi and eta [Pa], and what is added to the gap at
-# the slave's nodes [m].
+# friction before [1], the shear if it sticks with its derivatives by xi and eta [Pa], what is added to the gap at the
+# slave's nodes [m], and what slave and master rise above their edges (contact.rounding) where the pair is smooth [m].
 LAMBDA_1, LAMBDA_2, EPS_N, EPS_T, MU, MOBILISED, TRIAL, TRIAL_XI, TRIAL_ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
-OFFSET_1, OFFSET_2, N_CONSTANTS = 9, 10, 11
+OFFSET_1, OFFSET_2, RISE_S, RISE_M, N_CONSTANTS = 9, 10, 11, 12, 13
 # State of a point, `doing`.
 OPEN, STICKS, SLIPS_FORWARD, SLIPS_BACK = 0, 1, 2, 3
 
@@ -132,18 +132,24 @@ def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymme
             spread = d_cut[1, j] - d_cut[0, j]
             d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + weight * GAUSS * spread
             d_area[j] = per_cut * spread
-        add_stretch(x, points[q, 0], points[q, 3], axisymmetric, d_xi, d_area)
+        rise = 0.0 if by_node else c[q, RISE_S]
+        add_stretch(x, points[q, 0], points[q, 3], rise, axisymmetric, d_xi, d_area)
         add_point(x, n, points, c, doing, q, d_phi, d_xi, d_area, force, block)
 
 
 @kernel
-def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Floats, d_area: Floats) -> None:
+def add_stretch(x: Floats, xi: float, area: float, rise: float, axisymmetric: bool, d_xi: Floats,
+                d_area: Floats) -> None:
     """Add to d_area : (12,) [m] what comes of the edge's length, and of the distance from the axis.
 
-    x : (6, 2) [m].  d_xi : (12,) [1/m].
+    x : (6, 2) [m].  rise : of the round surface whose area it is [m].  d_xi : (12,) [1/m].
     """
     tx, ty = x[1, 0] - x[0, 0], x[1, 1] - x[0, 1]
-    scale = area / (tx * tx + ty * ty)
+    size = tx * tx + ty * ty
+    steep = rise * (1.0 - 2.0 * xi)
+    wide = size + steep * steep  # the area is that of the edge times (wide/size)^(1/2)
+    # fault: an edge that grows stays as round as it was -> scale = area / size | contact/test_smooth
+    scale = area / wide
     d_area[0] -= scale * tx
     d_area[1] -= scale * ty
     d_area[2] += scale * tx
@@ -154,6 +160,26 @@ def add_stretch(x: Floats, xi: float, area: float, axisymmetric: bool, d_xi: Flo
         d_area[2] += area / r * xi
         for j in range(2 * NODES):
             d_area[j] += area / r * tx * d_xi[j]
+    if rise != 0.0:
+        for j in range(2 * NODES):
+            d_area[j] -= 2.0 * area * steep * rise / wide * d_xi[j]
+
+
+@kernel
+def ray_length(c: Floats, q: int, g: float, xi: float, eta: float) -> float:
+    """Return the length [m] of the ray of point q from edge to edge, whose gap is g [m]; c : (n_p, N_CONSTANTS)."""
+    g -= c[q, OFFSET_1] + xi * (c[q, OFFSET_2] - c[q, OFFSET_1])
+    return g + c[q, RISE_S] * xi * (1.0 - xi) + c[q, RISE_M] * eta * (1.0 - eta)
+
+
+@kernel
+def rounding_change(c: Floats, q: int, xi: float, eta: float, d_xi: float, d_eta: float) -> float:
+    """Return how the gap of point q changes [1] by what its surfaces rise, as xi and eta do, d_xi and d_eta [1/m].
+
+    c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1].
+    """
+    # fault: round surfaces are as high all along -> return 0.0 * d_xi | contact/test_smooth
+    return -c[q, RISE_S] * (1.0 - 2.0 * xi) * d_xi - c[q, RISE_M] * (1.0 - 2.0 * eta) * d_eta
 
 
 @kernel
@@ -173,7 +199,7 @@ def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q:
     p = -(c[q, LAMBDA_1] + xi * slope) - c[q, EPS_N] * g
     # From here on the gap is the length of the ray.
     widens = c[q, OFFSET_2] - c[q, OFFSET_1]
-    g -= c[q, OFFSET_1] + xi * widens
+    g = ray_length(c, q, g, xi, eta)
     # The shear is tau = drag p where it slips, else the trial's, which hangs on the two material points alone.
     drag, trial_xi, trial_eta, tau = 0.0, 0.0, 0.0, 0.0
     if int(doing[q]) >= SLIPS_FORWARD:
@@ -196,9 +222,9 @@ def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q:
         # fault: sliding along a tilted master edge forgotten -> dg, deta = (wy * ex - wx * ey) / cross, 0.0 * cross |
         #   contact/test_traction
         dg, deta = (wy * ex - wx * ey) / cross, (wy * nx - wx * ny) / cross
-        # fault: what is added to a gap does not change along the edge -> dp = -d_xi[j] * slope - c[q, EPS_N] * dg |
-        #   contact/test_offset
-        dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens)
+        # fault: what is added to a gap does not change along the edge -> dp = -d_xi[j] * slope - c[q, EPS_N] * (dg +
+        #   rounding_change(c, q, xi, eta, d_xi[j], deta)) | contact/test_offset
+        dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens + rounding_change(c, q, xi, eta, d_xi[j], deta))
         # fault: slip does not follow the master point -> dtau = drag * dp + trial_xi * d_xi[j] + 0.0 * trial_eta |
         #   contact/test_slip
         dtau = drag * dp + trial_xi * d_xi[j] + trial_eta * deta

@@ -1,9 +1,9 @@
-"""Surfaces as heat sees them: round where their edges are chords of an arc, with a normal at every end of a chain.
+"""Surfaces as heat sees them, and forces of smooth pairs: round where edges are chords of an arc, with normals at ends.
 
-Forces act on the edges as they are.  But a gap of 1 mm between edges of 5 mm on a radius of 50 mm is 6 % of itself
-farther, or nearer, than that between the arcs; and a surface that ends at a plane of symmetry goes on beyond it: with
-its last edge's own normal there, the rays of half an edge are lost.  How round a surface is, is asked of it as drawn
-(contact.facing); its normals, where it is.
+Other forces act on the edges as they are.  But a gap of 1 mm between edges of 5 mm on a radius of 50 mm is 6 % of
+itself farther, or nearer, than that between the arcs; and a surface that ends at a plane of symmetry goes on beyond it:
+with its last edge's own normal there, the rays of half an edge are lost.  How round a surface is, is asked of it as
+drawn (contact.facing); its normals, where it is.
 """
 
 from __future__ import annotations
@@ -112,3 +112,32 @@ def rounding_of(x: Floats, edges: Ints, previous: Ints, following: Ints, axisymm
     turned, rise = normal.copy(), np.empty(len(edges))
     round_frames(x, edges, previous, following, axisymmetric, length, turned, rise)
     return Rounding(turned, rise)
+
+
+@kernel
+def end_turns(normal: Floats, turned: Floats) -> Floats:
+    """Return the angles (n_edges, 2) [rad] from the normals at the ends of edges to those turned by round_frames.
+
+    normal, turned : (n_edges, 3, 2) [1].
+    """
+    angle = np.zeros((normal.shape[0], 2))
+    for e in range(normal.shape[0]):
+        for end in range(2):
+            angle[e, end] = turn_between(normal[e, 1 + end, 0], normal[e, 1 + end, 1], turned[e, 1 + end, 0],
+                                         turned[e, 1 + end, 1])
+    return angle
+
+
+@kernel
+def turned_ends(normal: Floats, angle: Floats) -> Floats:
+    """Return normals (n_edges, 3, 2) [1] turned at the ends of their edges; angle : (n_edges, 2) [rad]."""
+    turned = normal.copy()
+    for e in range(normal.shape[0]):
+        for end in range(2):
+            if angle[e, end] != 0.0:
+                c, s = np.cos(angle[e, end]), np.sin(angle[e, end])
+                nx, ny = normal[e, 1 + end, 0], normal[e, 1 + end, 1]
+                # fault: to forces a round surface ends with the normal of its last edge -> c, s = 1.0, 0.0 |
+                #   contact/test_smooth
+                turned[e, 1 + end, 0], turned[e, 1 + end, 1] = c * nx - s * ny, s * nx + c * ny
+    return turned

@@ -10,7 +10,8 @@ an edge, and at its first and second node; length (n_edges,) [m]; met (n_p, 2) s
 values (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2] of each point, two rows a piece, for heat (n_p, 7) with
 wide_s, wide_m [1]; offset (n_edges, 2) [m], is added to the gaps of a pass at the ends of its edges, gaps are those
 with it; rise (n_edges,) [m], what the surface lies outside of its edges (contact.rounding), for heat, and None for
-forces: numba compiles either on its own, so that neither pays for the other.
+forces: numba compiles either on its own, so that neither pays for the other; bulge (n_edges,) [m], the same for the
+forces of smooth pairs, which hang on it along the slave's rays: 0 for heat and for pairs with straight edges.
 """
 
 from __future__ import annotations
@@ -80,10 +81,16 @@ def faced(frame: Frame, xi: float, x: Floats, edges: Ints, normal: Floats, rise:
 
 
 @inner
-def added(offset: Floats, e: int, xi: float) -> float:
-    """Return what is added to the gap [m] at xi of slave edge e; offset : (n_edges, 2) [m] at the edges' ends."""
-    # fault: what is added to a gap is that of one node -> return offset[e, 0] | contact/test_offset
-    return offset[e, 0] + xi * (offset[e, 1] - offset[e, 0])
+def added(offset: Floats, bulge: Floats, e: int, xi: float, m: int, eta: float) -> float:
+    """Return what is added to the gap [m] between xi of slave edge e and eta of master edge m.
+
+    offset : (n_edges, 2) [m].  bulge : (n_edges,) [m].
+    """
+    # fault: what is added to a gap is that of one node -> fit = offset[e, 0] | contact/test_offset
+    fit = offset[e, 0] + xi * (offset[e, 1] - offset[e, 0])
+    # fault: of a smooth pair the master has straight edges -> return fit - bulge[e] * xi * (1.0 - xi) |
+    #   contact/test_smooth
+    return fit - bulge[e] * xi * (1.0 - xi) - bulge[m] * eta * (1.0 - eta)
 
 
 @inner
@@ -104,8 +111,8 @@ def note_node(near: Floats, node: int, g: float, back: float, ahead: float) -> N
 
 
 @inner
-def cut_edge(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int, hits: Ints,
-             count: int, cuts: Floats, spans: Floats, near: Floats, back: float, ahead: float) -> int:
+def cut_edge(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
+             hits: Ints, count: int, cuts: Floats, spans: Floats, near: Floats, back: float, ahead: float) -> int:
     """Cut a slave edge at the feet of its candidates' nodes; return the number of cuts.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.
@@ -136,7 +143,7 @@ def cut_edge(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, o
                     else:
                         g, facing = across(frame, frame_of(x, edges, normal, m), rise[e], rise[m], xi, float(end))
                     if facing < -FACING_COS:
-                        note_node(near, s, g + added(offset, e, xi), back, ahead)
+                        note_node(near, s, g + added(offset, bulge, e, xi, m, float(end)), back, ahead)
                 # fault: slave edges cut at some of the master's nodes only -> if 0.4 < xi < 0.6: | contact/test_facing
                 if 0.0 < xi < 1.0:
                     i = n
@@ -155,8 +162,8 @@ def cut_edge(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, o
 
 
 @inner
-def meet(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int, hits: Ints,
-         count: int, cuts: Floats, n_cuts: int, spans: Floats, back: float, ahead: float, met: Ints,
+def meet(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
+         hits: Ints, count: int, cuts: Floats, n_cuts: int, spans: Floats, back: float, ahead: float, met: Ints,
          met_gap: Floats) -> None:
     """Find the nearest master edge that the middle of each piece of a slave edge faces.
 
@@ -179,7 +186,7 @@ def meet(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offse
         while i < n_cuts - 1 and cuts[i] < spans[k, 1]:
             middle = 0.5 * (cuts[i] + cuts[i + 1])
             xi_m, g, facing = faced(frame, middle, x, edges, normal, rise, e, m)
-            g += added(offset, e, middle)
+            g += added(offset, bulge, e, middle, m, xi_m)
             # fault: areas not clipped at the master's end -> hit = -0.5 <= xi_m <= 1.5 and facing < -FACING_COS and
             #   -back <= g < ahead | contact/test_facing
             hit = -CUT_TOLERANCE <= xi_m <= 1.0 + CUT_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
@@ -216,11 +223,17 @@ def ring(r_1: float, r_2: float, xi: float, axisymmetric: bool) -> float:
 
 
 @inner
+def widened(rise: float, length: float, xi: float) -> float:
+    """Return by how much [1] an edge of `length` [m] that rises `rise` [m] (contact.rounding) is longer at xi."""
+    slope = rise * (1.0 - 2.0 * xi) / length
+    return np.sqrt(1.0 + slope * slope)
+
+
+@inner
 def round_area(frame: Frame, length: float, rise: float, xi: float, axisymmetric: bool) -> float:
     """Return the area [1] of a round surface at xi of its edge, as a part of the edge's own; length, rise [m]."""
-    # fault: areas of chords for those of arcs -> slope = 0.0 * rise | contact/test_arcs
-    slope = rise * (1.0 - 2.0 * xi) / length
-    wider = np.sqrt(1.0 + slope * slope)
+    # fault: areas of chords for those of arcs -> wider = 1.0 | contact/test_arcs
+    wider = widened(rise, length, xi)
     r = frame[0] + xi * (frame[2] - frame[0])
     if axisymmetric and r > 0.0:
         # fault: rings of round surfaces as far from the axis as their edges -> wider *= 1.0 | contact/test_arcs
@@ -229,8 +242,8 @@ def round_area(frame: Frame, length: float, rise: float, xi: float, axisymmetric
 
 
 @inner
-def place(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int, length_s: float,
-          length_m: float, m: int, low: float, high: float, axisymmetric: bool, values: Floats,
+def place(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
+          length_s: float, length_m: float, m: int, low: float, high: float, axisymmetric: bool, values: Floats,
           i: int) -> None:
     """Put the two quadrature points of piece low..high of a slave edge on master edge m into rows i, i + 1 of values.
 
@@ -243,10 +256,13 @@ def place(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offs
         xi_m, g, _ = faced(frame, xi, x, edges, normal, rise, e, m)
         xi_m = min(max(xi_m, 0.0), 1.0)
         if k < 2:
-            values[i + k, 0], values[i + k, 1], values[i + k, 2] = xi, xi_m, g + added(offset, e, xi)
+            values[i + k, 0], values[i + k, 1] = xi, xi_m
+            values[i + k, 2] = g + added(offset, bulge, e, xi, m, xi_m)
             # fault: area of contact halved -> values[i + k, 3] = 0.25 * (high - low) * length_s * ring(frame[0],
             #   frame[2], xi, axisymmetric) | mechanical_fmu/test_hertz contact/test_traction
             values[i + k, 3] = 0.5 * (high - low) * length_s * ring(frame[0], frame[2], xi, axisymmetric)
+            # fault: forces of round surfaces act on chords -> values[i + k, 3] *= 1.0 | contact/test_smooth
+            values[i + k, 3] *= widened(bulge[e], length_s, xi)
             if rise is not None:
                 values[i + k, 5] = round_area(frame, length_s, rise[e], xi, axisymmetric)
                 values[i + k, 6] = round_area(frame_of(x, edges, normal, m), length_m, rise[m], xi_m, axisymmetric)
@@ -280,7 +296,7 @@ def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
 
 
 @inner
-def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int,
+def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
                length_s: float, hits: Ints, count: int, end: int, back: float, ahead: float,
                axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
     """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
@@ -292,7 +308,7 @@ def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame,
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
         xi_m, g, facing = faced(frame, float(end), x, edges, normal, rise, e, hits[k])
-        g += offset[e, end]
+        g += added(offset, bulge, e, float(end), hits[k], xi_m)
         hit = -END_TOLERANCE <= xi_m <= 1.0 + END_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
         if hit and (best_m < 0 or nearer(g, hits[k], best, best_m, END_TOLERANCE * length_s)):
             best, best_m, best_xi = g, hits[k], min(max(xi_m, 0.0), 1.0)
@@ -309,15 +325,15 @@ def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame,
 
 
 @inner
-def meets_middle(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, e: int,
-                 hits: Ints, count: int, back: float, ahead: float) -> bool:
+def meets_middle(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats,
+                 e: int, hits: Ints, count: int, back: float, ahead: float) -> bool:
     """Say whether the middle of a slave edge faces a candidate; x : (n_s, 2) [m], back, ahead : its reach [m].
 
     edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.  hits : (>= count,).
     """
     for k in range(count):
         xi_m, g, facing = faced(frame, 0.5, x, edges, normal, rise, e, hits[k])
-        g += added(offset, e, 0.5)
+        g += added(offset, bulge, e, 0.5, hits[k], xi_m)
         if 0.0 <= xi_m <= 1.0 and facing < -FACING_COS and -back <= g < ahead:
             return True
     return False
@@ -354,8 +370,8 @@ def near_edges(boxes: Floats, ranges: Floats | None, masters: Ints, normal: Floa
 
 @kernel
 def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise, ranges: Floats | None, offset: Floats,
-              first: int, last: int, masters: Ints, gap_max: float, depth: float, axisymmetric: bool, itself: bool,
-              by_node: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
+              bulge: Floats, first: int, last: int, masters: Ints, gap_max: float, depth: float, axisymmetric: bool,
+              itself: bool, by_node: bool, met_edges: Ints, values: Floats, near: Floats) -> int:
     """Search one pass; return how many points there are, which may be more than the capacity.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].
@@ -365,9 +381,9 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise
     slave node.  Fills met_edges : (capacity, 2), slave and master edge, values : (capacity, 5 or 7), two rows a piece,
     and near : (n_s,) [m], the nearest gap of each node.
     """
-    boxes, longest, highest = box_tree(x, edges, masters), 0.0, 0.0
+    boxes, longest, highest, roundest = box_tree(x, edges, masters), 0.0, 0.0, 0.0
     for m in masters:
-        longest = max(longest, length[m])
+        longest, roundest = max(longest, length[m]), max(roundest, abs(bulge[m]))
         if rise is not None:
             highest = max(highest, abs(rise[m]))
     hits, spans = np.empty(masters.size, dtype=np.int32), np.empty((masters.size, 2))
@@ -380,52 +396,57 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise
         frame = frame_of(x, edges, normal, e)
         # Limits are of gaps as told; rays reach farther by what is added to them.
         more, less = max(offset[e, 0], offset[e, 1], 0.0), max(-offset[e, 0], -offset[e, 1], 0.0)
+        rounder = 0.25 * (abs(bulge[e]) + roundest)
+        more, less = more + rounder, less + rounder
         if rise is not None:
             less += 0.25 * (abs(rise[e]) + highest)
         count = near_edges(boxes, ranges, masters, normal, frame, back + more, gap_max + less, hits)
         if (depth > back
-                and not meets_middle(x, edges, normal, rise, frame, offset, e, hits, count, back, gap_max)
+                and not meets_middle(x, edges, normal, rise, frame, offset, bulge, e, hits, count, back, gap_max)
                 and near_edges(boxes, ranges, masters, normal, frame, depth + more, less, hits) > 0):
             # What is met deep behind must be about the nearest there is: a step beside the body is not.
             back = max(back, min(depth, NEAREST * (distance_to(x, edges, frame, masters) + less)))
             count = near_edges(boxes, ranges, masters, normal, frame, back + more, gap_max + less, hits)
         if itself:
             count = drop_neighbours(edges, e, hits, count)
-        n_cuts = cut_edge(x, edges, normal, rise, frame, offset, e, hits, count, cuts, spans, near, back, gap_max)
+        n_cuts = cut_edge(x, edges, normal, rise, frame, offset, bulge, e, hits, count, cuts, spans, near, back,
+                          gap_max)
         for k in range(count):
             for end in range(2):
                 xi_m, g, facing = faced(frame, float(end), x, edges, normal, rise, e, hits[k])
                 if -NODE_TOLERANCE <= xi_m <= 1.0 + NODE_TOLERANCE and facing < -FACING_COS:
-                    note_node(near, edges[e, end], g + offset[e, end], back, gap_max)
+                    g += added(offset, bulge, e, float(end), hits[k], xi_m)
+                    note_node(near, edges[e, end], g, back, gap_max)
         if by_node:
             for end in range(2):
                 if n_points + 2 <= values.shape[0]:
                     met_edges[n_points, 0], met_edges[n_points + 1, 0] = e, e
-                    if place_node(x, edges, normal, rise, frame, offset, e, length[e], hits, count, end, back, gap_max,
-                                  axisymmetric, met_edges, values, n_points):
+                    if place_node(x, edges, normal, rise, frame, offset, bulge, e, length[e], hits, count, end, back,
+                                  gap_max, axisymmetric, met_edges, values, n_points):
                         n_points += 2
                 else:
                     n_points += 2
             continue
-        meet(x, edges, normal, rise, frame, offset, e, hits, count, cuts, n_cuts, spans, back, gap_max, met, met_gap)
+        meet(x, edges, normal, rise, frame, offset, bulge, e, hits, count, cuts, n_cuts, spans, back, gap_max, met,
+             met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:
                 continue
             if n_points + 2 <= values.shape[0]:
                 for q in range(n_points, n_points + 2):
                     met_edges[q, 0], met_edges[q, 1] = e, met[i]
-                place(x, edges, normal, rise, frame, offset, e, length[e], length[met[i]], met[i], cuts[i], cuts[i + 1],
-                      axisymmetric, values, n_points)
+                place(x, edges, normal, rise, frame, offset, bulge, e, length[e], length[met[i]], met[i], cuts[i],
+                      cuts[i + 1], axisymmetric, values, n_points)
             n_points += 2
     return n_points
 
 
-def pass_points(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise,
+def pass_points(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Floats, rise: Rise, bulge: Floats,
                 i: int) -> tuple[Ints, Floats, Floats]:
     """Search pass i at x : (n_s, 2) [m]; return (n, 2) edges, (n, 5) values and near : (n_s,) [m], as of face_pass.
 
     length : (n_edges,) [m].  normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] for heat, with (n, 7) values; None
-    for forces.
+    for forces.  bulge : (n_edges,) [m].
     """
     r, p, start = surfaces.register, surfaces.passes, surfaces.start
     slave, master = p.slave[i], p.master[i]
@@ -440,7 +461,7 @@ def pass_points(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal:
         rise = np.zeros_like(rise)  # a stated fit is that of the edges: of what they are drawn apart nothing counts
     while True:
         met, values = np.empty((capacity, 2), dtype=np.int32), np.empty((capacity, columns))
-        n = face_pass(x, r.edges, length, normal, rise, ranges, surfaces.offsets[i], first, last, masters,
+        n = face_pass(x, r.edges, length, normal, rise, ranges, surfaces.offsets[i], bulge, first, last, masters,
                       float(p.gap_max[i]), float(depth[i]), r.axisymmetric, itself, by_node, met, values, near)
         if n <= capacity:
             if p.weight[i] != 1.0:

@@ -13,25 +13,26 @@ import numpy as np
 from contact.compiled import kernel
 from contact.messages import Floats, Ints
 from contact.piece import field_normal
-from contact.search import CUT_TOLERANCE, ray
+from contact.search import CUT_TOLERANCE, ray, widened
 from contact.surfaces import FACING_COS, Frame, frame_of
 
 
 @kernel
-def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, normal: Floats, e: int, xi: float, m: int,
-               eta: float) -> tuple[float, float, float, float, float, int]:
+def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, normal: Floats, rise: Floats, e: int,
+               xi: float, m: int, eta: float) -> tuple[float, float, float, float, float, int]:
     """Return the slip [m] of point xi of slave edge e, which faces eta of master edge m now, and its derivatives.
 
     before : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  normal : (n_edges, 3, 2) [1],
-    those of `before`.  Returns slip, its derivatives by xi and by eta [m], the gap [m] that xi had before and its
-    derivative by xi [m], and the edge it faced; the gap is inf where the point faced nothing.
+    those of `before`.  rise : (n_edges,) [m], of smooth pairs: slip is along the round surface.  Returns slip, its
+    derivatives by xi and by eta [m], the gap [m] that xi had before and its derivative by xi [m], and the edge it
+    faced; the gap is inf where the point faced nothing.
 
     From m one walks edge by edge to the point faced before.  Where the master ends on the way, or no longer faces the
     slave, the rest is measured along t.
     """
     frame = frame_of(before, edges, normal, e)
     slip, edge, at, way = 0.0, m, eta, 0
-    by_eta, xi_f, g, facing = -length_of(before, edges, m), 0.0, np.inf, 0.0
+    by_eta, xi_f, g, facing = -speed_at(before, edges, m, rise[m], eta), 0.0, np.inf, 0.0
     found = False
     for _ in range(edges.shape[0]):
         xi_f, g, facing = ray(frame, xi, before, edges, edge)
@@ -46,10 +47,10 @@ def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, nor
             xi_f = min(max(xi_f, 0.0), 1.0)
             # fault: slip forgets the way to where the point was faced -> slip += (xi_f - eta) * length_of(before,
             #   edges, edge) | contact/test_slip
-            slip += (xi_f - at) * length_of(before, edges, edge)
+            slip += along(before, edges, edge, rise[edge], at, xi_f)
             break
         end = 1.0 if way > 0 else 0.0
-        slip += (end - at) * length_of(before, edges, edge)
+        slip += along(before, edges, edge, rise[edge], at, end)
         at, other = end, following[edge] if way > 0 else previous[edge]
         if other < 0 or not faces(frame, xi, before, edges, other):
             break
@@ -61,8 +62,11 @@ def slip_since(before: Floats, edges: Ints, previous: Ints, following: Ints, nor
     # By xi the normal n turns to t and t to -n, at the rate `turn`.
     if found:
         d_foot = (nx * sy - ny * sx + g * turn) / (nx * ey - ny * ex)
-        by_xi = np.sqrt(ex * ex + ey * ey) * d_foot
-        return slip, by_xi, by_eta, g, nx * (ex * d_foot - sx) + ny * (ey * d_foot - sy), edge
+        by_xi = speed_at(before, edges, edge, rise[edge], xi_f) * d_foot
+        g_xi = nx * (ex * d_foot - sx) + ny * (ey * d_foot - sy)
+        g -= rise[e] * xi * (1.0 - xi) + rise[edge] * xi_f * (1.0 - xi_f)
+        g_xi -= rise[e] * (1.0 - 2.0 * xi) + rise[edge] * (1.0 - 2.0 * xi_f) * d_foot
+        return slip, by_xi, by_eta, g, g_xi, edge
     vx = before[c, 0] + at * ex - before[a, 0] - xi * sx
     vy = before[c, 1] + at * ey - before[a, 1] - xi * sy
     slip += nx * vy - ny * vx
@@ -76,6 +80,30 @@ def length_of(x: Floats, edges: Ints, e: int) -> float:
     """Return the length [m] of edge e.  x : (n_s, 2) [m].  edges : (n_edges, 2)."""
     tx, ty = x[edges[e, 1], 0] - x[edges[e, 0], 0], x[edges[e, 1], 1] - x[edges[e, 0], 1]
     return np.sqrt(tx * tx + ty * ty)
+
+
+@kernel
+def along(x: Floats, edges: Ints, e: int, rise: float, first: float, last: float) -> float:
+    """Return the length [m] from `first` to `last` [1] along edge e, or along the parabola that rises [m] above it.
+
+    x : (n_s, 2) [m].  edges : (n_edges, 2).
+    """
+    length = length_of(x, edges, e)
+    if rise == 0.0:
+        return (last - first) * length
+    a, total = rise / length, 0.0
+    for k in range(2):
+        s = a * (1.0 - 2.0 * (first if k == 0 else last))
+        total += (0.25 if k == 0 else -0.25) * (s * np.sqrt(1.0 + s * s) + np.arcsinh(s)) / a
+    # fault: slip is along the chords of round surfaces -> return (last - first) * length | contact/test_smooth
+    return total * length
+
+
+@kernel
+def speed_at(x: Floats, edges: Ints, e: int, rise: float, at: float) -> float:
+    """Return the derivative of that length [m] by its upper end, at `at`.  x : (n_s, 2) [m].  edges : (n_edges, 2)."""
+    length = length_of(x, edges, e)
+    return length * widened(rise, length, at)
 
 
 @kernel

@@ -65,6 +65,12 @@ class RegisteredSurfaces:
         assert self.passes.tied is not None
         return self.passes.tied
 
+    @property
+    def smooth(self) -> Ints:
+        """Return (n_passes,) 1 where forces see the sides of a pass round, else 0."""
+        assert self.passes.smooth is not None
+        return self.passes.smooth
+
 
 def surfaces_of(message: Register) -> RegisteredSurfaces:
     """Check a Register message and build its RegisteredSurfaces.  Raises ValueError saying what is wrong with it."""
@@ -74,6 +80,7 @@ def surfaces_of(message: Register) -> RegisteredSurfaces:
     p = r.passes
     _check_passes(p, n_surfaces)
     _check_ties(r)
+    _check_smooth(r)
     previous, following = _neighbours(r)
     start = np.searchsorted(r.edge_surface, np.arange(n_surfaces + 1)).astype(np.int32)
     layout = pair_layout_of(r)
@@ -100,6 +107,7 @@ def _canonical(m: Register) -> Register:
         mu=checked_reals("passes.mu", p.mu, shape),
         depth=np.zeros(shape) if p.depth is None else checked_reals("passes.depth", p.depth, shape),
         tied=np.zeros(shape, dtype=np.int32) if p.tied is None else _integers("passes.tied", p.tied, shape),
+        smooth=np.zeros(shape, dtype=np.int32) if p.smooth is None else _integers("passes.smooth", p.smooth, shape),
     )
     return Register(
         n_nodes=_count(m.n_nodes),
@@ -186,6 +194,20 @@ def _check_ties(r: Register) -> None:
             raise ValueError(f"pass {i} is tied, but x, where its sides faced each other, is missing")
         if p.slave[i] == p.master[i] or p.by_node[i] or p.mu[i] > 0.0 or np.sum(p.pair == p.pair[i]) > 1:
             raise ValueError(f"pass {i} is tied: it needs two surfaces, by edges, in one pass and without friction")
+
+
+def _check_smooth(r: Register) -> None:
+    """Check that what is smooth is drawn, and not tied."""
+    p = r.passes
+    assert p.tied is not None
+    assert p.smooth is not None
+    for i in np.flatnonzero(p.smooth):
+        if p.smooth[i] != 1:
+            raise ValueError(f"smooth of pass {i} must be 0 or 1, got {p.smooth[i]}")
+        if r.x is None:
+            raise ValueError(f"pass {i} is smooth, but x, how round its sides are drawn, is missing")
+        if p.tied[i]:
+            raise ValueError(f"pass {i} is smooth and tied: what is tied stays as it is drawn")
 
 
 def _neighbours(r: Register) -> tuple[Ints, Ints]:

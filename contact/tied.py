@@ -68,7 +68,8 @@ def _ties(surfaces: RegisteredSurfaces) -> Ties:
     if x is None:
         x = np.empty((r.n_nodes, 2))
     length, normal = edge_frames(x, r.edges, surfaces.previous, surfaces.following)
-    found = [pass_points(surfaces, x, length, normal, None, int(i))[:2] for i in numbers]
+    straight = np.zeros(len(r.edges))
+    found = [pass_points(surfaces, x, length, normal, None, straight, int(i))[:2] for i in numbers]
     met = np.concatenate([np.empty((0, 2), np.int32), *(m for m, _ in found)])
     values = np.concatenate([np.empty((0, 5)), *(v for _, v in found)])
     number = np.repeat(numbers, [len(m) for m, _ in found]).astype(np.int32)

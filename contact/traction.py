@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.compiled import kernel
-from contact.facing import Cut, cut_surfaces
+from contact.facing import Cut, cut_surfaces, shapes_of
 from contact.messages import Coupling, Floats, Ints, Traction, Tractions
-from contact.nodal import at_slivers, nodal_means, on_masters, slipping_fractions
+from contact.nodal import at_slivers, nodal_means, on_masters, touching_means
 from contact.penalty import in_a_row, penalties
 from contact.piece import (
     EPS_N,
@@ -34,6 +34,8 @@ from contact.piece import (
     OFFSET_1,
     OFFSET_2,
     OPEN,
+    RISE_M,
+    RISE_S,
     SLIPS_BACK,
     SLIPS_FORWARD,
     STICKS,
@@ -125,7 +127,7 @@ class PointStates:
     """State of the contact quadrature points.
 
     c : (n_p, N_CONSTANTS) of contact.piece.  doing : (n_p,) open, sticks or slips.  p_N, tau : (n_p,) [Pa].
-    heat : (n_p,) [J].
+    heat : (n_p,) [J].  slip : (n_p,) [m], at Coulomb's bound.
     """
 
     c: Floats
@@ -133,6 +135,7 @@ class PointStates:
     p_N: Floats
     tau: Floats
     heat: Floats
+    slip: Floats
 
 
 def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
@@ -140,8 +143,8 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     r = surfaces.register
     asked, cut, points = evaluated(surfaces, request)
     nodes, forces, blocks = pieces(asked.x, r.edges, surfaces.previous, surfaces.following, cut.met, cut.values,
-                                   cut.normal, surfaces.passes.by_node[cut.number], r.axisymmetric, points.c,
-                                   points.doing)
+                                   cut.normals, cut.shape, surfaces.passes.by_node[cut.number], r.axisymmetric,
+                                   points.c, points.doing)
     of, bonds = surfaces.pair_nodes, None
     if of.tied.size:
         bonds = bonds_at(surfaces, asked.x, asked.multipliers, cut.values[surfaces.tied[cut.number] == 1, 3])
@@ -153,9 +156,13 @@ def traction(surfaces: RegisteredSurfaces, request: Traction) -> Tractions:
     t_N, t_T = at_slivers(mean, drag, faced, cut.node_covered, of.searched, of.sides, surfaces.start, of.place)
     t_N = on_masters(t_N, of.searched, cut.at, cut.values)
     mobilised = mobilised_friction(cut.at, cut.values, points.c, points.doing, points.p_N, points.tau, asked.mobilised)
-    slipping = slipping_fractions(of.size, cut.at, cut.values, points.doing)
+    # fault: what sticks is told as slipping -> slides = (points.doing >= STICKS).astype(np.float64) |
+    #   contact/test_traction
+    slides = (points.doing >= SLIPS_FORWARD).astype(np.float64)
+    slipping = touching_means(of.size, cut.at, cut.values, points.doing, slides)
+    slip = touching_means(of.size, cut.at, cut.values, points.doing, points.slip)
     told = Tractions(force, starts, columns, stiffness, t_N, cut.node_gap, cut.node_covered,
-                     np.where(of.searched == 1, mean, 0.0), mobilised, t_T, E_friction, slipping,
+                     np.where(of.searched == 1, mean, 0.0), mobilised, t_T, E_friction, slipping, slip,
                      int(np.count_nonzero(points.p_N)), int(np.count_nonzero(points.doing >= SLIPS_FORWARD)),
                      spring_energy(cut.values, points))
     return told if bonds is None else _with_ties(surfaces, told, bonds, asked.multipliers)
@@ -240,16 +247,18 @@ def points_at(surfaces: RegisteredSurfaces, cut: Cut, asked: Asked) -> PointStat
     c[surfaces.tied[cut.number] == 1, :LAMBDA_2 + 1] = 0.0
     c[surfaces.tied[cut.number] == 1, EPS_N] = 0.0
     c[:, OFFSET_1:OFFSET_2 + 1] = surfaces.offsets[cut.number, cut.met[:, 0]]
+    shapes = shapes_of(surfaces)
+    c[:, RISE_S:RISE_M + 1] = shapes.rise[cut.shape[:, None], cut.met]
     c[:, EPS_T] = np.where(p.eps_T[cut.number] > 0.0, p.eps_T[cut.number], c[:, EPS_N])
-    points = PointStates(c, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    points = PointStates(c, *(np.zeros(n) for _ in range(5)))
     press(cut.values, c, points.doing, points.p_N)
     if p.mu.any():
         length, normal = edge_frames(asked.before, edges, surfaces.previous, surfaces.following)
         if not length.min() > 0.0:
             raise ValueError(f"x_before: edge {int(np.argmin(length))} has no length")
         rub(asked.before, asked.multipliers_before, asked.mobilised, edges, surfaces.previous, surfaces.following,
-            normal, cut.met, cut.at, cut.values, p.eps_N[cut.number], surfaces.stiffness, c, points.doing, points.p_N,
-            points.tau, points.heat)
+            shapes.normals(normal), shapes.rise, cut.shape, cut.met, cut.at, cut.values, p.eps_N[cut.number],
+            surfaces.stiffness, c, points.doing, points.p_N, points.tau, points.heat, points.slip)
     return points
 
 
@@ -271,14 +280,16 @@ def press(values: Floats, c: Floats, doing: Floats, p_N: Floats) -> None:
 
 @kernel
 def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: Ints, previous: Ints, following: Ints,
-        normal: Floats, met: Ints, at: Ints, values: Floats, stated: Floats, stiffness: Floats, c: Floats,
-        doing: Floats, p_N: Floats, tau: Floats, heat: Floats) -> None:
-    """Fill shear tau [Pa], state [1] and the heat of slip [J] of touching points, (n_p,) each, and what c has of shear.
+        normals: Floats, rise: Floats, shape: Ints, met: Ints, at: Ints, values: Floats, stated: Floats,
+        stiffness: Floats, c: Floats, doing: Floats, p_N: Floats, tau: Floats, heat: Floats,
+        slips: Floats) -> None:
+    """Fill shear tau [Pa], state [1], slip [m] and its heat [J] of touching points, (n_p,) each, and c's part of shear.
 
     before : (n_s, 2) [m].  multipliers_before : (n_q,) [Pa].  mobilised : (n_q,) [1].  edges : (n_edges, 2).
-    previous, following : (n_edges,).  normal : (n_edges, 3, 2) [1], those of `before`.  met : (n_p, 2) slave and master
-    edge.  at : (n_p, 4) pair nodes.  values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].
-    stated : (n_p,) [Pa/m], 0: eps_N is that of the two edges in a row, of stiffness : (n_edges,) [Pa/m].
+    previous, following : (n_edges,).  normals : (k, n_edges, 3, 2) [1], those of `before`, rise : (k, n_edges) [m],
+    and shape : (n_p,) which of them are a point's.  met : (n_p, 2) slave and master edge.  at : (n_p, 4) pair nodes.
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  stated : (n_p,) [Pa/m], 0: eps_N is that of the two
+    edges in a row, of stiffness : (n_edges,) [Pa/m].
     c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  p_N : (n_p,) [Pa].
     tau_before is the mobilised friction of the slave's material point times the pressure it had, by the gap it had.
     """
@@ -287,8 +298,8 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: In
             continue
         xi, area = values[i, 0], values[i, 3]
         a, b = at[i, 0], at[i, 1]
-        slip, slip_xi, slip_eta, g, g_xi, faced = slip_since(before, edges, previous, following, normal, met[i, 0], xi,
-                                                             met[i, 1], values[i, 1])
+        slip, slip_xi, slip_eta, g, g_xi, faced = slip_since(before, edges, previous, following, normals[shape[i]],
+                                                             rise[shape[i]], met[i, 0], xi, met[i, 1], values[i, 1])
         r_slope, slope = mobilised[b] - mobilised[a], multipliers_before[b] - multipliers_before[a]
         r = mobilised[a] + xi * r_slope
         g_xi += c[i, OFFSET_2] - c[i, OFFSET_1]
@@ -307,6 +318,8 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: In
             # fault: what slips is told as sticking -> doing[i] = STICKS | scenarios/test_contact_robust
             doing[i] = SLIPS_FORWARD if trial > 0.0 else SLIPS_BACK
             tau[i] = bound if trial > 0.0 else -bound
+            # fault: slip is told with the spring's part -> slips[i] = slip | contact/test_slip
+            slips[i] = (tau[i] - trial) / c[i, EPS_T]
             # fault: friction heat halved -> heat[i] = 0.5 * tau[i] * (trial - tau[i]) / c[i, EPS_T] * area |
             #   mechanical_fmu/test_friction
             heat[i] = tau[i] * (trial - tau[i]) / c[i, EPS_T] * area
@@ -345,13 +358,14 @@ def mobilised_friction(at: Ints, values: Floats, c: Floats, doing: Floats, p_N: 
 
 
 @kernel
-def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normal: Floats,
-           by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats) -> tuple[Ints, Floats, Floats]:
+def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, values: Floats, normals: Floats,
+           shape: Ints, by_node: Ints, axisymmetric: bool, c: Floats, doing: Floats) -> tuple[Ints, Floats, Floats]:
     """Compute nodes (n_b, 6), forces (n_b, 6, 2) [N] and blocks (n_b, 12, 12) [N/m] of the touching pieces.
 
     x : (n_s, 2) [m].  edges : (n_edges, 2).  previous, following : (n_edges,).  met : (n_p, 2) slave and master edge.
-    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normal : (n_edges, 3, 2) [1].
-    by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in contact.piece.  doing : (n_p,) state [1].
+    values : (n_p, 5) xi_s, xi_m [1], gap [m], area, area_m [m2].  normals : (k, n_edges, 3, 2) [1], and
+    shape : (n_p,) which of them are a point's.  by_node : (n_p,).  c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] as in
+    contact.piece.  doing : (n_p,) state [1].
     """
     n_blocks = 0
     for i in range(0, met.shape[0], 2):
@@ -364,7 +378,7 @@ def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, v
     for i in range(0, met.shape[0], 2):
         if not (doing[i] > OPEN or doing[i + 1] > OPEN):
             continue
-        e, m = met[i, 0], met[i, 1]
+        e, m, normal = met[i, 0], met[i, 1], normals[shape[i]]
         piece_nodes(edges, previous, following, e, m, nodes[b])
         for k in range(NODES):
             for d in range(2):

@@ -117,7 +117,11 @@ def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
                       Variable("contact.slipping", description="facing points that slip"),
                       Variable("contact.slip_share", (n_q,), unit="1",
                                description="of what a slave node touches, the share at Coulomb's bound",
-                               on="pair_nodes")]
+                               on="pair_nodes"),
+                      Variable("contact.slip", (n_q,), unit="m", on="pair_nodes",
+                               description="slip of slave nodes in the substep, along the surface"),
+                      Variable("contact.slip_path", (n_q,), unit="m", on="pair_nodes",
+                               description="slip of slave nodes since the start, to and fro added up")]
     return tuple(variables)
 
 
@@ -135,16 +139,29 @@ def status(tractions: Tractions, tied: NDArray[np.bool_] | None = None) -> Float
     return does.astype(np.float64)
 
 
-def contact_outputs(tractions: Tractions, slips: bool = False,
+def slid(tractions: Tractions | None, before: Floats) -> Floats:
+    """Return how far slave nodes have slipped since the start, to and fro; before : (n_q,) [m], (0,) without friction.
+    """
+    if tractions is None or not before.size:
+        return before
+    # fault: slip to and fro goes for none -> return before + tractions.slip | mechanical_fmu/test_slip_path
+    return np.asarray(before + np.abs(tractions.slip))
+
+
+def contact_outputs(tractions: Tractions, path: Floats | None = None,
                     tied: NDArray[np.bool_] | None = None) -> dict[str, Value]:
-    """Return the values of contact_variables; tied : (n_q,) which pair nodes are of tied pairs, None: none."""
+    """Return the values of contact_variables; path : (n_q,) [m] slipped since the start, None: nothing can.
+
+    tied : (n_q,) which pair nodes are of tied pairs, None: none.
+    """
     outputs: dict[str, Value] = {"contact.t_N": tractions.t_N, "contact.gap": tractions.node_gap,
                                  "contact.covered": tractions.node_covered,
                                  "contact.touching": float(tractions.n_touching),
                                  "contact.status": status(tractions, tied)}
-    if slips or tied is not None:
+    if path is not None or tied is not None:
         outputs["contact.t_T"] = tractions.shear
-    if slips:
-        outputs |= {"contact.E_friction": tractions.E_friction,
+    if path is not None:
+        outputs |= {"contact.E_friction": tractions.E_friction, "contact.slip": tractions.slip,
+                    "contact.slip_path": path,
                     "contact.slipping": float(tractions.n_slipping), "contact.slip_share": tractions.slipping}
     return outputs

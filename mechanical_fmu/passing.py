@@ -17,13 +17,14 @@ Floats = NDArray[np.float64]
 
 
 class PassingError(ArithmeticError):
-    """A node goes through another body, unseen by contact."""
+    """A node, or the middle of an edge, goes through another body, unseen by contact."""
 
 
 def refuse_passing(system: System, u: Floats, balance: ForceBalance) -> None:
-    """Raise PassingError where a step from u : (n, 2) [m] to a balance takes a surface node into another body unseen.
+    """Raise PassingError where a step from u : (n, 2) [m] to a balance takes a point of a surface into another body
+    unseen.
 
-    Only nodes that contact finds neither pressed nor near are looked at: in most steps none of them meets a body.
+    Only what contact finds neither pressed nor near is looked at: in most steps none of it meets a body.
     """
     if balance.tractions is None:
         return
@@ -41,13 +42,15 @@ def refuse_passing(system: System, u: Floats, balance: ForceBalance) -> None:
 
 def _text(system: System, found: Passage) -> str:
     x, side = system.interface.nodes, found.side
-    node = f"node {found.node + 1} of {side.surface}"
-    drawn = float(depths(x[found.node][None], *(x[side.outline[:, k]] for k in range(2)))[0])
+    a, b = side.points[found.point] + 1
+    node = f"node {a} of {side.surface}" if a == b else f"the edge of nodes {a} and {b} of {side.surface}"
+    place = side.places(x)[found.point]
+    drawn = float(depths(place[None], *(x[side.outline[:, k]] for k in range(2)))[0])
     if drawn > side.limit:
         return (f"pair {side.pair}: {node} is drawn {drawn:.3g} m ({drawn / side.edge:.3g} edges) inside {side.other}, "
                 "where contact does not find it: it looks as deep as half the thinner body, or an edge's length; draw "
                 "the bodies in touch and bring the interference on by a motion or by expansion")
-    where = f"{node} (at the start at {x[found.node, 0]:.6g}, {x[found.node, 1]:.6g} m)"
+    where = f"{node} (at the start at {place[0]:.6g}, {place[1]:.6g} m)"
     return (f"pair {side.pair}: {where} would {'go into' if found.stays else 'pass through'} {side.other} unseen by "
             f"contact, {found.depth:.3g} m deep ({found.depth / side.edge:.3g} edges): smaller windows, a larger "
             "elastic.cuts or a slower motion let contact find the touch; where none is small enough, the motion leaves "

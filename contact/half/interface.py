@@ -21,6 +21,8 @@ FORMAT = "slideline.interface"
 FORMAT_VERSION = 3  # 1: contact told one value a node, whatever the pair; 2: one penalty for a whole pair
 # Of a scene with tied pairs: who knows no ties must not take them for contact.
 TIED_VERSION = 4
+SMOOTH_VERSION = 5  # of a scene with smooth pairs, which have other gaps than their edges
+VERSIONS = (FORMAT_VERSION, TIED_VERSION, SMOOTH_VERSION)
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -35,6 +37,7 @@ class Pair:
     from either side with half the weight.  by_node : one point a slave node, not points on cut edges.  local : the
     penalty is at each place that of the two edges there in a row (Interface.stiffness), and eps_N bounds it.
     tied : what faces each other at the start, no farther apart than gap_max, is bonded for good (contact.tied).
+    smooth : forces see both sides as round as they are drawn (contact.rounding).
     """
 
     name: str
@@ -48,11 +51,12 @@ class Pair:
     by_node: bool = False
     local: bool = False
     tied: bool = False
+    smooth: bool = False
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Return the fields by name; `tied` where it is."""
-        return {key: value for key, value in vars(self).items() if key != "tied" or value}
+        """Return the fields by name; `tied` and `smooth` where it is."""
+        return {key: value for key, value in vars(self).items() if key not in ("tied", "smooth") or value}
 
 
 @dataclass(frozen=True)
@@ -239,6 +243,8 @@ def write_interface(interface: Interface, path: Path) -> None:
         # fault: a half that knows no ties takes them for contact -> version = FORMAT_VERSION |
         #   coupler/test_ties::test_a_scene_with_a_tied_pair_says_so_to_halves_by_its_version
         version = TIED_VERSION if any(pair.tied for pair in interface.pairs) else FORMAT_VERSION
+        # fault: a half that knows no smooth pairs takes them for others -> version = version | contact/test_smooth
+        version = SMOOTH_VERSION if any(pair.smooth for pair in interface.pairs) else version
         f.attrs.update(format=FORMAT, version=version, geometry=interface.geometry,
                        bodies=json.dumps(interface.bodies), materials=json.dumps(interface.materials),
                        pairs=json.dumps([p.plain for p in interface.pairs]))
@@ -259,8 +265,8 @@ def read_interface(path: Path) -> Interface:
     """Read an interface file.  Raises ValueError where it is not one, or of another version."""
     try:
         with h5py.File(path, "r") as f:
-            if f.attrs.get("format") != FORMAT or f.attrs.get("version") not in (FORMAT_VERSION, TIED_VERSION):
-                raise ValueError(f"{path}: not a {FORMAT} file of version {FORMAT_VERSION} or {TIED_VERSION}")
+            if f.attrs.get("format") != FORMAT or f.attrs.get("version") not in VERSIONS:
+                raise ValueError(f"{path}: not a {FORMAT} file of version {VERSIONS[0]} to {VERSIONS[-1]}")
             regions = {k: f[k][()].astype(np.int32) for k in ("quad_region", "triangle_region")
                        if "regions" in f.attrs}
             return Interface(
@@ -320,12 +326,12 @@ def passes_of(interface: Interface, number: Mapping[str, int]) -> Passes:
         weight = 0.5 if pair.two_pass or slave == master else 1.0
         eps_N = 0.0 if pair.local else pair.eps_N
         rest = (weight, int(pair.by_node), pair.gap_max, eps_N, pair.eps_T or eps_N, pair.mu,
-                search_depth(interface, pair), int(pair.tied))
+                search_depth(interface, pair), int(pair.tied), int(pair.smooth))
         rows.append((i, slave, master, *rest))
         if pair.two_pass and slave != master:
             rows.append((i, master, slave, *rest))
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 11
-    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, np.int32]
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 12
+    kinds = [np.int32, np.int32, np.int32, np.float64, np.int32, *[np.float64] * 5, np.int32, np.int32]
     return Passes(*(np.array(column, dtype=kind) for column, kind in zip(columns, kinds, strict=True)))
 
 

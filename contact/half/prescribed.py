@@ -87,6 +87,10 @@ def conflicts(problem: ElasticProblem, interface: Interface) -> Iterator[Wrong]:
                 if name not in [pair.name for pair in interface.pairs]:
                     yield Wrong(("boundary", i, "until", name), f"there is no contact pair {name!r}",
                                 did_you_mean(name, [pair.name for pair in interface.pairs]))
+                # fault: what waits for a tie to close is let go at once, or never -> if False: | coupler/test_ties
+                if any(pair.tied for pair in interface.pairs if pair.name == name):
+                    yield Wrong(("boundary", i, "until", name), f"the pair {name!r} is tied: it is closed from the "
+                                "start, and never closes", "State the time at which the displacement is released.")
         nodes = nodes_of(b, problem, interface)
         if nodes is None or all(getattr(b, key) is None for key in HELD):
             continue

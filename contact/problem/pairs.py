@@ -121,6 +121,7 @@ class PairData(Part):
 TIED_NEVER = {
     "friction": "does not slip, so nothing rubs", "clearance": "keeps the gap it is drawn with",
     "interference": "keeps the gap it is drawn with", "two_pass": "is held at its slave's nodes, from both sides alike",
+    "smooth": "keeps the gap it is drawn with",
     "form": "is held on edges cut at the other side's nodes",
     "conduction": "conducts as a bond does: state its resistance [m2K/W], or nothing",
     "radiation": "conducts as a bond does, and nothing crosses a gap in it"}
@@ -141,6 +142,9 @@ class ContactPair(PairData):
         default="as drawn")] = None
     interference: Annotated[FieldSpec | None, Entry("the same with the other sign: how far they would overlap", "m",
                                                     default="as drawn")] = None
+    smooth: Annotated[Flag, Entry(
+        "forces see both sides as round as they are drawn, through their nodes, not the edges between these; corners "
+        "stay corners")] = False
     tied: Annotated[Flag, Entry(
         "bonded: what faces each other as drawn, no farther apart than `gap_max`, stays so for good and conducts"
     )] = False

@@ -1,4 +1,4 @@
-"""Reads contact pairs: *SURFACE INTERACTION as conduction, radiation, friction and stiffness."""
+"""Reads contact pairs and ties: *SURFACE INTERACTION as conduction, radiation, friction and stiffness; *TIE."""
 
 from __future__ import annotations
 
@@ -34,6 +34,8 @@ def pairs_of(outline: Outline, bodies: Sequence[DeckBody], surfaces: DeckSurface
     pairs: dict[str, Tree] = {}
     names = Names()
     for block in [*outline.model, *(b for o in outline.steps for b in o.own)]:
+        if block.word == "TIE":
+            _add_ties(block, pairs, (bodies, surfaces, names), log)
         if block.word != "CONTACT PAIR":
             continue
         word = named(block, "INTERACTION")
@@ -57,10 +59,49 @@ def pairs_of(outline: Outline, bodies: Sequence[DeckBody], surfaces: DeckSurface
                     if a.split(".")[0] != b.split(".")[0] or slave == master:
                         pairs[names.free(f"{slave}-{master}")] = {
                             "slave": a, "master": b, "gap_max": reach, **keys}
-    if pairs:
+    if any("tied" not in pair for pair in pairs.values()):
         log.note("`gap_max` of a pair, beyond which its surfaces do not see each other, is a choice: two slave edges, "
                  "or where its tables end")
     return pairs
+
+
+def _add_ties(block: KeywordBlock, pairs: dict[str, Tree], among: tuple[Sequence[DeckBody], DeckSurfaces, Names],
+              log: Log) -> None:
+    """Add the tied pairs of a *TIE.  among : bodies, surfaces, and the names that are taken.  Raises ScenarioError."""
+    bodies, surfaces, names = among
+    far = number_of(block, "POSITION TOLERANCE")
+    if block.option("ADJUST") != "NO":
+        log.note(f"{block.row.file}:{block.row.line}: *TIE keeps the gaps that the mesh has, as with ADJUST=NO; no "
+                 "node is moved")
+    for row in block.data:
+        if not row.field(0) or not row.field(1):
+            raise wrong(row, "a tie has a slave and a master surface", "Write both names in one line.")
+        if any(row.fields[2:]):
+            log.miss(row, "a tie is two surfaces; what follows is not understood")
+        slave, master = (surfaces.named(row.field(i), row) for i in (0, 1))
+        # fault: a tie reaches as far as a contact pair, whatever its tolerance -> reach = _reach(surfaces, slave) |
+        #   coupler/test_deck
+        reach = far if far > 0.0 else _reach(surfaces, slave)
+        found = [(a, b) for a in surfaces.on(slave, bodies) for b in surfaces.on(master, bodies)
+                 if a.split(".")[0] != b.split(".")[0]]
+        if not found:
+            raise wrong(row, "both surfaces of a tie belong to one body", "Leave it out: one mesh holds together.")
+        for a, b in found:
+            pairs[names.free(f"{slave}-{master}")] = {"slave": a, "master": b, "gap_max": reach, "tied": True}
+
+
+def number_of(block: KeywordBlock, option: str) -> float:
+    """Return the number that an option gives, 0 where it is not given.  Raises ScenarioError for another word."""
+    word = block.options.get(option, "")
+    if not word:
+        return 0.0
+    try:
+        value = float(word.upper().replace("D", "E"))
+    except ValueError:
+        value = np.nan
+    if not 0.0 <= value < np.inf:
+        raise wrong(block.row, f"{option} of *{block.word} must be a number from 0 on, got {word[:60]!r}")
+    return value
 
 
 def _at_no_pressure(conduction: Tree, edges: float, log: Log) -> Tree:

@@ -306,7 +306,8 @@ UNDERSTOOD: dict[str, str] = {
     "DENSITY": "", "PLASTIC": "HARDENING", "LATENT HEAT": "", "INELASTIC HEAT FRACTION": "",
     "SOLID SECTION": "ELSET,MATERIAL", "SURFACE INTERACTION": "NAME", "SURFACE BEHAVIOR": "PRESSURE-OVERCLOSURE",
     "GAP CONDUCTANCE": "PRESSURE", "GAP RADIATION": "", "GAP HEAT GENERATION": "", "FRICTION": "",
-    "CONTACT PAIR": "INTERACTION,TYPE", "AMPLITUDE": "NAME,TIME,VALUE,DEFINITION",
+    "CONTACT PAIR": "INTERACTION,TYPE", "TIE": "NAME,POSITION TOLERANCE,ADJUST,TYPE",
+    "AMPLITUDE": "NAME,TIME,VALUE,DEFINITION",
     "INITIAL CONDITIONS": "TYPE", "PHYSICAL CONSTANTS": "ABSOLUTE ZERO,STEFAN BOLTZMANN",
     "STEP": "NAME,NLGEOM,INC,AMPLITUDE", "END STEP": "", "STATIC": "DIRECT",
     "COUPLED TEMPERATURE-DISPLACEMENT": "DIRECT,STEADY STATE,DELTMX",
@@ -316,14 +317,14 @@ UNDERSTOOD: dict[str, str] = {
     "SRADIATE": "AMPLITUDE,OP", "DLOAD": "AMPLITUDE,OP", "DSLOAD": "AMPLITUDE,OP",
 }
 _OUTPUT = "what is kept is said under `output` and `probes`"
-_JOINT = "degrees of freedom cannot be tied together; join the meshes, or use a contact pair"
+_JOINT = "degrees of freedom cannot be tied together; join the meshes, or tie surfaces by *TIE"
 WHY: dict[str, str] = {
     **dict.fromkeys(("NODE FILE", "EL FILE", "NODE PRINT", "EL PRINT", "CONTACT FILE", "CONTACT PRINT", "OUTPUT",
                      "NODE OUTPUT", "ELEMENT OUTPUT", "CONTACT OUTPUT", "ENERGY OUTPUT", "ELEMENT FILE", "RESTART",
                      "ENERGY PRINT", "MONITOR", "FILE FORMAT", "SECTION PRINT", "FACE PRINT"), _OUTPUT),
     **dict.fromkeys(("PREPRINT", "CONTROLS", "TIME POINTS", "SOLVER CONTROLS", "DIAGNOSTICS"),
                     "the way of solving is said under `coupling`, `thermal` and `mechanical`"),
-    **dict.fromkeys(("TIE", "EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING"), _JOINT),
+    **dict.fromkeys(("EQUATION", "MPC", "COUPLING", "KINEMATIC", "DISTRIBUTING"), _JOINT),
     "CFLUX": "heat enters through surfaces; spread it over one, with *DSFLUX",
     "TEMPERATURE": "temperatures are solved for; prescribe them by *BOUNDARY, 11",
     "RIGID BODY": "write mechanical.elastic.bodies.BODY.rigid: true by hand",

@@ -129,7 +129,7 @@ def contact_notes(interface: Interface, thermal: Model, mechanical: Model) -> li
     thermal, mechanical : model.json of the halves (of another package: what is not found in them is not told).
     """
     return (overlap_notes(interface) + start_notes(interface, _stiffness(interface, thermal, mechanical))
-            + role_notes(interface, thermal) + node_notes(interface))
+            + role_notes(interface, thermal) + node_notes(interface) + tie_notes(interface))
 
 
 def _stiffness(interface: Interface, thermal: Model, mechanical: Model) -> dict[str, float]:
@@ -240,6 +240,29 @@ def node_notes(interface: Interface) -> list[str]:
             "flow of heat, or a uniform pressure, is passed on unevenly (0.6 % in the temperature between edges of 3 "
             "and 4 cells); form: edges is exact, and so are meshes that match"
             for k, pair in enumerate(interface.pairs) if pair.by_node and beside[facing.pair == k].any()]
+
+
+# Ties of a part of a surface.
+
+WHOLE = 0.999  # of its area: a corner that lies a little beyond the other side is no news
+
+
+def tie_notes(interface: Interface) -> list[str]:
+    """One sentence a tied pair of which only a part of the slave, or none, faces the master as drawn."""
+    if not any(pair.tied for pair in interface.pairs):
+        return []
+    facing, notes = facing_at(interface, interface.nodes), []
+    for k, pair in enumerate(interface.pairs):
+        ends = interface.nodes[interface.surfaces[pair.slave]]
+        area = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        if interface.axisymmetric:
+            area *= 2.0 * np.pi * ends[..., 0].mean(axis=1)
+        share = float(facing.area[facing.pair == k].sum() / area.sum())
+        # fault: ties of a part of a surface are not told -> if False: | coupler/test_ties
+        if pair.tied and share < WHOLE:
+            notes.append(f"pair {pair.name}: {100.0 * share:.3g} % of {pair.slave} is tied; the rest faces nothing "
+                         f"within gap_max = {pair.gap_max:g} m as drawn, and stays free")
+    return notes
 
 
 # Meshes on which temperatures may leave their data.

@@ -180,7 +180,7 @@ def _pair(document: Document, file: ScenarioFile, name: str, interface: Interfac
                              "State the penalty as a number [Pa/m].")
     return Pair(name, slave, master, pair.gap_max, eps_N, mu=pair.mu, eps_T=_stick(pair),
                 two_pass=pair.two_pass, by_node=pair.form is ContactForm.NODES, local=local and eps_N > 0.0,
-                tied=pair.tied)
+                tied=pair.tied, smooth=pair.smooth)
 
 
 def _stick(pair: ContactPair) -> float:

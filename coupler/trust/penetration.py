@@ -10,6 +10,10 @@ bound, and its overlap grows with each refinement.
 Of an augmented pair no pressure is missing: its multipliers are found so that the gap of what a node faces is zero in
 the mean.  Where meshes differ, at corners and on curves its nodes overlap all the same, however little presses.  Such a
 pair is held against an interference as drawn alone.
+
+Of a pair with one point a slave node (`form: nodes`) nothing is felt between these: a node of the master there, or one
+of the slave beside the master's end, sinks in as far as the bodies let it.  Such a pair, augmented or not, is held by
+the deepest node of either side.
 """
 
 from __future__ import annotations
@@ -36,7 +40,8 @@ SHARE = "penetration against what bodies yield"
 class PenetrationLog:
     """share : the largest penetration over what matters, of `pair` at t [s]; depth : that penetration [m].
 
-    drawn : whether what matters there was the interference as drawn.
+    drawn : whether what matters there was the interference as drawn.  between : whether it is that of one node, where
+    no point of the slave presses.
     """
 
     share: float = 0.0
@@ -44,6 +49,7 @@ class PenetrationLog:
     t: float = 0.0
     depth: float = 0.0
     drawn: bool = False
+    between: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class PairYield:
 
     at : (n,) pair nodes of its slave, nodes : (n,) of the mesh, reach : (n,) [m] their share of the surface.
     softness : (n,) 1/M_s + 1/M_m [1/Pa], thick : [m] the thinner body.  drawn : [m] mean depth as drawn, 0: none.
+    both : (m,) pair nodes of both sides, of a pair with one point a slave node, else (0,).
     """
 
     name: str
@@ -61,6 +68,7 @@ class PairYield:
     softness: Array
     thick: float
     drawn: float
+    both: Indices
 
 
 class Yields:
@@ -79,20 +87,23 @@ class Yields:
         for pair in self._pairs:
             # fault: what augmented surfaces overlap by is held against a pressure that is not due to it -> if False: |
             #   coupler/test_penetration
-            if pair.name in self._augmented and not pair.drawn:
+            held = pair.name in self._augmented and not pair.drawn
+            if held and not pair.both.size:
                 continue
             p = np.maximum(-now.t_N[pair.at], 0.0)
             load = p * pair.reach * now.covered[pair.at]
             if not load.sum() > 0.0:
                 continue
-            depth = float(load @ np.maximum(-now.gap[pair.at], 0.0) / load.sum())
+            depth = 0.0 if held else float(load @ np.maximum(-now.gap[pair.at], 0.0) / load.sum())
+            # fault: of points at nodes what lies between them is not told -> deepest = 0.0 | coupler/test_penetration
+            deepest = float(np.fmax.reduce(-now.gap[pair.both], initial=0.0))
             width = float((pair.reach * now.covered[pair.at])[load > 0.0].sum())
             gives = float(load @ (p * pair.softness) / load.sum()) * min(width, pair.thick)
             # fault: penetration held against a metre -> matters = 1.0 + pair.drawn + gives | coupler/test_penetration
             matters = pair.drawn or gives
-            if depth > log.share * matters:
-                log = replace(log, share=depth / matters, pair=pair.name, t=now.t, depth=depth,
-                              drawn=pair.drawn > 0.0)
+            if max(depth, deepest) > log.share * matters:
+                log = replace(log, share=max(depth, deepest) / matters, pair=pair.name, t=now.t,
+                              depth=max(depth, deepest), drawn=pair.drawn > 0.0, between=deepest > depth)
         return log
 
 
@@ -109,9 +120,11 @@ def _yield_of(interface: Interface, pair: Pair) -> PairYield | None:
         np.add.at(reach, place[:, end], 0.5 * length)
         np.add.at(softness, place[:, end], 0.5 * length * soft[0])
     thick = thickness_behind(interface, pair)
+    both = [np.arange(side.at.start, side.at.stop) for side in interface.pair_sides if side.pair == pair.name]
     return PairYield(pair.name, np.arange(own.at.start, own.at.stop), own.nodes.astype(np.intp), reach,
                      softness / reach + float(soft[1].mean()), thick if thick > 0.0 else np.inf,
-                     0.0 if pair.name in interface.offset else _drawn(interface, pair, own.nodes.astype(np.intp)))
+                     0.0 if pair.name in interface.offset else _drawn(interface, pair, own.nodes.astype(np.intp)),
+                     np.concatenate(both) if pair.by_node else np.empty(0, dtype=np.intp))
 
 
 def _drawn(interface: Interface, pair: Pair, nodes: Indices) -> float:
@@ -129,6 +142,11 @@ def check(log: PenetrationLog, yields: Yields, prescribed: bool) -> Check:
     if prescribed or not yields:
         return Check(SHARE, TrustVerdict.UNCHECKED, what="no pair is of two bodies that deform")
     by = "the interference as drawn" if log.drawn else "what the bodies yield over the contact zone"
+    if log.between:
+        return measured(SHARE, log.share, SHARES, t=log.t,
+                        what=f"pair {log.pair}: a node penetrates by {log.depth:.3g} m, {100 * log.share:.3g} % of "
+                             f"{by}, at t = {log.t:.6g} s: with form: nodes only the slave's nodes press",
+                        remedy="form: edges presses between nodes too; nodes that face each other leave none between")
     return measured(SHARE, log.share, SHARES, t=log.t,
                     what=f"pair {log.pair}: pressed surfaces overlap by {log.depth:.3g} m in the mean, "
                          f"{100 * log.share:.3g} % of {by}, at t = {log.t:.6g} s; where a displacement or expansion "

@@ -110,7 +110,8 @@ class TrustWatch:
             stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
-            *passing.checks(log.passing, self._place(log.passing.node), bool(self._interface.pairs), self._prescribed),
+            *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
+                            self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             measured("heat balance", off, BALANCE, what=f"{off:.2g} of the heat moved is not accounted for",
                      remedy="A smaller thermal.tolerance closes it"),
@@ -119,11 +120,11 @@ class TrustWatch:
                           f"error was too large, the last to t = {log.forced_t:.6g} s",
                      remedy="Smaller windows; a smaller coupling.adaptive.least; iteration.on_max: retry_smaller"))
 
-    def _place(self, node: int) -> str:
-        """A node in words."""
+    def _place(self, node: int, end: int | None = None) -> str:
+        """A node in words, or the middle between it and another."""
         if node < 0:
             return "a node"
-        x, y = self._interface.nodes[node]
+        x, y = 0.5 * (self._interface.nodes[node] + self._interface.nodes[node if end is None else end])
         body = int(self._interface.node_body[node])
         name = self._interface.bodies[body] if body >= 0 else "no body"
         return f"{name} at ({x:.6g}, {y:.6g}) m"

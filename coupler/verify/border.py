@@ -100,6 +100,8 @@ BLOCKS: Mapping[str, Face] = {
     "contact.covered": Face(IN, OUT, "1", 1),
     "contact.t_T": Face("", OUT, "Pa", 1),
     "contact.slip_share": Face("", OUT, "1", 1),
+    "contact.slip": Face("", OUT, "m", 1),
+    "contact.slip_path": Face("", OUT, "m", 1),
     "contact.E_friction": Face(IN, OUT, "J", 1),
     "E_M": Face(IN, OUT, "J", 1),
     "E_S": Face(IN, OUT, "J", 1),
@@ -141,7 +143,7 @@ _FAMILIES: Mapping[str, Face] = {
 # Blocks that count the same things; the first index of each.
 SAME_LENGTH = (("T", "x", "f_s"),
                ("contact.t_N", "contact.gap", "contact.covered", "contact.t_T", "contact.slip_share",
-                "contact.E_friction"), ("surface.T", "surface.E"),
+                "contact.slip", "contact.slip_path", "contact.E_friction"), ("surface.T", "surface.E"),
                ("E_M", "E_S", "q", "sigma", "sigma_v"))
 NEEDED: Mapping[str, tuple[str, ...]] = {THERMAL: ("T", "x"), MECHANICAL: ("x",)}
 

@@ -104,6 +104,25 @@ def test_where_the_master_ended_before_the_rest_is_straight() -> None:
     np.testing.assert_allclose(push(register, after, x_before=x).shear[2:6], -0.3 * EPS, rtol=1e-12)
 
 
+@pytest.mark.parametrize("way", [0.01, -0.01, 1e-4])
+@pytest.mark.parametrize("form", FORMS)
+def test_what_is_told_to_slip_is_the_way_less_what_strains_the_spring(form: str, way: float) -> None:
+    """With p = EPS 1e-3 the spring takes mu 1e-3 m of the way, or all of it; its sign is that along the edges."""
+    sides, by_node = FORMS[form]
+    register, x = flat(5, 7, gap=-1e-3)
+    register = replace(register, passes=passes(*sides, weight=1.0 / len(sides), by_node=by_node, mu=MU))
+    before = x.copy()
+    before[:6, 0] -= way
+    reply = push(register, x, x_before=before)
+    slip = max(abs(way) - MU * 1e-3, 0.0) * np.sign(way)
+    own = np.arange(6) if form != "two passes" else np.arange(14)
+    touches = own[reply.t_N[own] < 0.0]
+    np.testing.assert_allclose(reply.slip[touches], slip, rtol=0.0, atol=1e-12)
+    assert not reply.slip[6:].any() or form == "two passes"
+    assert reply.E_friction.sum() == pytest.approx(
+        MU * EPS * 1e-3 * abs(slip) * float(np.diff(x[:6, 0]).sum()), rel=0.03, abs=1e-9)
+
+
 def differences(register: Register, x: Floats, multipliers: Floats, before: Floats, mobilised: Floats) -> Floats:
     """-d(force)/dx by central differences of fourth order."""
     K, h = np.zeros((x.size, x.size)), 5e-7

@@ -35,13 +35,37 @@ def test_a_deck_becomes_a_scenario_that_passes_its_check(tmp_path):
 
 
 def test_what_is_not_understood_is_told_and_written_at_the_top(tmp_path):
-    _, told = converted(tmp_path, heat_deck("*NODE FILE\nNT\n*CFLUX\nTOP, 11, 5.\n", model="*TIE, NAME=T\nA, B\n"))
+    _, told = converted(tmp_path, heat_deck("*NODE FILE\nNT\n*CFLUX\nTOP, 11, 5.\n", model="*MPC\nTIE, A, B\n"))
     lines = (tmp_path / "deck.inp").read_text().splitlines()
-    assert [m.text for m in told.missed] == ["*TIE, NAME=T", "*NODE FILE", "*CFLUX"]
+    assert [m.text for m in told.missed] == ["*MPC", "*NODE FILE", "*CFLUX"]
     assert [lines[m.line - 1] for m in told.missed] == [m.text for m in told.missed]
     head = told.files[0].read_text()
     assert all(f"#   {m}\n" in head for m in told.missed)
     assert "tied" in told.missed[0].why
+
+
+@pytest.mark.parametrize(("options", "far"), [("", 0.2), (", POSITION TOLERANCE=1.D-3", 1e-3), (", ADJUST=NO", 0.2)])
+def test_a_tie_is_a_tied_pair(tmp_path, options, far):
+    """In place of the deck's contact pair: as far as told, or two slave edges; of ADJUST a note."""
+    text = heat_deck()
+    begin, end = text.index("*SURFACE INTERACTION"), text.index("*CONTACT PAIR")
+    rest = text[end:].split("\n", 2)
+    tree, told = converted(tmp_path, f"{text[:begin]}*TIE, NAME=JOINT{options}\n{rest[1]}\n{rest[2]}")
+    assert tree["contact"] == {"SLAVE-MASTER": {"slave": "UPPER.SLAVE", "master": "LOWER.MASTER", "gap_max": far,
+                                                "tied": True}}
+    assert not told.missed
+    assert any("no node is moved" in note for note in told.notes) is ("ADJUST" not in options)
+    assert load_scenario(told.files[0]).interface.pairs[0].tied
+
+
+@pytest.mark.parametrize(("line", "why"), [
+    ("*TIE, NAME=J\nSLAVE\n", "a slave and a master surface"), ("*TIE, NAME=J\nSLAVE, SLAVE\n", "belong to one body"),
+    ("*TIE, NAME=J\nSLAVE, NOWHERE\n", "there is no surface"),
+    ("*TIE, POSITION TOLERANCE=-1.\nSLAVE, MASTER\n", "must be a number from 0"),
+    ("*TIE, POSITION TOLERANCE=NaN\nSLAVE, MASTER\n", "must be a number from 0")])
+def test_ties_that_are_wrong_are_refused(tmp_path, line, why):
+    with pytest.raises(ScenarioError, match=why):
+        converted(tmp_path, heat_deck(model=line))
 
 
 def test_options_that_are_not_understood_are_told_one_by_one(tmp_path):

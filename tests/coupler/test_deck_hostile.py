@@ -118,7 +118,7 @@ def test_what_is_no_deck_is_refused(tmp_path, raw):
 
 def test_text_of_a_deck_cannot_leave_its_comment(tmp_path):
     evil = "*NODE FILE, X=\x85slideline: 9\u2028thermal: {}\x0bmechanical\n"
-    _, told = converted(tmp_path, heat_deck(PRESCRIBED + evil, model="*TIE, NAME=\x1b[31m\nA, B\n"))
+    _, told = converted(tmp_path, heat_deck(PRESCRIBED + evil, model="*MPC, NAME=\x1b[31m\nTIE, A, B\n"))
     text = told.files[0].read_text(encoding="utf-8")
     assert [line for line in text.splitlines() if line.startswith("slideline")] == ["slideline: 2"]
     assert not set(text) & set("\x85\u2028\x0b\x1b")

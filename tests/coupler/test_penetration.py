@@ -52,6 +52,24 @@ def test_it_is_held_against_an_interference_as_drawn(tmp_path: Path) -> None:
     assert "interference as drawn" in found.what
 
 
+@pytest.mark.parametrize("augmented", [(), ("face",)])
+def test_of_points_at_nodes_the_deepest_of_either_side_is_told(augmented: tuple[str, ...], tmp_path: Path) -> None:
+    """A node of the master between the slave's, which press without overlap; cut edges leave none there."""
+    gives, shares = P * 2.0 / M * THICK, {}
+    for form in ("nodes", "edges"):
+        interface = load_text(tmp_path, GOOD, {"contact.face.form": form}).interface
+        own, other = (interface.side_of("face", name).at for name in ("upper.bottom", "lower.top"))
+        t_N, gap = np.zeros(len(interface.pair_nodes)), np.zeros(len(interface.pair_nodes))
+        t_N[own], gap[other.start + 1] = -P, -0.3 * gives
+        now = Level(1.0, np.full(len(interface.nodes), 300.0), interface.nodes, t_N, gap, (t_N < 0.0).astype(float))
+        yields = Yields(interface, augmented)
+        shares[form] = check(yields.watched(PenetrationLog(), now), yields, False)
+    assert shares["edges"].verdict == "holds"
+    assert shares["nodes"].verdict == "noted"
+    assert shares["nodes"].number == pytest.approx(0.3, rel=1e-9)
+    assert "form: nodes" in shares["nodes"].what
+
+
 def test_an_augmented_pair_has_its_pressure_whatever_its_corners_overlap(tmp_path: Path) -> None:
     """What is drawn into each other must still be driven out of each other."""
     gives = P * 2.0 / M * THICK

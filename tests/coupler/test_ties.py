@@ -144,6 +144,7 @@ BAD = {
     "friction": ("{mu: 0.2}", "does not slip"), "clearance": ("1.0e-4", "keeps the gap"),
     "interference": ("1.0e-4", "keeps the gap"), "two_pass": ("true", "from both sides alike"),
     "form": ("nodes", "edges cut"), "conduction": ("{closed: {law: constant, h: 1}, open: null}", "resistance"),
+    "smooth": ("true", "keeps the gap"),
     "radiation": ("{emissivity_slave: 0.5, emissivity_master: 0.5}", "nothing crosses a gap")}
 
 
@@ -164,9 +165,22 @@ def test_other_contradictions_are_told_too(tmp_path: Path) -> None:
     for change, why in (({"bodies.upper.mesh.rectangle.origin": [0, 0.21]}, "nothing to tie.*0.01 m apart, gap_max"),
                         ({"contact.joint.tied": False, "contact.joint.resistance": 1e-4}, "that of a tied pair"),
                         ({"mechanical.half": "rigid", "mechanical.rigid": {"motion": {"upper": {"u_y": 0.1}}}},
-                         "moves upper and lower apart")):
+                         "moves upper and lower apart"),
+                        ({"mechanical.elastic.boundary.1.until": {"joint": "closes"}}, "is tied: it is closed")):
         with pytest.raises(ScenarioError, match=why):
             load_text(tmp_path, PULLED, change)
+
+
+@pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])
+def test_a_tie_of_a_part_is_told_with_its_share(geometry: str, tmp_path: Path) -> None:
+    """A joint of 0.1 m, of which 0.04 reach beyond the other side: 0.6 of its width, 0.84 of its rings."""
+    change = {"bodies.lower.mesh.rectangle": {"origin": [0.04, 0], "size": [0.1, 0.2], "cells": [3, 6]},
+              "geometry": geometry}
+    notes = [n for n in load_text(tmp_path, PULLED, change).notes if "is tied" in n]
+    share = "60" if geometry == "plane" else "84"
+    assert notes == [f"pair joint: {share} % of upper.bottom is tied; the rest faces nothing within gap_max = 0.001 m "
+                     "as drawn, and stays free"]
+    assert not [n for n in load_text(tmp_path, PULLED).notes if "is tied" in n]
 
 
 def test_rods_are_not_tied(tmp_path: Path) -> None:

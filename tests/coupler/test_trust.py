@@ -157,11 +157,32 @@ def lowered(by: float) -> np.ndarray:
 def test_a_body_inside_another_or_across_it_is_told():
     inside = judged([level(0.0), level(1.0, x=lowered(0.5), gap=0.5)])[PASSES]
     assert inside.verdict == "broken"
-    assert inside.number == pytest.approx(0.5)  # 0.25 m from its side, edges of 0.5 m
+    assert inside.number == pytest.approx(0.8)  # the middle of its bottom, 0.4 m below the top; edges of 0.5 m
     assert judged([level(0.0), level(1.0, x=lowered(0.5), gap=-0.4)])[PASSES].verdict == "holds"  # told as penetration
     across = judged([level(0.0), level(1.0, x=lowered(2.5), gap=0.5)])[PASSES]
     assert across.verdict == "broken"
     assert "across" in across.sentence
+
+
+def test_a_body_inside_another_along_its_edges_is_told():
+    """As wide as the other: its nodes run down the other's sides, and the middle of its bottom goes in."""
+    wide = lowered(0.0)
+    wide[4:, 0] = 2.0 * (wide[4:, 0] - 0.25)
+    for by, how in ((0.6, "inside"), (2.5, "across")):
+        x = wide.copy()
+        x[4:, 1] -= by
+        found = judged([level(0.0, x=wide, gap=0.5), level(1.0, x=x, gap=0.5)])[PASSES]
+        assert found.verdict == "broken"
+        assert how in found.sentence
+    assert "high at (0.5, 1.1) m" in found.sentence
+    flush = wide.copy()
+    flush[4:, 0] += 1.0
+    aside = flush.copy()
+    aside[4:, 1] -= 2.5
+    assert judged([level(0.0, x=flush, gap=0.5), level(1.0, x=aside, gap=0.5)])[PASSES].verdict == "holds"
+    pressed = wide.copy()
+    pressed[4:, 1] -= 0.101
+    assert judged([level(0.0, x=wide, gap=0.5), level(1.0, x=pressed, gap=-0.001)])[PASSES].verdict == "holds"
 
 
 def test_a_node_that_goes_across_is_seen_beside_one_that_is_pressed():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from random_scenes.by_hand import HELD, box, two_blocks
+from random_scenes.change import sides_swapped, turned
 from random_scenes.invariants_contact import passing
 from random_scenes.scene import Scene
 from random_scenes.story import told
@@ -104,6 +106,29 @@ def test_a_thrown_body_is_not_thrown_through(method):
         assert any(word in story.message for word in REMEDY), story.message
 
 
+# Two strips in a row, 2 mm apart.
+ALONG = Scene(two_blocks().copied_doc(), {"upper": box(-0.032, 0.0, 0.03, 0.02, (4, 1)),
+                                          "lower": box(0.0, 0.0, 0.05, 0.02, (8, 1))}).edited(
+    contact__face__slave="upper.right", contact__face__master="lower.left",
+    mechanical__elastic__boundary=[{"on": "lower.right", **HELD}, {"on": "upper.left", "u_y": 0, "u_x": {
+        "t": [0, 4], "value": [0, -2e-3]}}])
+
+
+@pytest.mark.parametrize("cells", [1, 2])
+def test_bodies_of_one_cell_driven_along_each_other_press_in_any_frame_and_either_way_round(cells):
+    """By 30 mm in one window, where 2 mm are between: the edges of their sides lie on one line."""
+    doc = ALONG.edited(coupling__windows=[{"until": 8.0, "size": 8.0}]).copied_doc()
+    doc["mechanical"]["elastic"]["boundary"][1]["u_x"]["value"] = [0, 0.03]
+    doc["materials"]["steel"] |= {"nu": 0, "alpha": 0}
+    scene = Scene(doc, {b: {**recipe, "cells": [recipe["cells"][0], cells]} for b, recipe in ALONG.recipes.items()})
+    others = turned(scene, 233.465), turned(scene, 90.0), sides_swapped(scene)
+    found = [told(s) for s in (scene, *(o.scene for o in others))]
+    for story, rel in zip(found, (1e-9, 1e-9, 1e-9, 1e-3), strict=True):
+        assert story.outcome == "completed", story.message
+        assert story.t_N.min() < -5e10
+        assert story.t_N[-1].min() == pytest.approx(found[0].t_N[-1].min(), rel=rel)
+
+
 # As drawn
 
 def test_a_drawn_overlap_of_more_than_an_edge_presses():
@@ -152,10 +177,27 @@ SQUARE = 0.5 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 def test_which_ways_lead_through_a_body(start, move, deep):
     before = squares(SQUARE + start)
     side = next(s for s in sides_of(before) if s.surface == "high.bottom")
-    found = passage(side, np.ones(2, bool), before.nodes, squares(SQUARE + start + move).nodes)
+    found = passage(side, np.ones(len(side.points), bool), before.nodes, squares(SQUARE + start + move).nodes)
     assert (found is not None) == deep
     if found is not None:
         assert found.depth > 0.05
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6])
+@pytest.mark.parametrize(("start", "move", "deep"), [
+    ((0.0, 1.1), (0.0, -2.5), 0.5),  # across, its sides along those of the other
+    ((0.02, 1.1), (0.0, -0.5), 0.4),  # in, and stays; one of its sides is 20 mm in, which is no passage
+    ((0.0, 1.1), (0.0, -0.12), 0.0),  # 20 mm in
+    ((0.0, 0.99), (0.0, -0.01), 0.0),  # pressed
+    ((1.0, 1.1), (0.0, -2.5), 0.0),  # passes by, flush
+    ((1.0, 0.0), (0.0, 0.2), 0.0)])  # beside it
+def test_a_body_of_one_cell_driven_through_another_along_its_edges_is_seen(start, move, deep, angle):
+    """Every node stays on the other's outline, or by less than what is a passage beside it: the middle goes in."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    before, after = (squares(2.0 * SQUARE + np.add(start, way)).nodes @ turn for way in ((0.0, 0.0), move))
+    interface = replace(squares(2.0 * SQUARE + start), nodes=before)
+    found = [passage(side, np.ones(len(side.points), bool), before, after) for side in sides_of(interface)]
+    assert max(f.depth if f else 0.0 for f in found) == pytest.approx(deep, abs=1e-5)
 
 
 def test_bodies_that_move_and_turn_together_do_not_pass():
@@ -164,7 +206,7 @@ def test_bodies_that_move_and_turn_together_do_not_pass():
     c, s = np.cos(0.7), np.sin(0.7)
     after = before.nodes @ np.array([[c, s], [-s, c]]) + [5.0, 3.0]
     for side in sides_of(before):
-        assert passage(side, np.ones(len(side.nodes), bool), before.nodes, after) is None
+        assert passage(side, np.ones(len(side.points), bool), before.nodes, after) is None
 
 
 def test_how_deep_contact_looks():

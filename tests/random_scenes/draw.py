@@ -384,6 +384,10 @@ def scenes(draw: DrawFn) -> Scene:
             "probes": _probes(layout)}
     if rules := _rules(draw, span):
         doc["rules"] = rules
+    # Drawn last, so that the scenes of all other seeds stay what they were.
+    if contact and mechanical_half == "elastic" and draw(one_in(8)):
+        name = draw(st.sampled_from(sorted(contact)))
+        doc["contact"][name] = _tied(draw, contact[name], layout, k)
     return Scene(doc, layout.recipes)
 
 
@@ -422,6 +426,14 @@ def _pair(draw: DrawFn, half: str, layout: Layout, sides: tuple[str, str], h: fl
     if draw(one_in(6)):
         pair["radiation"] = {"emissivity_slave": draw(one_of(0.8, 0.3)), "emissivity_master": draw(one_of(0.8, 1))}
     return pair
+
+
+def _tied(draw: DrawFn, pair: Doc, layout: Layout, k: float) -> Doc:
+    """The pair, bonded: what contradicts is left out."""
+    tied = {key: pair[key] for key in ("slave", "master", "gap_max", "penalty") if key in pair}
+    if draw(one_in(2)):
+        tied["resistance"] = rounded(max(layout.heights.values()) / k * draw(decades(1e-3, 1, 0.1)))
+    return tied | {"tied": True}
 
 
 def _probes(layout: Layout) -> Doc:

@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 MARGIN = 1.5  # of what is told: nodes are deeper than the mean over what they face
+BULGE = 0.1  # of an edge: how far the middle of one may lie in what is drawn round; no circle has fewer than 8 edges
 TIP = 0.2114  # (1 - 1/sqrt 3)/2 of an edge: from a tip to the first Gauss point (docs/contact.md)
 ROUND_OFF = 1e-9  # of a body's size
 THROUGH = ("went through", "passed through", "pass through", "goes through", "passes through", "start inside",
@@ -86,7 +87,7 @@ def passing(story: Story, about: str = "") -> list[Finding]:
             continue
         worst: dict[str, tuple[float, str]] = {}
         for own, other in (sides, sides[::-1]):
-            nodes, line = np.unique(lines[own]), lines[other]
+            nodes, line, ends = np.unique(lines[own]), lines[other], lines[own]
             for k, x in enumerate(places):
                 level = max(k - 1, 0)
                 allowed = MARGIN * told_depth(story, pair, level) + floor
@@ -109,6 +110,15 @@ def passing(story: Story, about: str = "") -> list[Finding]:
                                     f"between t = {times[k - 1]:.6g} and {times[k]:.6g} s, {found.depth:.4g} m deep on "
                                     "its way")
                             worst["jump"] = max(worst.get("jump", (0.0, "")), (found.depth / limit, what))
+                    middle, there = (0.5 * (y[ends[:, 0]] + y[ends[:, 1]]) for y in (before, x))
+                    length = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
+                    for found in jumped((middle, there), (before[line[:, 0]], a), (before[line[:, 1]], b)):
+                        limit = allowed + BULGE * length[found.point]
+                        if found.depth > limit:
+                            what = (f"{about}pair {pair.name}: the edge of nodes {ends[found.point]} of {own} went "
+                                    f"across {other} between t = {times[k - 1]:.6g} and {times[k]:.6g} s, "
+                                    f"{found.depth:.4g} m deep on its way")
+                            worst["edge"] = max(worst.get("edge", (0.0, "")), (found.depth / limit, what))
         findings += [Finding(what, size, THROUGH, story) for size, what in worst.values()]
     return findings
 
@@ -119,17 +129,19 @@ def _pairs(scene: Scene) -> bool:
 
 PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story), runs=0)
 """Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where
-no force acts), half more since it is a mean over what a node faces, and for tips what tip_depths derives.  Nor does a
-node's straight way in a window lead through a body, out of which both of its ends lie.  From the coordinates alone, by
-the crossing number of polygons.
+no force acts), half more since it is a mean over what a node faces, and for tips what tip_depths derives.  Nor does the
+straight way of a node, or of the middle of an edge, lead through a body, out of which both of its ends lie.  From the
+coordinates alone, by the crossing number of polygons.
 """
 
 
 # LONGER: the same scene in long windows.
 
 def presses(story: Story) -> dict[str, NDArray[np.bool_]]:
-    """Pair -> whether (n,) it presses at each level."""
-    return {side.pair: (story.t_N[:, side.at] < 0.0).any(axis=1) for side in story.interface.pair_sides if side.own}
+    """Pair -> whether (n,) it presses at each level; tied pairs, which press and pull, are left out."""
+    tied = {pair.name for pair in story.interface.pairs if pair.tied}
+    return {side.pair: (story.t_N[:, side.at] < 0.0).any(axis=1) for side in story.interface.pair_sides
+            if side.own and side.pair not in tied}
 
 
 def longer(scene: Scene, factor: float = LONGER) -> Scene:

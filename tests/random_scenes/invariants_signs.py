@@ -43,11 +43,15 @@ def _worst(story: Story, what: str, unit: str, beyond: Floats, allowed: float,
 # Contact presses, friction brakes, work heats.
 
 def _pressing(scene: Scene, story: Story, rng: np.random.Generator) -> list[Finding]:
-    return _worst(story, "contact pulls at pair node", "Pa", story.t_N, 0.0, ("pulls", "tension"))
+    t_N = story.t_N.copy()
+    for side in story.interface.pair_sides:
+        if any(pair.tied for pair in story.interface.pairs if pair.name == side.pair):
+            t_N[:, side.at] = 0.0
+    return _worst(story, "contact pulls at pair node", "Pa", t_N, 0.0, ("pulls", "tension"))
 
 
 PRESSURE = Invariant("contact presses", lambda scene: bool(scene.pairs), _pressing, runs=0)
-"""t_N <= 0, without any tolerance (Eq. 18; docs/design.md states it of the exchange)."""
+"""t_N <= 0, without any tolerance (Eq. 18; docs/design.md states it of the exchange).  What is tied may pull."""
 
 
 def friction_excess(story: Story, pair: Pair) -> Floats:
@@ -182,11 +186,12 @@ def loads_on(story: Story, k: int, side: int) -> dict[str, Floats]:
 
 
 def joined(story: Story, k: int) -> list[list[str]]:
-    """Bodies that press on each other at level k, in groups."""
+    """Bodies that press on each other at level k, or are tied, in groups."""
     interface = story.interface
     group = {b: b for b in interface.bodies}
     for pair in interface.pairs:
-        if any((story.levels[k].t_N[side.at] < 0.0).any() for side in interface.pair_sides if side.pair == pair.name):
+        sides = [side.at for side in interface.pair_sides if side.pair == pair.name]
+        if pair.tied or any((story.levels[k].t_N[at] < 0.0).any() for at in sides):
             old, new = group[body_of(pair.master)], group[body_of(pair.slave)]
             group = {b: new if g == old else g for b, g in group.items()}
     return [[b for b in group if group[b] == g] for g in dict.fromkeys(group.values())]

@@ -104,7 +104,7 @@ def features(scene: Scene) -> tuple[str, ...]:
     found = [f"layout {doc['title'].removeprefix('random: ')}", doc["geometry"], f"thermal {thermal['half']}",
              f"mechanical {mechanical['half']}", f"method {thermal['method']}", f"scheme {coupling['scheme']}",
              "adaptive windows" if "adaptive" in coupling else "given windows", f"{len(doc['bodies'])} bodies"]
-    found += [f"pair {k}" for k in ("friction", "augmented", "two_pass", "radiation", "penalty")
+    found += [f"pair {k}" for k in ("friction", "augmented", "two_pass", "radiation", "penalty", "tied")
               if any(k in p for p in pairs)]
     found += ["pair nodes"] if any(p.get("form") == "nodes" for p in pairs) else []
     found += [f"elastic {k}" for k in ("gravity", "thermoelastic_heat", "dynamics", "element") if k in elastic]

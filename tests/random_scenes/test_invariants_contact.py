@@ -63,6 +63,16 @@ def test_a_body_that_is_across_in_one_window_is_found():
     assert any("went across" in f.what for f in found)
 
 
+def test_a_body_of_one_cell_that_is_across_along_the_edges_of_the_other_is_found():
+    motion = {"half": "rigid", "rigid": {"motion": {"upper": {"u_x": {"t": [0, 1], "value": [0, -0.06]}}}}}
+    scene = two_blocks(mechanical=motion, contact__face={"slave": "upper.left", "master": "lower.right",
+                                                         "gap_max": 0.01})
+    scene = replace(scene, recipes={"lower": box(0, 0, 0.04, 0.02, (6, 1)), "upper": box(0.041, 0, 0.01, 0.02, (2, 1))})
+    found = PASSING.check(scene, told(scene), RNG)
+    assert any("the edge of nodes" in f.what for f in found)
+    assert not any("node " in f.what for f in found)
+
+
 def test_contact_that_long_windows_lose_is_found(monkeypatch):
     right = DirectHalf.advance
 

@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -17,8 +18,10 @@ from random_scenes.judge import SILENT, judged
 from random_scenes.kept import FAULTS, Kept
 from random_scenes.story import COMPLETED, FAILED, told
 
-HOLD = (2, 5, 6, 8, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27)
-"""The first seeds that hold; those between fail with a message (0, 1, 3, 4, 10, 11) or are silent (7, 9)."""
+TIED = (47, 99, 119)
+HOLD = (2, 5, 6, 8, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 27, *TIED)
+"""The first seeds that hold, and the first with a tied pair; those between fail with a message (0, 1, 3, 4, 10, 11, 26)
+or are silent (7, 9)."""
 NEW = 2
 BY_NAME = {i.name: i for i in INVARIANTS}
 
@@ -38,6 +41,16 @@ def test_what_a_scene_may_take_is_counted_and_not_clocked(monkeypatch):
     assert one.message.startswith("too long for a small scene")
     assert one.message == other.message
     assert one.t.tolist() == other.t.tolist()
+
+
+@pytest.mark.parametrize("seed", TIED)
+def test_ties_are_drawn(seed):
+    """And what is tied carries: it pulls or presses somewhere at some time."""
+    story = told(scene_of(seed))
+    tied = [side for pair in story.interface.pairs if pair.tied for side in story.interface.pair_sides
+            if side.pair == pair.name and side.own]
+    assert tied
+    assert any(np.abs(story.t_N[:, side.at]).max() > 0.0 for side in tied)
 
 
 @pytest.mark.parametrize("seed", HOLD)
