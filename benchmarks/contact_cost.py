@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import secrets
 import statistics
 import subprocess
 import sys
@@ -31,6 +32,7 @@ from contact.half.interface import Interface, Pair, register_message
 from contact.half.linalg import factorise, pattern_of
 from contact.messages import Project, Registered, Traction
 from contact.rpc.link import Link, open_link
+from contact.rpc.seal import SECRET_BYTES, keep_secret
 from contact.rpc.server import keep_freed_memory
 
 LAYERS, DEPTH = 20, 1e-5
@@ -160,7 +162,12 @@ def links(sizes: tuple[int, ...]) -> list[Ways]:
     keep_freed_memory()
     service = subprocess.Popen([sys.executable, "-m", "contact.rpc.serve", "--run", "cost", "--child"],
                                stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ})
+    assert service.stdin is not None
     assert service.stdout is not None
+    secret = secrets.token_bytes(SECRET_BYTES)
+    service.stdin.write(f"{secret.hex()}\n".encode())
+    service.stdin.flush()
+    keep_secret("cost", secret)
     endpoint = service.stdout.readline().decode().split()[1]
     ways = [open_link("direct"), open_link("codec"), open_link(f"zenoh:{endpoint}/cost")]
     try:

@@ -20,7 +20,7 @@ import numpy as np
 
 from contact import messages
 from contact.problem.part import Part
-from contact.records import Arrays, WireError, decode_record, encode_record
+from contact.records import MAX_HEADER, Arrays, WireError, decode_record, encode_record
 
 Kinds = Mapping[str, type[Any]]
 
@@ -62,9 +62,9 @@ def encode(message: Any) -> bytes:
     return encode_record(kind.__name__, meta, arrays)
 
 
-def decode(data: bytes, kinds: Kinds) -> Any:
-    """Decode the message in `data`, one of `kinds`.  Raises WireError for anything else."""
-    name, meta, arrays = decode_record(data)
+def decode(data: bytes, kinds: Kinds, max_header: int = MAX_HEADER) -> Any:
+    """Decode the message in `data`, one of `kinds`.  max_header : bytes.  Raises WireError for anything else."""
+    name, meta, arrays = decode_record(data, max_header)
     kind: Any = kinds.get(name)
     if kind is None:
         raise WireError(f"message {name!r} is not one of {', '.join(sorted(kinds))}")

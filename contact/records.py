@@ -7,7 +7,7 @@ Integers are little-endian, arrays little-endian and C-ordered, each at a multip
 says {"version", "name", "meta", "arrays": [[name, dtype, shape, offset, bytes], ...]}, offsets counted from
 the first array.  There is exactly one way to lay out given arrays, and a reader refuses every other: what
 arrives was written whole by this code or is not accepted.  The checksum covers the header only: a flipped bit
-there could change what the arrays mean, while the transports already guard the bulk.
+there could change what the arrays mean, while on the way between processes all of it is signed (contact.rpc.seal).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from contact.messages import WIRE_VERSION
 MAGIC = b"SLDW"
 ALIGNMENT = 64  # a cache line, and the widest vector load
 MAX_HEADER = 16 << 20  # bytes; a header holds names and texts, never fields
+MAX_MESSAGE_HEADER = 256 << 10  # bytes, of what came over a link: 16 MB of it take 1.3 GB and half a minute to read
 MAX_DIMENSIONS = 8
 REMEMBERED = 4096  # bytes; call after call has the same header, so short ones are made and checked once
 _GAPS = tuple(bytes(n) for n in range(ALIGNMENT))
@@ -103,19 +104,23 @@ def _head(name: str, meta: bytes, shapes: tuple[ArrayType, ...]) -> bytes:
     return b"".join([prefix, header, bytes(-(len(prefix) + len(header)) % ALIGNMENT)])
 
 
-def decode_record(data: bytes) -> tuple[str, dict[str, Any], Arrays]:
+def decode_record(data: bytes, max_header: int = MAX_HEADER) -> tuple[str, dict[str, Any], Arrays]:
     """Decode a record; return its name, meta and arrays, which are fresh, aligned and writable.
 
+    max_header : bytes.
     They are copied out of `data` although a view would do: a compiled kernel is specialised anew for
     read-only arrays, and the copy costs less than a tenth of the transport.
     Raises WireError for bytes that are not exactly what encode_record writes.
     """
-    raw, checksum, body = _split(data)
+    raw, checksum, gap, body = _split(data, max_header)
+    # fault: what stands between the parts of a record may be anything -> pass | contact/test_codec
+    _check_gaps(gap)
     read = _layout if len(raw) <= REMEMBERED else _layout.__wrapped__
     name, packed, table, total = read(raw, checksum)
     # fault: more bytes than a header says go by -> if total > len(body): | contact/test_call_stats
     if total != len(body):
         raise WireError(f"record {name!r}: {len(body)} bytes of arrays where its header says {total}")
+    _check_gaps(*(body[end : end + -end % ALIGNMENT] for row in table for end in [row.offset + _size(row)]))
     arrays = {key: _array(key, body, dtype, shape, offset) for key, dtype, shape, offset in table}
     return name, msgpack.unpackb(packed), arrays
 
@@ -154,8 +159,19 @@ def _plain(key: str, array: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
 
 
-def _split(data: bytes) -> tuple[bytes, int, memoryview]:
-    """Return the header, its checksum, and the bytes after it."""
+def _size(row: ArrayRow) -> int:
+    return math.prod(row.shape) * row.dtype.itemsize
+
+
+def _check_gaps(*gaps: memoryview) -> None:
+    """Check that what fills up to the next multiple of 64 bytes is zeros.  Raises WireError."""
+    for gap in gaps:
+        if gap != _GAPS[len(gap)]:
+            raise WireError("record damaged: the bytes between its parts are not zeros")
+
+
+def _split(data: bytes, max_header: int) -> tuple[bytes, int, memoryview, memoryview]:
+    """Return the header, its checksum, the gap behind it, and the bytes after that."""
     if len(data) < _PREFIX.size:
         raise WireError(f"{len(data)} bytes are too few for a record")
     magic, length, checksum = _PREFIX.unpack_from(data)
@@ -163,9 +179,13 @@ def _split(data: bytes) -> tuple[bytes, int, memoryview]:
         raise WireError(f"not a record: begins with {bytes(magic)!r}")
     end = _PREFIX.size + length
     start = end + -end % ALIGNMENT
-    if length > MAX_HEADER or start > len(data):
+    # fault: a header of any length is read -> if start > len(data): | contact/test_codec
+    if length > max_header:
+        raise WireError(f"record with a header of {length} bytes, at most {max_header} are allowed")
+    if start > len(data):
         raise WireError(f"record cut short: header of {length} bytes in {len(data)}")
-    return bytes(data[_PREFIX.size : end]), checksum, memoryview(data)[start:]
+    whole = memoryview(data)
+    return bytes(data[_PREFIX.size : end]), checksum, whole[end:start], whole[start:]
 
 
 def _header(raw: bytes, checksum: int) -> dict[str, Any]:

@@ -12,11 +12,24 @@ A bug is an assertion, never one of these.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+
+# Control characters but for tab and new line, marks that turn the direction of text, and halves of characters.
+UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def printable(text: str) -> str:
+    """Return a text that does nothing to a terminal: what it quotes may come from anywhere."""
+    # fault: what a message quotes steers the terminal -> return text | coupler/test_error_text
+    return UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 class SlidelineError(Exception):
     """Base of all errors below; its text is meant for the user."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class ScenarioError(SlidelineError):
@@ -39,7 +52,7 @@ class ScenarioError(SlidelineError):
 
     def __str__(self) -> str:
         """Write `file:line: key: message (got value). remedy` without the parts that are not known, a line an error."""
-        return "\n".join((self._line(), *map(str, self.others)))
+        return "\n".join((printable(self._line()), *map(str, self.others)))
 
     def _line(self) -> str:
         where = f"{self.file}:{self.line}" if self.file and self.line else self.file
@@ -68,7 +81,7 @@ class HalfError(SlidelineError):
 
     def __str__(self) -> str:
         head = f"half {self.half!r}: {self.message}" if self.half else self.message
-        return f"{head}\n{indented(self.log)}" if self.log.strip() else head
+        return printable(f"{head}\n{indented(self.log)}" if self.log.strip() else head)
 
 
 class CouplingError(SlidelineError):
@@ -95,7 +108,7 @@ class CouplingError(SlidelineError):
         text = f"{where}: {self.message.rstrip('.')}"
         if self.residuals:
             text += f" (last residuals: {', '.join(f'{r:.3g}' for r in self.residuals)})"
-        return f"{text}. {self.remedy}" if self.remedy else text
+        return printable(f"{text}. {self.remedy}" if self.remedy else text)
 
 
 class ResultsError(SlidelineError):

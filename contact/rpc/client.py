@@ -5,20 +5,34 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from threading import Lock
 from typing import Any, cast
 
 from contact.codec import REPLIES, Kinds, decode, encode, kinds_of
 from contact.messages import Refused, Register, Registered, Reply, Request
-from contact.records import WireError
-from contact.rpc.calls import Envelope, LinkError, LinkProtocolError, LinkTimeoutError, ServerStats, ServiceDownError
-from contact.rpc.server import keys_of
-from contact.rpc.zenoh_session import CONNECT_TIMEOUT, QueryAnswer, Session, close_session, open_session
+from contact.records import MAX_MESSAGE_HEADER, WireError
+from contact.rpc.calls import (
+    Answered,
+    Envelope,
+    LinkError,
+    LinkProtocolError,
+    LinkTimeoutError,
+    ServerStats,
+    ServiceDownError,
+)
+from contact.rpc.seal import Seal, seal_of
+from contact.rpc.server import keys_of, question_label
+from contact.rpc.zenoh_session import CONNECT_TIMEOUT, QueryAnswer, Session, check_loopback, close_session, open_session
 
 CALL_DEADLINE = 300.0  # s; a first request may compile kernels on a busy machine, a death is noticed at once
 STATUS_TIMEOUT = 2.0  # s
-RESTART_GRACE = 1.5  # s a client waits for a new instance after its service died
 PAUSES = (0.01, 0.02, 0.05, 0.1)  # s between repeats of a call; the last one stays
+
+STRANGE_ROUNDS = 5  # repeats of a call to which only answers came that are not signed
+STRANGE_BYTES = 80  # of such an answer that are quoted
+STOPPED = 2.0  # s between two looks at the clock, a quarter of a second apart, that this process did not get
+_BUSY = b"busy:"
 
 STATS = kinds_of([ServerStats])
 
@@ -27,21 +41,30 @@ def _nothing() -> None:
     """A watch that watches nothing."""
 
 
+def _unknown() -> bool:
+    """Nobody knows whether the server's process lives."""
+    return False
+
+
 class Client:
     """Call one server, one call at a time.
 
-    instance : which life of the server; taken from its token when not given (exactly one must be alive).
-    watch : called every quarter of a second while waiting; it may raise what ends the wait.
+    seal : of the run.  instance : which life of the server; taken from its token when not given (exactly one must be
+    alive).  watch : called every quarter of a second while waiting; it may raise what ends the wait.  lives : whether
+    the server's process is known to live: the network then only lost it for a while, as where either of both was
+    stopped, and its call is repeated until the deadline.
     """
 
-    def __init__(self, session: Session, run: str, role: str, replies: Kinds, *, instance: str = "",
-                 deadline: float = CALL_DEADLINE, watch: Callable[[], None] = _nothing) -> None:
-        self._session = session
-        self._run, self._role, self._replies = run, role, replies
-        self._deadline, self._watch = deadline, watch
+    def __init__(self, session: Session, seal: Seal, role: str, replies: Kinds, *, instance: str = "",
+                 deadline: float = CALL_DEADLINE, watch: Callable[[], None] = _nothing,
+                 lives: Callable[[], bool] = _unknown) -> None:
+        self._session, self._seal = session, seal
+        self._run, self._role, self._replies = seal.run, role, replies
+        self._deadline, self._watch, self._lives = deadline, watch, lives
         self._name = secrets.token_hex(6)
-        self._number = 0
+        self._number = self._questions = 0
         self._lock = Lock()
+        self._ticked, self._stopped = time.monotonic(), 0.0
         self._pin(instance or self.find(CONNECT_TIMEOUT))
 
     def call(self, request: Any, deadline: float | None = None) -> Any:
@@ -55,19 +78,45 @@ class Client:
         with self._lock:
             until = time.monotonic() + (self._deadline if deadline is None else deadline)
             self._number += 1
-            envelope = Envelope(self._instance, self._name, self._number)
-            for pause in _pauses():
+            strange = 0
+            self._ticked = time.monotonic()
+            for attempt, pause in enumerate(_pauses(), 1):
                 timeout = max(until - time.monotonic(), 0.001)
-                ask = self._session.ask
-                answers = ask(self._keys.ask, payload, str(envelope), timeout, self._watch)
-                if answers and not _busy(answers[0]):
-                    return self._opened(answers, envelope, what)
-                if not answers and self._instance not in self._alive():
+                # fault: a call repeated is the same message again -> envelope = Envelope(self._instance, self._name,
+                #   self._number) | contact/test_client
+                envelope = Envelope(self._instance, self._name, self._number, attempt)
+                told = self._ask(self._keys.ask, envelope, payload, timeout)
+                self._tick()
+                # fault: while this process was stopped its deadline went by -> pass | contact/test_client
+                until += self._stopped
+                self._stopped = 0.0
+                if told.answer is not None and not told.answer.payload.startswith(_BUSY):
+                    return self._opened(told.answer, what)
+                if told.late and time.monotonic() + pause > until:
+                    raise LinkTimeoutError(f"{what}: {told.late} after its deadline; it is {self.status()}")
+                # fault: a process that was stopped for a while counts as dead -> if told.answer is None and
+                #   self._instance not in self._alive(): | coupler/test_stopped
+                if told.answer is None and self._instance not in self._alive() and not self._lives():
                     raise ServiceDownError(f"{what}: {self._role} is gone")
+                strange += bool(told.strange)
+                if strange >= STRANGE_ROUNDS:
+                    raise LinkProtocolError(f"{what}: whoever answers has not the secret of run {self._run} "
+                                            f"(it says {told.strange!r})")
                 if time.monotonic() + pause > until:
                     raise LinkTimeoutError(f"{what}: no answer before the deadline; it is {self.status()}")
                 time.sleep(pause)
         raise AssertionError("the pauses never end")
+
+    def _tick(self) -> None:
+        """Look at the clock, and at whether the process lives; who was stopped himself must not blame another."""
+        now = time.monotonic()
+        if now - self._ticked > STOPPED:
+            self._stopped += now - self._ticked
+        self._ticked = now
+
+    def _watching(self) -> None:
+        self._tick()
+        self._watch()
 
     def find(self, patience: float) -> str:
         """Wait for the one instance alive.  Raises ServiceDownError where none appears within `patience` seconds."""
@@ -90,50 +139,76 @@ class Client:
 
     def status(self) -> str:
         """Ask what the server does, which another thread answers than the one that may be stuck."""
-        answers = self._session.ask(self._keys.status, b"", "", STATUS_TIMEOUT, self._watch)
-        return next((a.payload.decode() for a in answers if a.ok), "silent")
+        answer = self._question(self._keys.status)
+        return answer.payload.decode(errors="replace") if answer is not None else "silent"
 
     def stats(self) -> ServerStats:
         """Ask for the statistics of the server's calls, of all its clients.  Raises LinkError."""
-        answers = self._session.ask(self._keys.stats, b"", "", STATUS_TIMEOUT, self._watch)
-        payload = next((a.payload for a in answers if a.ok), None)
-        if payload is None:
+        answer = self._question(self._keys.stats)
+        if answer is None:
             raise ServiceDownError(f"{self._role} does not say what it was asked")
-        return cast(ServerStats, self._decoded(payload, "call statistics", STATS))
+        return cast(ServerStats, self._decoded(answer.payload, "call statistics", STATS))
+
+    def _question(self, key: str) -> Answered | None:
+        """Ask on a key beside that of the calls; None where no answer came soon."""
+        self._questions += 1
+        envelope = Envelope(self._instance, self._name, self._questions)
+        return self._ask(key, envelope, b"", STATUS_TIMEOUT).answer
+
+    def _ask(self, key: str, envelope: Envelope, payload: bytes, timeout: float) -> _Told:
+        """Ask once; what came that is signed, and what is not."""
+        told = _Told()
+
+        def taken(said: QueryAnswer) -> bool:
+            if not said.spoken:
+                told.late = said.payload.decode(errors="replace")
+                return False
+            rest = said.label.removeprefix(f"{envelope}/")
+            kind, _, signature = rest.partition("/")
+            about = f"answer {key} {envelope}/{kind}"
+            # fault: any answer is believed, whoever gave it -> true = kind in ("ok", "failed") | contact/test_client
+            true = kind in ("ok", "failed") and self._seal.signed(about, said.payload, signature)
+            if not true:
+                told.strange = said.payload[:STRANGE_BYTES].decode(errors="replace")
+                return False
+            told.answer = Answered(kind == "ok", said.payload)
+            return True
+
+        label = question_label(self._seal, key, envelope, payload)
+        self._session.ask(key, payload, label, timeout, self._watching, taken)
+        return told
 
     def _pin(self, instance: str) -> None:
         self._instance = instance
-        self._keys = keys_of(self._run, self._role, instance)
+        self._keys = keys_of(self._run, self._seal.name(self._role), instance)
 
     def _alive(self) -> set[str]:
-        found = self._session.tokens(keys_of(self._run, self._role, "*").token, self._watch)
-        return {key.rsplit("/", 1)[1] for key in found}
+        found = self._session.tokens(keys_of(self._run, self._seal.name(self._role), "*").token, self._watch)
+        return {name for key in found if self._seal.made(self._role, name := key.rsplit("/", 1)[1])}
 
-    def _opened(self, answers: list[QueryAnswer], envelope: Envelope, what: str) -> Any:
-        # zenoh may say "Timeout" beside the answer that came at that moment, or say it twice: only the server's own
-        # words count, and the same words twice are one answer.
-        said = [a for a in answers if a.ok or a.spoken]
-        if any(a != said[0] for a in said):
-            raise LinkProtocolError(f"{what}: {len(said)} answers to one call")
-        answer = next((a for a in answers if a.ok or a.spoken), answers[0])
+    def _opened(self, answer: Answered, what: str) -> Any:
         if not answer.ok:
-            text = answer.payload.decode(errors="replace")
-            if answer.spoken:
-                raise LinkProtocolError(f"{what}: {text}")
-            raise LinkTimeoutError(f"{what}: {text} after its deadline; it is {self.status()}")
-        if answer.label != str(envelope):
-            raise LinkProtocolError(f"{what}: the answer is to {answer.label!r}, not to {envelope}")
+            raise LinkProtocolError(f"{what}: {answer.payload.decode(errors='replace')}")
         return self._decoded(answer.payload, what, self._replies)
 
     def _decoded(self, payload: bytes, what: str, kinds: Kinds) -> Any:
         try:
-            return decode(payload, kinds)
+            return decode(payload, kinds, MAX_MESSAGE_HEADER)
         except WireError as exc:
             raise LinkProtocolError(f"{what}: {exc}") from exc
 
 
-def _busy(answer: QueryAnswer) -> bool:
-    return not answer.ok and answer.spoken and answer.payload.startswith(b"busy:")
+@dataclass
+class _Told:
+    """What became of a question.
+
+    answer : the first one signed for it.  late : zenoh's own words, that time is over.  strange : the last answer
+    that is not signed, which is no answer.
+    """
+
+    answer: Answered | None = None
+    late: str = ""
+    strange: str = ""
 
 
 def _pauses() -> Iterator[float]:
@@ -146,16 +221,19 @@ class ZenohLink:
     """The contact service of a run, in its own process.
 
     A service started anew has no surfaces: the link stores what was registered and registers it again.
+    The process must have been given the secret of the run (contact.rpc.seal.keep_secret).
     """
 
     def __init__(self, endpoint: str, run: str, *, deadline: float = CALL_DEADLINE,
-                 grace: float = RESTART_GRACE, watch: Callable[[], None] = _nothing) -> None:
+                 grace: float | None = None, watch: Callable[[], None] = _nothing) -> None:
+        check_loopback(endpoint)
+        seal = seal_of(run)
         self._session: Session | None = open_session(connect=(endpoint,))
-        self._grace = grace
+        self._grace = seal.patience if grace is None else grace
         self._registered: dict[str, Register] = {}
         self._client: Client | None = None
         try:
-            self._client = Client(self._session, run, "contact", REPLIES, deadline=deadline, watch=watch)
+            self._client = Client(self._session, seal, "contact", REPLIES, deadline=deadline, watch=watch)
         except LinkError:
             self.close()
             raise

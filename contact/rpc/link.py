@@ -62,8 +62,9 @@ _ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
 
 
 def open_link(spec: str) -> Link:
-    """Open a link: `direct`, `codec`, or `zenoh:tcp/127.0.0.1:PORT/RUN` (a service in its own process).
+    """Open a link: `direct`, `codec`, or `zenoh:ENDPOINT/RUN` (a service in its own process).
 
+    ENDPOINT : `unixsock-stream/PATH` or `tcp/127.0.0.1:PORT`; the process has the secret of RUN (contact.rpc.seal).
     zenoh is imported only when asked for: an embedded run has no threads and no sockets of it.
     Raises LinkSpecError for any other text, ServiceDownError where no service listens.
     """
@@ -73,7 +74,7 @@ def open_link(spec: str) -> Link:
         return (DirectLink if spec == "direct" else CodecLink)(ContactService().handle)
     match = _ZENOH.fullmatch(spec)
     if match is None:
-        raise LinkSpecError(f"contact link {spec!r} is none of: direct, codec, zenoh:tcp/127.0.0.1:PORT/RUN")
+        raise LinkSpecError(f"contact link {spec!r} is none of: direct, codec, zenoh:ENDPOINT/RUN")
     from contact.rpc.client import ZenohLink
 
     return ZenohLink(match["endpoint"], match["run"])

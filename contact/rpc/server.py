@@ -6,6 +6,10 @@ one of this, and two servers of one role are detected instead of silently both b
     slideline/RUN/ROLE/INSTANCE/v1/status   what the server is busy with, as a text
     slideline/RUN/ROLE/INSTANCE/v1/stats    counts and times of its calls so far (contact.rpc.calls), a message
     slideline/RUN/alive/ROLE/INSTANCE       the token
+ROLE and INSTANCE are made with the secret of the run, and every question and answer is signed with it
+(contact.rpc.seal): the label of a question is ENVELOPE/SIGNATURE, that of its answer ENVELOPE/ok/SIGNATURE or
+ENVELOPE/failed/SIGNATURE. What is not signed, or was heard before, is refused without a signature, which no client
+takes for an answer.
 """
 
 from __future__ import annotations
@@ -13,7 +17,6 @@ from __future__ import annotations
 import ctypes
 import faulthandler
 import os
-import secrets
 import signal
 import sys
 import threading
@@ -25,11 +28,13 @@ from queue import Empty, SimpleQueue
 from typing import Any, Self
 
 from contact.codec import Kinds, decode, encode
-from contact.records import WireError
-from contact.rpc.calls import Answered, CallQueue, CallStats, LinkError, failure
+from contact.records import MAX_MESSAGE_HEADER, WireError
+from contact.rpc.calls import Answered, CallQueue, CallStats, Envelope, Heard, LinkError, failure, parse_envelope
+from contact.rpc.seal import Seal
 from contact.rpc.zenoh_session import Question, Session
 
 UNREADABLE = "unreadable"  # the verb of bytes that are no request
+REFUSED = "refused"  # the verb of what is not signed, or was heard before
 
 
 @dataclass(frozen=True)
@@ -48,30 +53,46 @@ def keys_of(run: str, role: str, instance: str) -> Keys:
     return Keys(f"{base}/ask", f"{base}/status", f"{base}/stats", f"slideline/{run}/alive/{role}/{instance}")
 
 
-class Server:
-    """Answer calls on a session.  `work` does so on the thread that calls it, one call after the other."""
+def question_label(seal: Seal, key: str, envelope: Envelope, payload: bytes) -> str:
+    """Return the label of a question, signed."""
+    return f"{envelope}/{seal.sign(f'ask {key} {envelope}', payload)}"
 
-    def __init__(self, session: Session, run: str, role: str, requests: Kinds) -> None:
-        self.instance = secrets.token_hex(6)
+
+def answer_label(seal: Seal, key: str, envelope: Envelope, answered: Answered) -> str:
+    """Return the label of the answer to a question, signed."""
+    said = f"{envelope}/{'ok' if answered.ok else 'failed'}"
+    return f"{said}/{seal.sign(f'answer {key} {said}', answered.payload)}"
+
+
+class Server:
+    """Answer calls on a session.  `work` does so on the thread that calls it, one call after the other.
+
+    seal : of the run.  one_owner : whether the client that calls first is the only one who may.
+    """
+
+    def __init__(self, session: Session, seal: Seal, role: str, requests: Kinds, *, one_owner: bool = False) -> None:
+        self._seal = seal
+        self.instance = seal.instance(role)
         self._requests = requests
-        self._calls: CallQueue[Question] = CallQueue(self.instance)
+        self._calls: CallQueue[_Caller] = CallQueue(self.instance, one_owner=one_owner)
         self._busy: tuple[str, float] | None = None
         self.stats = CallStats()
         self._served = 0
-        self._keys = keys_of(run, role, self.instance)
+        self._keys = keys = keys_of(seal.run, seal.name(role), self.instance)
         self._declared = [
-            session.answer(self._keys.ask, self._arrive),
-            session.answer(self._keys.status, self._tell_status),
-            session.answer(self._keys.stats, self._tell_stats),
-            session.show_token(self._keys.token),
+            session.answer(keys.ask, self._door(keys.ask, self._arrive)),
+            session.answer(keys.status, self._door(keys.status, lambda caller: self._tell(caller, self._status()))),
+            session.answer(keys.stats, self._door(
+                keys.stats, lambda caller: self._tell(caller, encode(self.stats.so_far())))),
+            session.show_token(keys.token),
         ]
 
     def work(self, handle: Callable[[Any], Any]) -> None:
         """Carry out calls until `stop`.  handle : request -> reply, both messages."""
         while (call := self._calls.queue.get()) is not None:
             answered = self._carry_out(call.payload, handle)
-            for question in self._calls.finish(call, answered):
-                self._answer(question, answered)
+            for caller in self._calls.finish(call, answered):
+                self._answer(caller, answered)
 
     def stop(self) -> None:
         """Let `work` return after the calls that came before; from any thread, or from handle."""
@@ -94,7 +115,7 @@ class Server:
     def _done(self, payload: bytes, handle: Callable[[Any], Any], started: float) -> tuple[str, Answered]:
         """Carry out a call; return the verb and the answer."""
         try:
-            request = decode(payload, self._requests)
+            request = decode(payload, self._requests, MAX_MESSAGE_HEADER)
         except WireError as exc:
             return UNREADABLE, failure("bad_request", str(exc))
         verb = type(request).__name__
@@ -107,25 +128,61 @@ class Server:
         finally:
             self._busy = None
 
-    def _arrive(self, question: Question) -> None:
-        answered = self._calls.arrive(question.label, question.payload, question)
-        if answered is not None:
-            self._answer(question, answered)
+    def _door(self, key: str, enter: Callable[[_Caller], None]) -> Callable[[Question], None]:
+        """Let in what is signed and new; tell all others why not."""
+        heard = Heard()
 
-    def _answer(self, question: Question, answered: Answered) -> None:
+        def arrived(question: Question) -> None:
+            label, _, signature = question.label.rpartition("/")
+            envelope = parse_envelope(label)
+            # fault: who asks need not sign -> if envelope is None: | contact/test_seal
+            if envelope is None or not self._seal.signed(f"ask {key} {envelope}", question.payload, signature):
+                self._refuse(question, key, "unsigned: this is not signed with the secret of the run")
+            elif envelope.instance != self.instance:
+                self._refuse(question, key, f"wrong_instance: this is {self.instance}, not {envelope.instance}")
+            elif not heard.is_new(envelope):
+                self._refuse(question, key, "replayed: this was heard before, or is older than what was")
+            else:
+                enter(_Caller(question, key, envelope))
+
+        return arrived
+
+    def _refuse(self, question: Question, key: str, why: str) -> None:
+        # Without a signature: a signed refusal could be played to the client as the answer to its own call.
+        self.stats.add(REFUSED, 0.0, len(question.payload), len(why))
         try:
-            question.answer(self._keys.ask, answered.ok, answered.payload)
+            question.answer(key, "", why.encode())
+        except LinkError as exc:
+            print(exc, file=sys.stderr)
+
+    def _arrive(self, caller: _Caller) -> None:
+        answered = self._calls.arrive(caller.envelope, caller.question.payload, caller)
+        if answered is not None:
+            self._answer(caller, answered)
+
+    def _tell(self, caller: _Caller, payload: bytes) -> None:
+        self._answer(caller, Answered(True, payload))
+
+    def _answer(self, caller: _Caller, answered: Answered) -> None:
+        label = answer_label(self._seal, caller.key, caller.envelope, answered)
+        try:
+            caller.question.answer(caller.key, label, answered.payload)
         except LinkError as exc:  # the asker went away: nobody is left to be told
             print(exc, file=sys.stderr)
 
-    def _tell_status(self, question: Question) -> None:
+    def _status(self) -> bytes:
         busy = self._busy
         doing = f"busy with {busy[0]} for {time.monotonic() - busy[1]:.1f} s" if busy else "idle"
-        text = f"{doing}, {self._calls.queue.qsize()} waiting, {self._served} served"
-        question.answer(self._keys.status, True, text.encode())
+        return f"{doing}, {self._calls.queue.qsize()} waiting, {self._served} served".encode()
 
-    def _tell_stats(self, question: Question) -> None:
-        question.answer(self._keys.stats, True, encode(self.stats.so_far()))
+
+@dataclass(frozen=True)
+class _Caller:
+    """Who waits for an answer: a question that was let in, on which key, and its envelope."""
+
+    question: Question
+    key: str
+    envelope: Envelope
 
 
 # Behaviour of a process that a coupler started and will reap.

@@ -1,4 +1,4 @@
-"""Sessions of zenoh on loopback, and the four things done on them; the only file that imports zenoh.
+"""Sessions of zenoh on this machine, and the four things done on them; the only file that imports zenoh.
 
 Traits of zenoh that shape this file.  A plain configuration listens on every interface and calls out by
 multicast: every endpoint is named here.  Every failure looks alike, an empty list of replies; the token of
@@ -12,9 +12,12 @@ import json
 import os
 import re
 import socket
+import stat
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock
 from typing import Any
@@ -28,17 +31,17 @@ WATCH_PERIOD = 0.25  # s between looks at whether the other processes live, whil
 LEASE_MS = 3000  # a stopped process or cut line counts as gone after this long
 _ENCODING = "application/x-slideline"
 _LOOPBACK = re.compile(r"tcp/(?:127\.0\.0\.1|\[::1\]|localhost):([0-9]{1,5})")
+SOCKET = "unixsock-stream/"
+_SOCKET_PATH = 100  # bytes; the kernel takes 108
 
 
 @dataclass(frozen=True)
 class QueryAnswer:
     """An answer to a query.
 
-    ok : a reply.  Else an error: in the answerer's own words if `spoken`, else in zenoh's (its timeout).
-    label : the attachment.
+    spoken : by whoever answered; else in zenoh's own words (its timeout).  label : the attachment.
     """
 
-    ok: bool
     spoken: bool
     label: str
     payload: bytes
@@ -49,17 +52,15 @@ class Question:
 
     def __init__(self, query: Any) -> None:
         self._query = query
-        self.label: str = query.attachment.to_string() if query.attachment is not None else ""
+        self.label = _text(query.attachment)
         self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
 
-    def answer(self, key: str, ok: bool, payload: bytes) -> None:
+    def answer(self, key: str, label: str, payload: bytes) -> None:
         """Raises LinkError where the answer cannot be sent."""
         try:
             with self._query:
-                if ok:
-                    self._query.reply(key, payload, encoding=_ENCODING, attachment=self.label)
-                else:
-                    self._query.reply_err(payload, encoding=_ENCODING)
+                # A refusal is a reply as well: what zenoh calls an error has no room for a signature.
+                self._query.reply(key, payload, encoding=_ENCODING, attachment=label)
         except zenoh.ZError as exc:
             raise LinkError(f"answer to {self.label!r} not sent: {exc}") from exc
 
@@ -93,23 +94,28 @@ class Session:
 
         return {str(r.ok.key_expr) for r in self._collect(get, 1.0, watch) if r.ok is not None}
 
-    def ask(self, key: str, payload: bytes, label: str, timeout: float,
-            watch: Callable[[], None]) -> list[QueryAnswer]:
-        """Ask a question; return the answers up to the first of a server's own; zenoh's own words may come before it.
+    def ask(self, key: str, payload: bytes, label: str, timeout: float, watch: Callable[[], None],
+            taken: Callable[[QueryAnswer], bool]) -> list[QueryAnswer]:
+        """Ask a question; return the answers up to the first that is taken; others may come before it.
 
         None at all: nobody has the key, or its owner died, or the line is cut.
-        timeout : seconds.  watch : called while waiting; may raise what ends the wait.
+        timeout : seconds.  watch : called while waiting; may raise what ends the wait.  taken : whether an answer is
+        the one that was waited for.
         """
+        # All that have the key: a stranger who declares it too could otherwise be the only one who is asked.
+        # fault: a stranger who takes a server's key is asked in its place -> target =
+        #   zenoh.QueryTarget.BEST_MATCHING | coupler/test_strangers
+        target = zenoh.QueryTarget.ALL
+
         def get(handler: Any) -> None:
-            self._zenoh.get(key, handler, payload=payload, attachment=label, encoding=_ENCODING,
-                            timeout=timeout, target=zenoh.QueryTarget.BEST_MATCHING,
-                            consolidation=zenoh.ConsolidationMode.NONE)
+            self._zenoh.get(key, handler, payload=payload, attachment=label, encoding=_ENCODING, timeout=timeout,
+                            target=target, consolidation=zenoh.ConsolidationMode.NONE)
 
         answers: list[QueryAnswer] = []
         for reply in self._collect(get, timeout, watch):
             answers.append(answer := _answer(reply))
             # fault: an answer waits for the end of its question -> if answer is None: | contact/test_call_stats
-            if answer.ok or answer.spoken:  # zenoh says that nothing more comes a tenth of a millisecond later
+            if taken(answer):  # zenoh says that nothing more comes a tenth of a millisecond later
                 break
         return answers
 
@@ -136,10 +142,13 @@ class Session:
 
 def _answer(reply: Any) -> QueryAnswer:
     if reply.ok is not None:
-        attachment = reply.ok.attachment
-        label = attachment.to_string() if attachment is not None else ""
-        return QueryAnswer(True, True, label, reply.ok.payload.to_bytes())
-    return QueryAnswer(False, str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
+        return QueryAnswer(True, _text(reply.ok.attachment), reply.ok.payload.to_bytes())
+    return QueryAnswer(str(reply.err.encoding) == _ENCODING, "", reply.err.payload.to_bytes())
+
+
+def _text(attachment: Any) -> str:
+    """The text of an attachment; whatever a stranger put there must not raise where questions arrive."""
+    return attachment.to_bytes().decode("ascii", "replace") if attachment is not None else ""
 
 
 _sessions: list[Session] = []
@@ -184,13 +193,41 @@ def close_all_sessions() -> None:
 
 
 def check_loopback(endpoint: str) -> None:
-    """Check that an endpoint is TCP on this machine's loopback.  Raises LinkSpecError.
+    """Check that an endpoint is on this machine: TCP on loopback, or a socket in a folder of this user's own.
 
-    There is no encryption and no password on these links, so nobody elsewhere may reach them.
+    There is no encryption on these links, so nobody elsewhere may reach them, and no other user the sockets.
+    Raises LinkSpecError.
     """
+    if endpoint.startswith(SOCKET):
+        return _check_folder(Path(endpoint.removeprefix(SOCKET)))
     match = _LOOPBACK.fullmatch(endpoint)
     if match is None or int(match[1]) > 65535:
-        raise LinkSpecError(f"endpoint {endpoint!r} is not tcp/127.0.0.1:PORT; only loopback is allowed")
+        raise LinkSpecError(f"endpoint {endpoint!r} is not tcp/127.0.0.1:PORT or {SOCKET}/FOLDER/NAME; other addresses "
+                            "need TLS, which these links do not have: only loopback is allowed")
+    return None
+
+
+def _check_folder(socket_path: Path) -> None:
+    """Check that only this user can enter the folder of a socket.  Raises LinkSpecError."""
+    folder = socket_path.parent
+    try:
+        facts = folder.lstat()
+    except OSError as exc:
+        raise LinkSpecError(f"the folder of the socket {socket_path} cannot be looked at ({exc.strerror})") from exc
+    own = stat.S_ISDIR(facts.st_mode) and facts.st_uid == os.getuid()
+    # fault: a socket may lie where others can reach it -> if not own: |
+    #   contact/test_zenoh::test_only_loopback
+    if not own or stat.S_IMODE(facts.st_mode) & 0o077:
+        raise LinkSpecError(f"others may enter the folder of the socket {socket_path}: it must be this user's own, "
+                            "with mode 0700")
+
+
+def socket_in(folder: Path, name: str) -> str:
+    """Return an endpoint in a folder of one's own, out of reach of other users; loopback TCP where that cannot be."""
+    path = folder / name
+    if sys.platform == "win32" or len(os.fsencode(path)) > _SOCKET_PATH:
+        return "tcp/127.0.0.1:0"
+    return f"{SOCKET}{path}"
 
 
 def _open(listen: tuple[str, ...], connect: tuple[str, ...]) -> Session:

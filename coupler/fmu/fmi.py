@@ -30,7 +30,9 @@ from coupler.fmu.description import Description, VariableBlock, read_description
 from coupler.fmu.half import Advance, Array, Block, Status
 
 DISCARD, FATAL = 2, 4
-LOG_LENGTH = 200
+LOG_LENGTH = 200  # messages
+LOG_TEXT = 2000  # characters of one message that are kept
+MAX_STATE = 8 << 30  # bytes; no half is near it
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 _alive: weakref.WeakSet[FmuHalf] = weakref.WeakSet()
@@ -221,6 +223,9 @@ class FmuHalf:
             raise self._error("its FMU cannot write its state down: no resume")
         state, size = self._state(token), c_size_t(0)
         self._call("fmi2SerializedFMUstateSize", state, byref(size))
+        # fault: a state of any size is made room for -> if False: | coupler/test_hostile_fmu
+        if size.value > MAX_STATE:
+            raise self._error(f"it says its state takes {size.value} bytes, more than {MAX_STATE >> 30} GiB: no resume")
         buffer = create_string_buffer(size.value)
         self._call("fmi2SerializeFMUstate", state, buffer, size)
         if not size.value:
@@ -264,7 +269,10 @@ class FmuHalf:
                 return int(exc.status)
             # After fatal not even freeing is allowed.
             self._dead = exc.status == FATAL
-            raise self._error(f"{function} answered {_STATUS[exc.status]}") from exc
+            # fault: a status that FMI does not know ends in a traceback -> said = _STATUS[exc.status] |
+            #   coupler/test_hostile_fmu
+            said = _STATUS[exc.status] if 0 <= exc.status < len(_STATUS) else f"status {exc.status}, which FMI has not"
+            raise self._error(f"{function} answered {said}") from exc
 
     def _error(self, message: str) -> HalfError:
         where = f" (t = {self._t:.9g} s, h = {self._h:.3g} s)" if self._t == self._t else ""
@@ -365,7 +373,8 @@ class FmuHalf:
 
         def record(_: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
             label = _STATUS[status] if 0 <= status < len(_STATUS) else status
-            log.append(f"[{label}] {(message or b'').decode('utf-8', 'replace')}")
+            text = (message or b"")[: LOG_TEXT + 1].decode("utf-8", "replace")
+            log.append(f"[{label}] {text if len(text) <= LOG_TEXT else text[:LOG_TEXT] + ' ...'}")
 
         callbacks = fmpy.fmi2.fmi2CallbackFunctions()
         callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(record)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Any, TypeVar
 
 import numpy as np
 
 from contact.codec import kinds_of
 from contact.records import WireError
-from contact.rpc.calls import LinkError
+from contact.rpc.calls import LinkError, ServiceDownError
 from contact.rpc.client import Client
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Array, Block, Status
@@ -156,6 +159,40 @@ ANSWERS = kinds_of((Described, Values, Advance, Token, StateBytes, Text, Acknowl
 
 # The half itself.
 
+LEAST_DEADLINE = 60.0  # s
+TIMES_MEDIAN = 20.0  # the deadline of a step, by the median of those before it
+RECENT_STEPS = 100
+KNOWN_STEPS = 5  # before that the first, which may compile, would count for too much
+
+
+class Course:
+    """The steps of a half that went well: how long they took, and where the last one ended.
+
+    stated : seconds that a step may take, if the scenario says so.
+    """
+
+    def __init__(self, stated: float | None = None) -> None:
+        self._stated = stated
+        self._seconds: deque[float] = deque(maxlen=RECENT_STEPS)
+        self.t: float | None = None
+
+    def add(self, t: float, seconds: float) -> None:
+        """Count a step that ended at t [s]."""
+        self.t = t
+        self._seconds.append(seconds)
+
+    @property
+    def deadline(self) -> float | None:
+        """Seconds that the next step may take; None where too few are known."""
+        if self._stated is not None:
+            return self._stated
+        if len(self._seconds) < KNOWN_STEPS:
+            return None
+        # fault: a half that has become slow is given no more than a minute -> return LEAST_DEADLINE |
+        #   coupler/test_stopped
+        return max(LEAST_DEADLINE, TIMES_MEDIAN * median(self._seconds))
+
+
 CLOSE_DEADLINE = 2.0  # s; after it the process is ended from outside
 LOG_DEADLINE = 2.0  # s; a log is asked for when something is wrong already
 AnswerT = TypeVar("AnswerT")
@@ -164,14 +201,19 @@ AnswerT = TypeVar("AnswerT")
 class RemoteHalf:
     """coupler.fmu.half.Half over a link.
 
-    client : calls the half's process.  blame : asks whether every process lives; raises the error that names
-    the dead one; its argument is how long to wait for a death to show.
+    client : calls the half's process.  blame : asks whether every process lives and none is stopped; raises the error
+    that names the one at fault; its argument is how long to wait for a death to show.  step_deadline : seconds that a
+    step may take; None: 20 times the median of those before, and a minute at least.  tail : the end of its log, where
+    it cannot be asked for it.
     """
 
-    def __init__(self, name: str, client: Client, blame: Callable[[float], None]) -> None:
+    def __init__(self, name: str, client: Client, blame: Callable[[float], None],
+                 step_deadline: float | None = None, tail: Callable[[], str] = str) -> None:
         self.name = name
         self._client = client
         self._blame = blame
+        self._course = Course(step_deadline)
+        self._tail = tail
         description = self._call(Describe(), Described)
         self.blocks = {block.name: block for block in description.blocks}
         self.strings = description.strings
@@ -194,7 +236,10 @@ class RemoteHalf:
         inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
         unit of its block.
         """
-        done = self._call(Step(t, h, _blocks(inputs), tuple(outputs)), Advance)
+        begun = time.perf_counter()
+        done = self._call(Step(t, h, _blocks(inputs), tuple(outputs)), Advance, self._course.deadline)
+        if done.status is Status.OK:
+            self._course.add(t + h, time.perf_counter() - begun)
         if done.status is Status.DISCARD:
             # A half that lost its contact service can only discard; a smaller step would not help it.
             self._blame(0.0)
@@ -231,10 +276,30 @@ class RemoteHalf:
     def _call(self, verb: Verb, kind: type[AnswerT], deadline: float | None = None) -> AnswerT:
         """The answer to a verb.  Raises HalfError, or what `blame` raises."""
         try:
+            return self._answered(verb, kind, deadline)
+        except HalfError as exc:
+            if exc.half == self.name:
+                exc.message += self._where(verb)
+            else:  # another one is at fault, and was found while this one was called
+                exc.add_note(f"found when half {self.name!r} was called{self._where(verb)}")
+            raise
+        except ServiceDownError as exc:
+            exc.add_note(f"found when half {self.name!r} was called{self._where(verb)}")
+            raise
+
+    def _where(self, verb: Verb) -> str:
+        """The last call, and the time to which all was well."""
+        call = f"{type(verb).__name__} from t = {verb.t:.9g} s by {verb.h:.3g} s" if isinstance(verb, Step) else (
+            type(verb).__name__)
+        good = "" if self._course.t is None else f"; its last good step ended at t = {self._course.t:.9g} s"
+        return f" (in {call}{good})"
+
+    def _answered(self, verb: Verb, kind: type[AnswerT], deadline: float | None) -> AnswerT:
+        try:
             answer: Any = self._client.call(verb, deadline)
         except LinkError as exc:
             self._blame(1.0)
-            raise HalfError(str(exc), half=self.name) from exc
+            raise HalfError(str(exc), half=self.name, log=self._tail()) from exc
         except WireError as exc:
             raise HalfError(f"{type(verb).__name__} cannot be sent: {exc}", half=self.name) from exc
         if isinstance(answer, Failed):

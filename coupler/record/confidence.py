@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 
 from coupler.errors import ResultsError
+from coupler.record.checksums import FORMAT_BOUNDS, close_texts, put
 from coupler.trust.confidence import NAME, ProbeConfidence, check
 
 GROUP = "confidence"
@@ -21,16 +22,16 @@ def write_confidence(path: Path, found: Mapping[str, ProbeConfidence]) -> None:
     Raises ResultsError where it cannot be written.
     """
     try:
-        with h5py.File(path, "r+") as f:
+        with h5py.File(path, "r+", libver=FORMAT_BOUNDS) as f:
             if GROUP in f:
                 del f[GROUP]
             group = f.create_group(GROUP, track_order=True)
             for name, of in found.items():
-                group[name] = of.error
-                group[name].attrs.update({a: getattr(of, a) for a in ATTRIBUTES})
+                put(group, name, of.error).attrs.update({a: getattr(of, a) for a in ATTRIBUTES})
             totals = json.loads(f.attrs["totals"])
             rows = [row for row in totals.get("trust", ()) if row["name"] != NAME]
             f.attrs["totals"] = json.dumps({**totals, "trust": [check(found).as_dict(), *rows]})
+            close_texts(f)
     except OSError as exc:
         raise ResultsError(f"{path}: what companions say of it cannot be written ({exc})") from exc
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, at_nodes, of_pairs, output_field
+from coupler.record.checksums import FORMAT_BOUNDS, close_texts, put
 from coupler.record.journal import JournalRecord, read_journal
 from coupler.record.paths import making_of, put_away
 from coupler.record.tables import (
@@ -254,12 +255,13 @@ def _make(journal: Path, path: Path) -> bool:
     with _folder(making_of(path)) as scratch:
         part = scratch / path.name
         parts = write_field_files(scratch, meta, arrays, frames)
-        with h5py.File(part, "w", track_order=True) as f:
+        with h5py.File(part, "w", track_order=True, libver=FORMAT_BOUNDS) as f:
             _write(f, meta, told)
             _write_mesh(f, arrays)
             _write_contact(f, meta, arrays, told)
             _write_outputs(f, meta["field_files"], loose)
             _write_end(f, arrays, told)
+            close_texts(f)
         for file in (*parts, part):
             os.replace(file, path.with_name(file.name))
     return str(told.end["outcome"]) == "completed"
@@ -284,23 +286,22 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
                    message=told.end["message"], header=json.dumps(meta),
                    totals=json.dumps({**told.end.get("totals", {}), "rewound": told.rewound}))
     f.create_dataset("scenario", data=meta["scenario"]["text"], dtype=text)
-    f["t"] = np.array(told.t)
-    f["windows"] = np.array(told.rows, dtype=list(WINDOW_FIELDS))
+    put(f, "t", told.t)
+    put(f, "windows", np.array(told.rows, dtype=list(WINDOW_FIELDS)))
     # A dataset, not an attribute: those hold 64 kB at most.
     f.create_dataset("words", data=json.dumps(told.words), dtype=text)
     if told.iterates:
-        f["iterates"] = np.array(told.iterates, dtype=list(ITERATE_FIELDS))
+        put(f, "iterates", np.array(told.iterates, dtype=list(ITERATE_FIELDS)))
     if told.estimates:
-        f["estimates"] = np.array(told.estimates, dtype=list(ESTIMATE_FIELDS))
+        put(f, "estimates", np.array(told.estimates, dtype=list(ESTIMATE_FIELDS)))
     if told.errors:
-        f["errors"] = np.array(told.errors, dtype=list(ERROR_FIELDS))
+        put(f, "errors", np.array(told.errors, dtype=list(ERROR_FIELDS)))
     if told.max_T is not None:
         f.attrs["max_T"] = told.max_T
     group = f.create_group("probes", track_order=True)
     table = np.array(told.probes, dtype=float).reshape(len(told.t), len(meta["probes"]))
     for i, (name, about) in enumerate(meta["probes"].items()):
-        group[name] = table[:, i]
-        group[name].attrs.update(unit=about["unit"], quantity=about["quantity"])
+        put(group, name, table[:, i]).attrs.update(unit=about["unit"], quantity=about["quantity"])
     _write_conditions(f, meta, told)
     _write_rows(f.create_group("ledger", track_order=True), told.terms, PREFIX, 0.0)
     for data in f["ledger"].values():
@@ -315,8 +316,8 @@ def _write_conditions(f: h5py.File, meta: dict[str, Any], told: Gathered) -> Non
     for of in known:
         last = first + len(of.parts)
         values = np.array([row[first:last] for row in told.conditions], dtype=float).reshape(-1, last - first)
-        group[of.name] = values[:, 0] if len(of.parts) == 1 else values
-        group[of.name].attrs.update(unit=of.unit, kind=of.kind, place=of.place)
+        data = put(group, of.name, values[:, 0] if len(of.parts) == 1 else values)
+        data.attrs.update(unit=of.unit, kind=of.kind, place=of.place)
         # fault: conditions in the file are all the first one's -> first = 0 | coupler/test_named_conditions
         first = last
 
@@ -325,7 +326,7 @@ def _write_mesh(f: h5py.File, header: Mapping[str, NDArray[Any]]) -> None:
     """The mesh as it was before anything moved: what another run may start from."""
     group = f.create_group("mesh", track_order=True)
     for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
-        group[name] = header[name]
+        put(group, name, header[name])
 
 
 def _write_end(f: h5py.File, header: Mapping[str, NDArray[Any]], told: Gathered) -> None:
@@ -334,10 +335,10 @@ def _write_end(f: h5py.File, header: Mapping[str, NDArray[Any]], told: Gathered)
         return
     group = f.create_group("end", track_order=True)
     group.attrs["t"] = told.end["t_now"]
-    group["pair_nodes"] = header["pair_nodes"]
+    put(group, "pair_nodes", header["pair_nodes"])
     for name, data in told.memory.items():
         # Most points of a body have not flowed: a row of zeros takes no room.
-        group.create_dataset(name, data=data, **({"compression": "gzip", "compression_opts": 1} if data.size else {}))
+        put(group, name, data, compression="gzip", compression_opts=1)
 
 
 def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDArray[Any]], told: Gathered) -> None:
@@ -347,25 +348,25 @@ def _write_contact(f: h5py.File, meta: dict[str, Any], header: Mapping[str, NDAr
     for pair in meta["pairs"] if names else ():
         group = f.create_group(f"contact/{pair['name']}", track_order=True)
         for n in ("s", "X"):
-            group[n] = header[f"{n}.{pair['name']}"]
+            put(group, n, header[f"{n}.{pair['name']}"])
         here = slice(first, first + len(group["s"]))
         none = np.full(len(group["s"]), np.nan, np.float32)
         for n in names:
             rows = [row[n][here] if n in row else none for row in told.contact]
-            group.create_dataset(n, data=np.array(rows, dtype=np.float32), compression="gzip", compression_opts=1)
-            group[n].attrs["unit"] = FIELDS[n]
+            data = put(group, n, np.array(rows, dtype=np.float32), compression="gzip", compression_opts=1)
+            data.attrs["unit"] = FIELDS[n]
         first = here.stop
 
 
 def _write_outputs(f: h5py.File, files: Mapping[str, str], loose: LooseArrays) -> None:
     """A group a half: its outputs at the times of the frames; of those on the mesh the place in the field file."""
     group = f.create_group("fields", track_order=True)
-    group["t"] = np.array(loose.t)
+    put(group, "t", loose.t)
     for (half, label), about in loose.fields.items():
         name = f"{half}/{label}"
         if about.on in (On.BODIES, On.NOTHING):
             data = np.array(loose.values.get((half, label), np.empty((0, *about.shape))))
-            group.create_dataset(name, data=data).attrs.update(unit=about.unit, description=about.description)
+            put(group, name, data).attrs.update(unit=about.unit, description=about.description)
         else:
             place = "CellData" if about.on is On.CELLS else "PointData"
             group[name] = h5py.ExternalLink(files[half], f"/VTKHDF/{place}/{label}")
@@ -375,4 +376,4 @@ def _write_rows(group: h5py.Group, rows: list[Mapping[str, float]], prefix: str,
     """A dataset a name, a value a row."""
     for name in dict.fromkeys(n for row in rows for n in row):
         values: NDArray[np.float64] = np.array([row.get(name, missing) for row in rows])
-        group[name.removeprefix(prefix)] = values
+        put(group, name.removeprefix(prefix), values)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from contact.problem.values import did_you_mean
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, output_field
+from coupler.record.checksums import check_texts
 from coupler.record.confidence import read_confidence
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
@@ -122,12 +123,13 @@ class Results:
         try:
             with h5py.File(self.path, "r") as f:
                 self._read(f)
-        except (OSError, KeyError, ValueError) as exc:
+        except (OSError, KeyError, ValueError, RuntimeError, TypeError, AttributeError) as exc:
             raise ResultsError(f"{self.path}: not a readable results file ({reason_of(exc)})") from exc
 
     def _read(self, f: h5py.File) -> None:
         if f.attrs.get("format") != FORMAT or f.attrs.get("version") != FORMAT_VERSION:
             raise ValueError(f"its format is not {FORMAT} {FORMAT_VERSION}")
+        check_texts(f)
         self.outcome: str = str(f.attrs["outcome"])
         self.message: str = str(f.attrs["message"])
         self.header: dict[str, Any] = json.loads(f.attrs["header"])
@@ -299,8 +301,11 @@ class Results:
                                + (f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(fields)}"))
         field = fields[name]
         if field.on in (On.BODIES, On.NOTHING):
-            with h5py.File(self.path, "r") as f:
-                return f["fields/t"][()], f[f"fields/{field.half}/{field.label}"][()]
+            try:
+                with h5py.File(self.path, "r") as f:
+                    return f["fields/t"][()], f[f"fields/{field.half}/{field.label}"][()]
+            except (OSError, KeyError, RuntimeError) as exc:
+                raise ResultsError(f"{self.path}: its field {name} cannot be read ({reason_of(exc)})") from exc
         with FieldReader(self.field_files[field.half]) as file:
             read = file.cell_field if field.on is On.CELLS else file.point_field
             frames = [in_plane(read(field.label, k), field.components) for k in range(len(file.times))]

@@ -123,6 +123,17 @@ class SubstepCounts(Part):
     mechanical: Annotated[Whole, Entry("of the mechanical half")] = 1
 
 
+class Deadlines(Part):
+    """Seconds that one step of each half may take in a process of its own."""
+
+    thermal: Annotated[Positive | None, Entry(
+        "seconds that one step of the thermal half may take under `--processes`", unit="s",
+        default="20 times the median of its steps, at least 60",
+        why="A half that is stuck is named a second later, and the run ends.")] = None
+    mechanical: Annotated[Positive | None, Entry(
+        "of the mechanical half", unit="s", default="the same")] = None
+
+
 class CouplingSpec(Part):
     """end [s], runs begin at 0; kinks [s] besides those of the signals; link to the contact service."""
 
@@ -167,6 +178,7 @@ class CouplingSpec(Part):
             OnUnstable.AUTO)
     stop: Annotated[StopSpec, Entry("when a run ends early")] = StopSpec()
     substeps: Annotated[SubstepCounts, Entry("in a window")] = SubstepCounts()
+    deadlines: Annotated[Deadlines, Entry("for a step of a half in a process of its own")] = Deadlines()
     link: Annotated[Text, Entry(
         "how the halves reach the contact service",
         kind="`direct`, `codec`, `zenoh:ENDPOINT`")] = "direct"

@@ -17,11 +17,11 @@ import numpy as np
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq, TaggedScalar
-from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.constructor import DuplicateKeyError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from contact.problem.errors import UNKNOWN, wrongs
-from coupler.errors import ScenarioError, together
+from coupler.errors import UNPRINTABLE, ScenarioError, together
 
 Key = tuple[str | int, ...]
 
@@ -143,6 +143,8 @@ MAX_BYTES = 250_000
 MAX_ALIASES = 200
 MAX_VALUES = 100_000
 MAX_DEPTH = 40
+MAX_MERGED = 10_000  # keys that all `<<` bring in, which the reader copies one by one
+MAX_NAME = 100  # letters of a key: names become those of files and of variables
 _ALIAS = re.compile(r"(?:^|[\s\[{,])\*[^\s\[\]{},*]", re.MULTILINE)
 _BRACKET = re.compile(r"[\[{\]}]")
 
@@ -233,8 +235,12 @@ def _refuse_bombs(text: str, file: str) -> None:
 def _parse(text: str, file: str) -> Any:
     _refuse_bombs(text, file)
     yaml = YAML(typ="rt", pure=True)
+    yaml.Constructor = _CountingConstructor
     try:
         return yaml.load(text)
+    except _TooManyMergedError as exc:
+        raise ScenarioError(f"the merges (<<) bring in more than {MAX_MERGED} keys", file=file, line=exc.line,
+                            remedy="Write the values out, or merge fewer.") from exc
     except DuplicateKeyError as exc:
         # The message lists ways to switch the check off; only its first line is of use here.
         said = str(exc.problem).splitlines()[0]
@@ -251,6 +257,28 @@ def _parse(text: str, file: str) -> Any:
     except ValueError as exc:
         # ruamel lets these out for scalars that look like a number or a date and are none (`2020-13-45`).
         raise ScenarioError(f"not valid YAML: {exc}", file=file) from exc
+
+
+class _TooManyMergedError(Exception):
+    """Merges bring in too many keys.  line : of the mapping where they became too many."""
+
+    def __init__(self, line: int) -> None:
+        super().__init__(line)
+        self.line = line
+
+
+class _CountingConstructor(RoundTripConstructor):
+    """Makes the values of a text, and counts the keys that merges bring in as they come."""
+
+    merged = 0
+
+    def flatten_mapping(self, node: Any) -> Any:
+        found = super().flatten_mapping(node)
+        self.merged += sum(len(mapping) for mapping in found or ())
+        # fault: merges without limit -> if False: | coupler/test_scenario_reading
+        if self.merged > MAX_MERGED:
+            raise _TooManyMergedError(node.start_mark.line + 1)
+        return found
 
 
 def _line_of(exc: MarkedYAMLError) -> int:
@@ -281,6 +309,10 @@ class _Reading:
     def _name(self, node: CommentedMap, name: Any, key: Key) -> str:
         if not isinstance(name, str):
             raise self._error(key, f"the key {name!r} is not text", "Write the key as a word, or in quotes.")
+        self._refuse_controls(name, key)
+        # fault: names of any length -> if False: | coupler/test_scenario_reading
+        if len(name) > MAX_NAME:
+            raise self._error(key, f"the key {name[:20]}... has {len(name)} letters", f"At most {MAX_NAME} are allowed")
         # Keys merged in by `<<` have no line of their own; those of the mapping around them serve.
         place = (node.lc.data or {}).get(name)
         if place is not None:
@@ -297,6 +329,8 @@ class _Reading:
         # ruamel's own scalars (quoted, hexadecimal, anchored, ...) are subclasses of these.
         if type(node).__name__ == "ScalarBoolean":
             return bool(node)
+        if isinstance(node, str):
+            self._refuse_controls(node, key)
         for kind in (str, int, float):
             if isinstance(node, kind):
                 return kind(node)
@@ -305,6 +339,14 @@ class _Reading:
         if isinstance(node, datetime.date | datetime.datetime):
             raise self._error(key, f"{node} reads as a date", "Write numbers in SI, text in quotes.")
         raise self._error(key, f"a {type(node).__name__} has no meaning here")
+
+    def _refuse_controls(self, text: str, key: Key) -> None:
+        """Refuse what a terminal takes for a command, and what no file can hold: controls, lone surrogates."""
+        found = UNPRINTABLE.search(text)
+        # fault: text that steers a terminal goes by -> if False: | coupler/test_scenario_reading
+        if found is not None:
+            raise self._error(key, f"the text holds the character U+{ord(found[0]):04X}, which cannot be printed",
+                              "Remove it; a character beyond U+FFFF is written as itself.")
 
     def _refuse_tag(self, node: CommentedMap | CommentedSeq, key: Key) -> None:
         if node.tag.value is not None:

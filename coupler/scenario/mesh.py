@@ -257,6 +257,10 @@ def _read(path: Path) -> Any:
 
 def _in_plane(points: Floats) -> Floats:
     """(n, 2) of (n, 2) or (n, 3) coordinates.  A mesh out of one plane z = constant is refused."""
+    # fault: a mesh file without coordinates ends in a traceback -> if False: | coupler/test_scenario_mesh
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise MeshError("the file has no coordinates of nodes", "Write it as gmsh .msh 2.2 or 4.1.",
+                        at=("file", "path"))
     if not np.isfinite(points).all():
         raise MeshError("the file has coordinates that are not finite", at=("file", "path"))
     if points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * max(np.ptp(points[:, :2]), 1e-300):

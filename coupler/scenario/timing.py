@@ -28,7 +28,7 @@ class CouplingOptions:
     which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
     iteration : of the scheme `iterated`.  adaptive : of windows that find their own size; then windows is one range.
     locate, event_tolerance [s], branches : of events; 0: as coupler.control.events says.
-    steady [K/s]: 0: never stop for that.
+    steady [K/s]: 0: never stop for that.  deadlines : role -> [s] that a step may take, where it is stated.
     """
 
     scheme: Scheme
@@ -46,6 +46,7 @@ class CouplingOptions:
     steady: float = 0.0
     branches: bool = False
     on_unstable: OnUnstable = OnUnstable.AUTO
+    deadlines: Mapping[str, float] = field(default_factory=dict)
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> CouplingOptions:
@@ -70,7 +71,7 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
         spec.iteration, adaptive,
         adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
         spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches,
-        spec.on_unstable)
+        spec.on_unstable, {role: s for role, s in vars(spec.deadlines).items() if s is not None})
 
 
 def kinks_in(model: Any) -> Iterator[float]:

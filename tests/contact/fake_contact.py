@@ -20,6 +20,7 @@ from contact.messages import (
     Tractions,
 )
 
+SECRET = bytes(range(32))  # of the runs of tests
 SLOW, BUG, DIE = -1.0, -2.0, -3.0  # x[0, 0] of a Project that is to take 3 s, raise, or end the process
 
 

@@ -15,10 +15,11 @@ from contact.messages import Project
 from contact.records import WireError, decode_record, encode_record
 from contact.rpc.calls import RECENT, CallStats, LinkProtocolError, Verb, lines
 from contact.rpc.client import ZenohLink
+from contact.rpc.seal import keep_secret
 from contact.rpc.zenoh_session import close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fake_contact import BUG, register
+from fake_contact import BUG, SECRET, register
 
 FAKE = str(Path(__file__).parent / "fake_contact.py")
 
@@ -46,7 +47,11 @@ def test_the_median_is_of_recent_calls_and_memory_is_bounded():
 def test_a_service_tells_its_client_and_its_log():
     process = subprocess.Popen([sys.executable, FAKE, "--run", "r", "--child"], stdin=subprocess.PIPE,
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdin is not None
     assert process.stdout is not None
+    process.stdin.write(SECRET.hex().encode() + b"\n")
+    process.stdin.flush()
+    keep_secret("r", SECRET)
     link = ZenohLink(process.stdout.readline().decode().split()[1], "r")
     requests = [Project("surfaces-4", np.full((4, 2), float(i))) for i in range(3)]
     for request in (register(), *requests):
@@ -93,8 +98,8 @@ def test_an_answer_is_taken_before_the_question_is_over():
 
     declared = session.answer("slideline/t/open", arrived)
     started = time.monotonic()
-    answers = session.ask("slideline/t/open", b"", "me", 60.0, lambda: None)
-    assert [(a.ok, a.label, a.payload) for a in answers] == [(True, "me", b"yes")]
+    answers = session.ask("slideline/t/open", b"", "me", 60.0, lambda: None, lambda answer: answer.spoken)
+    assert [(a.spoken, a.label, a.payload) for a in answers] == [(True, "me", b"yes")]
     assert time.monotonic() - started < 30.0
     kept.clear()
     declared.undeclare()

@@ -7,37 +7,48 @@ import pytest
 
 from contact.codec import REPLIES, encode
 from contact.messages import Project, Registered
-from contact.rpc.calls import LinkProtocolError, LinkTimeoutError
+from contact.rpc.calls import Answered, LinkProtocolError, LinkTimeoutError, failure, parse_envelope
 from contact.rpc.client import Client
+from contact.rpc.seal import Seal
+from contact.rpc.server import answer_label
 from contact.rpc.zenoh_session import QueryAnswer
 
-TIMEOUT = QueryAnswer(ok=False, spoken=False, label="", payload=b"Timeout")
+TIMEOUT = QueryAnswer(spoken=False, label="", payload=b"Timeout")
 REQUEST = Project("s", np.zeros((1, 2)))
+SEAL = Seal("run", bytes(32))
+ONE = SEAL.instance("contact")
 
 
 class Wire:
-    """A session that gives prepared answers to the next call."""
+    """A session that gives prepared answers to the next call, signed by one who has the secret, or by another."""
 
-    def __init__(self, *answers) -> None:
-        self.answers = answers
+    def __init__(self, *answers, seal: Seal = SEAL) -> None:
+        self.answers, self.seal = answers, seal
 
-    def ask(self, key, payload, label, timeout, watch):
-        if key.endswith("status"):
-            return [QueryAnswer(ok=True, spoken=True, label="", payload=b"idle")]
-        return [a if isinstance(a, QueryAnswer) else QueryAnswer(True, True, label, encode(a)) for a in self.answers]
+    def ask(self, key, payload, label, timeout, watch, taken):
+        envelope = parse_envelope(label.rpartition("/")[0])
+        given = [Answered(True, b"idle")] if key.endswith("status") else self.answers
+        said = []
+        for one in given:
+            if not isinstance(one, QueryAnswer):
+                answered = one if isinstance(one, Answered) else Answered(True, encode(one))
+                one = QueryAnswer(True, answer_label(self.seal, key, envelope, answered), answered.payload)
+            said.append(one)
+            if taken(one):
+                break
+        return said
+
+    def tokens(self, key, watch):
+        return {key.replace("*", ONE)}
 
 
-def call(*answers) -> object:
-    return Client(Wire(*answers), "run", "contact", REPLIES, instance="one", deadline=1.0).call(REQUEST)
+def call(*answers, **how) -> object:
+    return Client(Wire(*answers, **how), SEAL, "contact", REPLIES, instance=ONE, deadline=1.0).call(REQUEST)
 
 
 def test_the_answer_that_came_with_the_timeout_is_taken():
     for answers in [(Registered("a"),), (TIMEOUT, Registered("a")), (Registered("a"), TIMEOUT)]:
         assert call(*answers) == Registered("a")
-
-
-def test_the_same_answer_twice_is_one():
-    assert call(Registered("a"), Registered("a")) == Registered("a")
 
 
 def test_a_timeout_said_twice_is_a_timeout():
@@ -46,6 +57,51 @@ def test_a_timeout_said_twice_is_a_timeout():
             call(*answers)
 
 
-def test_two_answers_are_refused():
-    with pytest.raises(LinkProtocolError, match="2 answers to one call"):
-        call(Registered("a"), Registered("b"))
+def test_a_call_repeated_is_a_new_message():
+    """What was heard once is refused: the same bytes again would never be answered."""
+    attempts = []
+
+    class Deaf(Wire):
+        def ask(self, key, payload, label, timeout, watch, taken):
+            attempts.append(parse_envelope(label.rpartition("/")[0]).attempt)
+            return super().ask(key, payload, label, timeout, watch, taken) if len(attempts) == 3 else []
+
+    assert Client(Deaf(Registered("a")), SEAL, "contact", REPLIES, instance=ONE).call(REQUEST) == Registered("a")
+    assert attempts == [1, 2, 3]
+
+
+def test_who_was_stopped_himself_waits_on(monkeypatch):
+    """Ctrl-Z, and `fg` after the deadline: the clock went on, and the other side is not late."""
+    clock = [100.0]
+    monkeypatch.setattr("contact.rpc.client.time.monotonic", lambda: clock[0])
+    monkeypatch.setattr("contact.rpc.client.time.sleep", lambda s: None)
+    asked = []
+
+    class Slow(Wire):
+        def ask(self, key, payload, label, timeout, watch, taken):
+            asked.append(timeout)
+            clock[0] += 0.25
+            watch()
+            if len(asked) == 1:
+                clock[0] += 500.0  # stopped
+                taken(TIMEOUT)
+                return [TIMEOUT]
+            return super().ask(key, payload, label, timeout, watch, taken)
+
+    assert Client(Slow(Registered("a")), SEAL, "contact", REPLIES, instance=ONE, deadline=9.0).call(REQUEST) == (
+        Registered("a"))
+    assert asked == [9.0, 8.75]
+
+
+def test_a_signed_refusal_is_told():
+    with pytest.raises(LinkProtocolError, match="not_owner: this serves another"):
+        call(failure("not_owner", "this serves another"))
+
+
+def test_what_is_not_signed_is_no_answer():
+    lie = QueryAnswer(True, "", encode(Registered("lie")))
+    assert call(lie, Registered("a")) == Registered("a")
+    for answers, how in [((lie,), {}), ((Registered("lie"),), {"seal": Seal("run", bytes(31) + b"1")}),
+                         ((Registered("lie"),), {"seal": Seal("other", bytes(32))})]:
+        with pytest.raises(LinkProtocolError, match="whoever answers has not the secret of run run"):
+            call(*answers, **how)

@@ -25,7 +25,7 @@ from contact.messages import (
     Traction,
     Tractions,
 )
-from contact.records import ALIGNMENT, WireError, decode_record, encode_record
+from contact.records import ALIGNMENT, MAX_MESSAGE_HEADER, WireError, decode_record, encode_record
 
 rng = np.random.default_rng(1)
 I4 = np.arange(6, dtype=np.int32)
@@ -206,3 +206,29 @@ def test_messages_nest():
     assert back.inner[1].shape == (2, 3)
     assert np.array_equal(back.inner[1].values["T"], F8)
     assert back.inner[1].values["x.y"].shape == ()
+
+
+def test_what_fills_up_between_the_parts_is_zeros():
+    """A record has one form: 63 of its bytes could otherwise carry what nobody looks at."""
+    data = encode_record("r", {"n": 1}, {"a": np.arange(3.0), "b": np.arange(16.0), "c": np.arange(1.0)})
+    header = 12 + int.from_bytes(data[4:8], "little")
+    start = header + -header % 64
+    gaps = [*range(header, start), *range(start + 24, start + 64), *range(start + 192 + 8, start + 256)]
+    assert len(data) == start + 256
+    assert not any(data[i] for i in gaps)
+    for i in gaps:
+        damaged = bytearray(data)
+        damaged[i] ^= 0x10
+        with pytest.raises(WireError, match="the bytes between its parts are not zeros"):
+            decode_record(bytes(damaged))
+    assert decode_record(data)[2]["c"].tolist() == [0.0]
+
+
+def test_a_long_header_over_a_link_is_refused_before_it_is_read():
+    """16 MB of empty lists took 1.3 GB and 25 s."""
+    header = msgpack.packb({"version": 7, "name": "Project", "meta": {"a": [[]] * 300_000}, "arrays": []})
+    data = struct.pack("<4sII", b"SLDW", len(header), zlib.crc32(header)) + header
+    data += bytes(-len(data) % 64)
+    assert decode_record(data)[0] == "Project"  # as a file of our own may have it
+    with pytest.raises(WireError, match=f"a header of {len(header)} bytes, at most 262144 are allowed"):
+        decode(data, REQUESTS, MAX_MESSAGE_HEADER)

@@ -17,10 +17,12 @@ from contact.messages import Registered, Traction, Tractions
 from contact.rpc.calls import ServiceDownError
 from contact.rpc.client import ZenohLink
 from contact.rpc.link import DirectLink, Link
+from contact.rpc.seal import keep_secret
 from contact.service import ContactService
 
 sys.path.insert(0, str(Path(__file__).parent))
 from contact_scenes import flat, passes
+from fake_contact import SECRET
 
 PROGRAM = str(Path(__file__).parent / "stalling_contact.py")
 STALLED = 3  # which traction
@@ -29,7 +31,11 @@ STALLED = 3  # which traction
 def service(flag: Path, number: int = STALLED, listen: str = "tcp/127.0.0.1:0") -> tuple[subprocess.Popen[bytes], str]:
     process = subprocess.Popen([sys.executable, PROGRAM, str(number), str(flag), "--listen", listen, "--run", "r",
                                 "--child"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdin is not None
     assert process.stdout is not None
+    process.stdin.write(SECRET.hex().encode() + b"\n")
+    process.stdin.flush()
+    keep_secret("r", SECRET)
     return process, process.stdout.readline().decode().split()[1]
 
 

@@ -16,8 +16,11 @@ from contact.rpc.calls import (
     KEEP_CLIENTS,
     Answered,
     CallQueue,
+    Envelope,
+    Heard,
     LinkProtocolError,
     LinkSpecError,
+    parse_envelope,
 )
 from contact.rpc.link import CodecLink, DirectLink, open_link
 
@@ -71,37 +74,58 @@ OK = Answered(True, b"yes")
 
 def test_a_repeated_call_is_carried_out_once():
     calls: CallQueue[str] = CallQueue("i")
-    assert calls.arrive("i/me/1", b"x", "first") is None
-    assert calls.arrive("i/me/1", b"x", "again") is None
+    assert calls.arrive(Envelope("i", "me", 1), b"x", "first") is None
+    assert calls.arrive(Envelope("i", "me", 1, 2), b"x", "again") is None
     call = calls.queue.get_nowait()
     assert call is not None
     assert calls.queue.empty()
     assert calls.finish(call, OK) == ["first", "again"]
-    assert calls.arrive("i/me/1", b"x", "late") == OK
+    assert calls.arrive(Envelope("i", "me", 1, 3), b"x", "late") == OK
     assert calls.queue.empty()
 
 
 def test_forgotten_foreign_and_garbled_calls_are_refused():
     calls: CallQueue[int] = CallQueue("i")
     for n in range(1, KEEP_ANSWERS + 3):
-        assert calls.arrive(f"i/me/{n}", b"", n) is None
+        assert calls.arrive(Envelope("i", "me", n), b"", n) is None
         calls.finish(calls.queue.get_nowait(), OK)
-    codes = [calls.arrive(label, b"", 0).payload.split(b":")[0]
-             for label in ("i/me/1", "j/me/99", "", "i/me", "i/me/-1", "i/me/x", "i/m e/1", f"i/me/{10**40}")]
-    assert codes == [b"stale", b"wrong_instance", *[b"bad_request"] * 6]
-    assert calls.arrive("i/you/1", b"", 0) is None
+    assert calls.arrive(Envelope("i", "me", 1, 2), b"", 0).payload.startswith(b"stale")
+    assert calls.arrive(Envelope("i", "you", 1), b"", 0) is None
+
+
+def test_an_envelope_is_one_or_none():
+    envelope = Envelope("i", "me", 7, 2)
+    assert parse_envelope(str(envelope)) == envelope
+    for text in ("", "i/me", "i/me/1", "i/me/-1/1", "i/me/x/1", "i/m e/1/1", f"i/me/{10**40}/1", "i/me/0/1", "i/me/1/0",
+                 "i/me/1/1/", "i/me/01/1", f"{'i' * 65}/me/1/1", "i/me/1/\u0661"):
+        assert parse_envelope(text) is None, text
+
+
+def test_what_was_heard_of_a_client_is_never_new_again():
+    heard = Heard()
+    said = [(1, 1), (1, 2), (2, 1), (2, 1), (1, 3), (2, 3), (2, 2), (3, 1)]
+    assert [heard.is_new(Envelope("i", "me", *message)) for message in said] == [
+        True, True, True, False, False, True, False, True]
+    assert heard.is_new(Envelope("i", "you", 1, 1))
+
+
+def test_one_owner_is_the_first_who_calls():
+    calls: CallQueue[int] = CallQueue("i", one_owner=True)
+    assert calls.arrive(Envelope("i", "me", 1), b"", 0) is None
+    assert calls.arrive(Envelope("i", "you", 1), b"", 0).payload.startswith(b"not_owner: this serves me alone")
+    assert calls.arrive(Envelope("i", "me", 2), b"", 0) is None
 
 
 def test_a_flood_is_told_to_wait_and_memory_is_bounded():
     calls: CallQueue[int] = CallQueue("i")
     for n in range(CAPACITY):
-        assert calls.arrive(f"i/c{n}/1", b"", n) is None
-    assert calls.arrive("i/late/1", b"", 0).payload.startswith(b"busy")
+        assert calls.arrive(Envelope("i", f"c{n}", 1), b"", n) is None
+    assert calls.arrive(Envelope("i", "late", 1), b"", 0).payload.startswith(b"busy")
     for _ in range(CAPACITY):
         calls.finish(calls.queue.get_nowait(), OK)
-    assert calls.arrive("i/late/1", b"", 0) is None
+    assert calls.arrive(Envelope("i", "late", 1), b"", 0) is None
     for n in range(3 * KEEP_CLIENTS):
-        calls.arrive(f"i/d{n}/1", b"", n)
+        calls.arrive(Envelope("i", f"d{n}", 1), b"", n)
         while not calls.queue.empty():
             calls.finish(calls.queue.get_nowait(), OK)
     assert len(calls._clients) <= KEEP_CLIENTS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -17,20 +18,38 @@ import pytest
 from contact.codec import REPLIES, REQUESTS, encode
 from contact.messages import Project, Refused, Registered, Traction
 from contact.rpc import zenoh_session
-from contact.rpc.calls import LinkError, LinkProtocolError, LinkSpecError, LinkTimeoutError, ServiceDownError
+from contact.rpc.calls import Envelope, LinkError, LinkProtocolError, LinkSpecError, LinkTimeoutError, ServiceDownError
 from contact.rpc.client import Client, ZenohLink
 from contact.rpc.link import DirectLink, open_link
-from contact.rpc.server import Server
+from contact.rpc.seal import forget_secret, keep_secret, seal_of
+from contact.rpc.server import Server, question_label
 from contact.rpc.zenoh_session import check_loopback, close_session, open_session
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fake_contact import BUG, DIE, SLOW, FakeContact, register
+from fake_contact import BUG, DIE, SECRET, SLOW, FakeContact, register
 
 # A wait ends when what is awaited is there: these only end a test that would hang, on a machine however busy.
 SOON = 30.0  # s; half of what waiting in vain takes
 LONG = 60.0  # s
+RUNS = ("r", "other", "here")
 FAKE = str(Path(__file__).parent / "fake_contact.py")
 rng = np.random.default_rng(5)
+
+
+def tell_secret(process: subprocess.Popen[bytes]) -> None:
+    assert process.stdin is not None
+    process.stdin.write(SECRET.hex().encode() + b"\n")
+    process.stdin.flush()
+
+
+@pytest.fixture(autouse=True)
+def secrets() -> Iterator[None]:
+    """This process has the secrets of the runs of this file."""
+    for run in RUNS:
+        keep_secret(run, SECRET)
+    yield
+    for run in RUNS:
+        forget_secret(run)
 
 
 class Service:
@@ -40,6 +59,7 @@ class Service:
         self.process = subprocess.Popen(
             [sys.executable, FAKE, "--listen", listen, "--run", run, "--child"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        tell_secret(self.process)
         assert self.process.stdout is not None
         word, self.endpoint, self.instance = self.process.stdout.readline().decode().split()
         assert word == "ready"
@@ -161,29 +181,36 @@ def test_a_service_started_anew_is_told_the_surfaces_again(service):
     again.kill()
 
 
+def said(client, payload, envelope):
+    """What the server says to a signed message."""
+    heard = []
+    label = question_label(client._seal, client._keys.ask, envelope, payload)
+    client._session.ask(client._keys.ask, payload, label, SOON, lambda: None, lambda a: heard.append(a) or True)
+    return heard[0]
+
+
 def test_bad_bytes_are_refused_by_text(service, link):
-    client = link._client
-    answers = client._session.ask(client._keys.ask, b"rubbish", f"{service.instance}/me/1", SOON, lambda: None)
-    assert answers[0].payload.startswith(b"bad_request")
-    answers = client._session.ask(client._keys.ask, encode(register()), "no envelope", SOON, lambda: None)
-    assert answers[0].payload.startswith(b"bad_request")
+    assert said(link._client, b"rubbish", Envelope(service.instance, "me", 1)).payload.startswith(b"bad_request")
     assert isinstance(link.ask(register()), Registered)
 
 
 def test_a_call_repeated_on_the_wire_is_carried_out_once(service, link):
     link.ask(register())
     client = link._client
-    payload, label = encode(Project("surfaces-4", x_of(0.5))), f"{service.instance}/me/7"
-    first, second = (client._session.ask(client._keys.ask, payload, label, SOON, lambda: None) for _ in range(2))
-    assert first == second
+    payload = encode(Project("surfaces-4", x_of(0.5)))
+    first, second, third = (said(client, payload, Envelope(service.instance, "me", 7, n)) for n in (1, 2, 2))
+    assert first.payload == second.payload
     assert client.status().endswith("2 served")
+    assert third.payload.startswith(b"replayed")
+    assert not third.label
 
 
 def test_two_owners_are_refused(service, monkeypatch):
     monkeypatch.setattr("contact.rpc.client.CONNECT_TIMEOUT", 2.0)
     session = open_session(connect=(service.endpoint,))
-    with Server(session, "r", "contact", REQUESTS), pytest.raises(LinkProtocolError, match="2 of contact, not one"):
-        Client(session, "r", "contact", REPLIES)
+    with Server(session, seal_of("r"), "contact", REQUESTS), \
+            pytest.raises(LinkProtocolError, match="2 of contact, not one"):
+        Client(session, seal_of("r"), "contact", REPLIES)
     close_session(session)
 
 
@@ -201,7 +228,7 @@ def test_a_watch_ends_the_wait(service):
 
 def test_a_server_in_this_process_is_reached_without_a_second_session():
     session = open_session(listen=("tcp/127.0.0.1:0",))
-    with Server(session, "here", "contact", REQUESTS) as server:
+    with Server(session, seal_of("here"), "contact", REQUESTS) as server:
         worker = threading.Thread(target=server.work, args=(FakeContact().handle,))
         worker.start()
         link = open_link(f"zenoh:{session.listen[0]}/here")
@@ -217,7 +244,9 @@ def test_a_server_in_this_process_is_reached_without_a_second_session():
 
 
 @pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:1", "tcp/192.168.1.2:1", "tcp/[::]:1", "tcp/:1", "tls/127.0.0.1:1",
-                                      "tcp/127.0.0.1:70000", "tcp/127.0.0.1:1?x", "tcp/127.0.0.1", "tcp/127.0.0.1:1\n"])
+                                      "tcp/127.0.0.1:70000", "unixsock-stream//tmp/x.sock",
+                                      "unixsock-stream//no/such/x.sock", "tcp/127.0.0.1:1?x", "tcp/127.0.0.1",
+                                      "tcp/127.0.0.1:1\n"])
 def test_only_loopback(endpoint):
     with pytest.raises(LinkSpecError):
         check_loopback(endpoint)
@@ -237,14 +266,16 @@ def run_script(code: str, *args: str) -> subprocess.CompletedProcess[str]:
 
 def test_a_program_that_forgets_to_close_ends_all_the_same(service):
     code = ("import sys; from contact.rpc.link import open_link; sys.path.insert(0, sys.argv[2]);"
-            "from fake_contact import register; l = open_link(sys.argv[1]); print(l.ask(register()).surfaces)")
+            "from contact.rpc.seal import keep_secret; from fake_contact import SECRET, register;"
+            "keep_secret('r', SECRET); l = open_link(sys.argv[1]); print(l.ask(register()).surfaces)")
     done = run_script(code, f"zenoh:{service.endpoint}/r", str(Path(FAKE).parent))
     assert (done.returncode, done.stdout) == (0, "surfaces-4\n")
 
 
 def test_a_server_that_forgets_to_close_ends_all_the_same():
     code = ("from contact.rpc.server import Server; from contact.rpc.zenoh_session import open_session;"
-            "s = Server(open_session(listen=('tcp/127.0.0.1:0',)), 'r', 'contact', {}); print('done')")
+            "from contact.rpc.seal import Seal;"
+            "s = Server(open_session(listen=('tcp/127.0.0.1:0',)), Seal('r', bytes(32)), 'contact', {}); print('done')")
     done = run_script(code)
     assert (done.returncode, done.stdout) == (0, "done\n")
 
@@ -255,7 +286,9 @@ import os, sys
 from contact.rpc.calls import LinkError
 from contact.rpc.link import open_link
 from contact.messages import Project
+from contact.rpc.seal import keep_secret
 import numpy as np
+keep_secret("r", bytes(range(32)))
 link = open_link(sys.argv[1])
 if (pid := os.fork()) == 0:
     try:
@@ -281,12 +314,13 @@ def test_the_service_listens_on_loopback_alone(service):
 
 
 def test_the_service_ends_on_ctrl_c_when_it_is_nobodys_child():
-    process = subprocess.Popen([sys.executable, FAKE, "--run", "r"], stdout=subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, FAKE, "--run", "r"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    tell_secret(process)
     assert process.stdout is not None
     assert process.stdout.readline().startswith(b"ready tcp/127.0.0.1:")
     process.send_signal(signal.SIGINT)
-    assert process.wait(SOON) == 0
-    process.stdout.close()
+    process.communicate(timeout=SOON)
+    assert process.returncode == 0
 
 
 def test_a_child_outlives_ctrl_c_but_not_its_parent(service, link):
@@ -294,3 +328,21 @@ def test_a_child_outlives_ctrl_c_but_not_its_parent(service, link):
     assert isinstance(link.ask(register()), Registered)
     service.end()
     assert service.process.returncode == 1
+
+
+def test_a_program_with_nothing_of_ours_but_the_secret_is_answered():
+    """docs/threat_model.md shows what it signs, and how."""
+    with subprocess.Popen([sys.executable, "-m", "contact.rpc.serve", "--run", "r", "--child"], stdin=subprocess.PIPE,
+                          stdout=subprocess.PIPE) as process:
+        tell_secret(process)
+        assert process.stdout is not None
+        endpoint = process.stdout.readline().decode().split()[1]
+        done = [subprocess.run([sys.executable, str(Path(__file__).parent / "open_client.py"), endpoint, "r"],
+                               input=secret.hex(), text=True, capture_output=True, timeout=LONG, check=False)
+                for secret in (SECRET, bytes(32))]
+        process.kill()
+    said = json.loads(done[0].stdout)
+    np.testing.assert_allclose(said["gap"], 0.1, rtol=1e-12)
+    assert said["again"] == "nobody who has the secret answered"  # its second message was a replay
+    assert done[1].returncode == 1
+    assert "not enough values to unpack" in done[1].stderr  # it finds nobody of its own

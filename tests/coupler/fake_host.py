@@ -18,8 +18,8 @@ from coupler.fmu.host import main
 
 
 class Toy:
-    """State: y, the sum of the gaps of all steps.  Steps longer than 10 s are discarded; h = 7 hangs, h = 8
-    dies."""
+    """State: y, the sum of the gaps of all steps.  Steps longer than 10 s are discarded; h = 5 prints 20 MB,
+    h = 6 takes 6 s, h = 7 hangs, h = 8 dies."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -44,6 +44,10 @@ class Toy:
         self.x = inputs.get("x", self.x)
         if h == 7:
             time.sleep(60)
+        if h == 6:
+            time.sleep(6)
+        if h == 5:
+            os.write(2, b"noise, and more noise\n" * 900_000)
         if h == 8:
             print("about to die", file=sys.stderr, flush=True)
             os.kill(os.getpid(), 9)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from coupler.deck import convert
-from coupler.errors import ScenarioError
+from coupler.errors import UNPRINTABLE, ScenarioError
 from coupler.scenario.document import read_document
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -204,3 +204,26 @@ def test_cut_decks_end_in_a_scenario_or_in_our_own_error(tmp_path, seed):
         text = whole[:a] + whole[min(b, a + 40):]
         with contextlib.suppress(ScenarioError):  # any other error fails the test
             converted(tmp_path, text)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_decks_of_changed_bytes_end_in_a_scenario_or_in_our_own_error(tmp_path, seed):
+    rng = random.Random(seed)
+    inside = "*BOUNDARY\nBOTTOM, 1, 2\n*FILM\nUPPER, F3, 20., 9.\n*CLOAD\n16, 2, -3.\n*DLOAD\nUPPER, P3, 1.\n"
+    whole = coupled_deck(inside, material="*PLASTIC\n3.E8, 0., 20.\n4.E8, .1, 20.\n").encode()
+    said = []
+    for _ in range(40):
+        data = bytearray(whole)
+        for _ in range(rng.choice([1, 2, 5])):
+            at = rng.randrange(len(data))
+            if rng.random() < 0.5:
+                data[at] ^= 1 << rng.randrange(8)
+            else:
+                data[at:at + rng.randrange(3)] = rng.choice(
+                    [b"\x1b[2J", b"9" * 30, b"\x00", b"\xff", b"*", b",", b"\r", b"<x>"])
+        try:
+            converted(tmp_path, bytes(data))
+        except ScenarioError as exc:
+            said.append(str(exc))
+    assert len(said) > 10
+    assert not [text for text in said if UNPRINTABLE.search(text)]

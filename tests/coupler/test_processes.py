@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -24,7 +25,7 @@ from contact.rpc.calls import ServiceDownError
 from contact.rpc.client import ZenohLink
 from contact.rpc.link import open_link
 from coupler.errors import HalfError
-from coupler.fmu.children import ChildError, python, start
+from coupler.fmu.children import LOG_MOST, ChildError, python, start
 from coupler.fmu.half import Status
 from coupler.fmu.processes import Processes, processes
 
@@ -49,7 +50,7 @@ def fmu(tmp_path) -> Path:
 
 
 @contextmanager
-def two(fmu: Path, **options: float) -> Iterator[Processes]:
+def two(fmu: Path, **options: Any) -> Iterator[Processes]:
     """Two toy halves, initialised."""
     with processes({"thermal": fmu, "mechanical": fmu}, host=HOST, service=SERVICE, **options) as p:
         for half in p.halves.values():
@@ -135,7 +136,7 @@ class Ended:
     seconds: float
 
 
-def ended(fmu: Path, trouble: Callable[[Processes], object], **options: float) -> Ended:
+def ended(fmu: Path, trouble: Callable[[Processes], object], **options: Any) -> Ended:
     """The error that trouble leads to, how long after it; no process may be left."""
     pids, started = [], 0.0
     try:
@@ -154,9 +155,9 @@ def ended(fmu: Path, trouble: Callable[[Processes], object], **options: float) -
 def test_a_killed_child_is_named_soon_and_nobody_is_left(fmu, victim):
     def trouble(p: Processes) -> None:
         os.kill(p.pids[victim], signal.SIGKILL)
-        for _ in range(100):
-            p.halves["thermal"].advance(0.0, 1.0, {}, ["y"])
-            p.halves["mechanical"].advance(0.0, 1.0, {}, ["y"])
+        for k in range(100):
+            p.halves["thermal"].advance(float(k), 1.0, {}, ["y"])
+            p.halves["mechanical"].advance(float(k), 1.0, {}, ["y"])
 
     end = ended(fmu, trouble)
     assert isinstance(end.error, ServiceDownError if victim == "contact" else HalfError)
@@ -202,14 +203,18 @@ def test_a_stuck_half_is_named_at_its_deadline(fmu):
     assert 2.0 <= end.seconds < 2.0 + SOON
 
 
-def test_a_stopped_half_is_named_within_the_lease(fmu):
-    def trouble(p: Processes) -> None:
-        os.kill(p.pids["thermal"], signal.SIGSTOP)
-        p.halves["thermal"].advance(0.0, 1.0, {}, [])
-
-    end = ended(fmu, trouble)
-    assert re.search("half 'thermal'.*gone", str(end.error))
-    assert end.seconds < SOON
+def test_an_endless_log_is_cut(fmu):
+    with two(fmu) as p:
+        half = p.halves["thermal"]
+        for k in range(3):
+            half.advance(5.0 * k, 5.0, {}, [])
+        (log,) = Path(p.contact_link.split("unixsock-stream/")[1]).parents[1].glob("thermal.log")
+        until = time.monotonic() + SOON
+        while log.stat().st_size > LOG_MOST and time.monotonic() < until:
+            half._client._watch()
+        assert log.stat().st_size < LOG_MOST
+        assert b"the log was cut here" in log.read_bytes()
+        assert half.advance(15.0, 1.0, {}, []).status is Status.OK
 
 
 def test_a_half_that_does_not_start_is_named(fmu, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import sys
 from pathlib import Path
 
@@ -221,3 +222,36 @@ def test_the_hash_follows_the_mesh_file(tmp_path: Path) -> None:
     first = load_text(tmp_path, WITH_FILE).hash
     path.write_text(path.read_text().replace("\n2 1 0 0\n", "\n2 1.0 0 0.0\n") + "\n")
     assert load_text(tmp_path, WITH_FILE).hash != first
+
+
+def test_no_damaged_file_ends_in_a_traceback(tmp_path):
+    """Flipped bits, bytes left out and put in, files cut: a mesh, or an error that says what is wrong with it."""
+    block_file(tmp_path / "text.msh")
+    whole = meshio.read(tmp_path / "text.msh")
+    meshio.write(tmp_path / "binary.msh", whole, file_format="gmsh22", binary=True)
+    files, rng = [(tmp_path / f"{name}.msh").read_bytes() for name in ("text", "binary")], random.Random(1)
+    outcomes = {"read": 0, "refused": 0}
+    for _ in range(300):
+        data = bytearray(rng.choice(files))
+        for _ in range(rng.choice([1, 1, 2, 4])):
+            at, how = rng.randrange(len(data)), rng.random()
+            if how < 0.4:
+                data[at] ^= 1 << rng.randrange(8)
+            elif how < 0.6:
+                del data[at:at + rng.randrange(1, 9)]
+            elif how < 0.8:
+                data[at:at] = rng.choice([b"999999999", b"-1", b"1e999", b"\n", b"$End", b"\xff" * 8, b"0 "])
+            else:
+                del data[max(at, 1):]
+        (tmp_path / "m.msh").write_bytes(data)
+        try:
+            mesh = file_mesh(MeshFile(path="m.msh"), tmp_path)
+        except MeshError:
+            outcomes["refused"] += 1
+        else:
+            outcomes["read"] += 1
+            assert np.isfinite(mesh.nodes).all()
+            for cells in (mesh.quads, mesh.triangles):
+                assert cells.min(initial=0) >= 0
+                assert cells.max(initial=0) < len(mesh.nodes)
+    assert min(outcomes.values()) > 20, outcomes

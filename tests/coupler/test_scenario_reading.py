@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from coupler.errors import ScenarioError
+from coupler.errors import UNPRINTABLE, ScenarioError
 from coupler.scenario import load_scenario
 from coupler.scenario.document import MAX_BYTES, read_document
 
@@ -118,3 +118,47 @@ def test_a_byte_order_mark_and_windows_lines_do_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert load_scenario(path).title == "Two blocks"
+
+
+KEYS = ", ".join(f"k{i}: 1" for i in range(700))
+
+
+@pytest.mark.parametrize("text", [
+    f"a: &a {{{KEYS}}}\nb:\n" + "  - {<<: *a}\n" * 190,
+    f"a: &a {{{KEYS}}}\nb: {{<<: [{', '.join(['*a'] * 190)}]}}\n",
+    f"a: &a0 {{{KEYS}}}\n" + "".join(f"b{i}: &a{i + 1} {{<<: *a{i}, z{i}: 1}}\n" for i in range(150))])
+def test_merges_are_counted_while_they_are_made(tmp_path, text):
+    """9 kB took 4.2 s to be refused."""
+    started = time.perf_counter()
+    error = refusal(tmp_path / "s.yaml", text.encode())
+    assert "the merges (<<) bring in more than 10000 keys" in str(error)
+    assert error.line > 1
+    assert time.perf_counter() - started < 2.0
+
+
+def test_a_few_merges_are_read(tmp_path):
+    (tmp_path / "s.yaml").write_text(f"a: &a {{{KEYS}}}\n" + "".join(f"b{i}: {{<<: *a, own: 2}}\n" for i in range(14)))
+    tree = read_document(tmp_path / "s.yaml").tree
+    assert tree["b13"] == {**tree["a"], "own": 2}
+
+
+@pytest.mark.parametrize(("text", "character"), [
+    ('name: "\\ud800"', "U+D800"), ('name: "\\e[2J"', "U+001B"), ('"a\\e]0;x\\a": 1', "U+001B"),
+    ('a: "x\\rb"', "U+000D"), ('a: ["\\x9b"]', "U+009B"), ('a: "\u202egnp.exe"', "U+202E"),
+    ('a: "\\ud83d\\ude00"', "U+D83D"), ('a: "\\0"', "U+0000")])
+def test_what_cannot_be_printed_is_refused_by_its_number(tmp_path, text, character):
+    error = refusal(tmp_path / "s.yaml", f"slideline: 2\n{text}\n".encode())
+    assert f"the text holds the character {character}, which cannot be printed" in str(error)
+    assert UNPRINTABLE.search(str(error)) is None
+
+
+def test_what_can_be_printed_is_read(tmp_path):
+    text = 'title: "Rädchen, 轮, \U0001F600, \\t tab"\ntwo: |\n  lines\n  more\n'
+    (tmp_path / "s.yaml").write_text(f"slideline: 2\n{text}")
+    tree = read_document(tmp_path / "s.yaml").tree
+    assert (tree["title"], tree["two"]) == ("Rädchen, 轮, \U0001F600, \t tab", "lines\nmore\n")
+
+
+def test_names_are_of_a_length_that_files_can_have(tmp_path):
+    error = refusal(tmp_path / "s.yaml", f"slideline: 2\nbodies:\n  {'b' * 250}: 1\n".encode())
+    assert "the key bbbbbbbbbbbbbbbbbbbb... has 250 letters. At most 100 are allowed" in str(error)

@@ -1,0 +1,70 @@
+"""An FMU of the cache that was damaged is made anew, not refused for ever."""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from coupler.fmu.launch import _cached, is_whole
+
+
+class Builder:
+    """Makes an FMU of three files, and counts how often."""
+
+    def __init__(self) -> None:
+        self.built = 0
+
+    def __call__(self, out: Path) -> None:
+        self.built += 1
+        with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("modelDescription.xml", "<fmiModelDescription/>")
+            archive.writestr("resources/data.bin", np.random.default_rng(0).bytes(3000))
+            archive.writestr("resources/empty", "")
+
+
+@pytest.fixture
+def place(tmp_path) -> Path:
+    return tmp_path / "cache" / f"toy-{'0' * 32}"
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-20])
+
+
+DAMAGES = {
+    "archive empty": lambda p: (p / "half.fmu").write_bytes(b""),
+    "archive cut": lambda p: cut(p / "half.fmu"),
+    "archive of zeros": lambda p: (p / "half.fmu").write_bytes(bytes(3000)),
+    "archive flipped": lambda p: flip(p / "half.fmu", 900),
+    "file cut": lambda p: cut(p / "half/resources/data.bin"),
+    "file flipped": lambda p: flip(p / "half/resources/data.bin", 7),
+    "file missing": lambda p: (p / "half/modelDescription.xml").unlink(),
+    "folder missing": lambda p: shutil.rmtree(p / "half"),
+}
+
+
+def flip(file: Path, at: int) -> None:
+    data = bytearray(file.read_bytes())
+    data[at] ^= 4
+    file.write_bytes(data)
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_fmu_is_built_anew_once(place, damage):
+    builder = Builder()
+    fmu = _cached(place, builder)
+    assert is_whole(fmu)
+    (place / "half" / "blocks.json").write_text("{}")  # what is beside belongs to no archive
+    assert _cached(place, builder) == fmu
+    assert builder.built == 1
+    DAMAGES[damage](place)
+    assert not is_whole(fmu)
+    for _ in range(2):
+        assert _cached(place, builder) == fmu
+        assert is_whole(fmu)
+    assert builder.built == 2
+    assert [p.name for p in place.parent.iterdir()] == [place.name]
