@@ -15,6 +15,7 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.memory import LAYOUT
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.volume import volume_mesh
 from contact.problem.mechanical import Solution, Start
 from mechanical_fmu.advance import (
     NOT_GIVEN,
@@ -35,11 +36,12 @@ from mechanical_fmu.advance import (
 from mechanical_fmu.contact import contact_outputs, contact_variables, slid
 from mechanical_fmu.dynamics import BodyMotion, end_residual, first_motion, stable_step
 from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query
+from mechanical_fmu.given import ElasticMaterial, MechanicalVolume
 from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
-from mechanical_fmu.material import MaterialRangeError
+from mechanical_fmu.material import MaterialRangeError, SolidMaterial
 from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
-from mechanical_fmu.problem import METHODS, parse_elastic
+from mechanical_fmu.problem import METHODS, parse_elastic, parse_foreign
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep, von_mises
@@ -126,8 +128,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                    Variable(f"bc.{name}", (), "input", _unit(system, name), 0.0, description="added to the value")]
     outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates",
                         on="nodes"),
-               Variable("sigma_v", (n_cells,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
-               Variable("sigma", (n_cells, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),
+               *_stress_variables(system),
                Variable("strain", (n_cells, 4), description="Green-Lagrange strain 11, 22, 12, 33, cell mean",
                         on="cells"),
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
@@ -137,7 +138,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                 for name in interface.bodies]
     outputs += [Variable(LAYOUT, kind="String", start=memory_layout(system).text(), variability="constant"),
                 *system.named.variables]
-    if interface.axisymmetric:
+    if interface.axisymmetric and system.volume.tells_stress:
         outputs.append(Variable("sigma_hoop", (n_cells,), unit="Pa", description="hoop stress, cell mean", on="cells"))
     outputs += flow_variables(system)
     if makes_heat(system):
@@ -161,6 +162,14 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                                                          tied=system.contact.tied is not None) if n_q else ()))
 
 
+def _stress_variables(system: System) -> tuple[Variable, ...]:
+    if not system.volume.tells_stress:
+        return ()
+    n = system.volume.n_cells
+    return (Variable("sigma_v", (n,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
+            Variable("sigma", (n, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"))
+
+
 def damps(system: System) -> bool:
     """Say whether a body may have to be damped until contact holds it."""
     let_go = any(d.until is not None for d in system.spec.displacements)
@@ -177,9 +186,11 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
     balance, n = found.balance, mesh_nodes(system)
     sigma, strain, sigma_v, increment = _stresses(system, found, moved)
     outputs: dict[str, Value] = {
-        "x": system.interface.nodes[:n] + balance.u[:n], "sigma": sigma, "sigma_v": sigma_v, "strain": strain,
+        "x": system.interface.nodes[:n] + balance.u[:n], "strain": strain,
         "iterations": float(found.iterations), "residual": found.residual,
         "max_strain_increment": increment, "cuts": float(found.cuts)}
+    if system.volume.tells_stress:
+        outputs |= {"sigma": sigma, "sigma_v": sigma_v}
     # An explicit step has no acceleration of what is held: their own masses, lumped at the nodes, are left out.
     residual = balance.r if found.dt_stable else end_residual(system, balance, found.motion)
     held = residual * (1.0 - system.constraints.free.reshape(-1, 2))
@@ -197,7 +208,7 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs["skipped"] = float(state.all_skipped)
     if damps(system):
         outputs["work.stabilisation"] = state.damped
-    if system.interface.axisymmetric:
+    if system.interface.axisymmetric and system.volume.tells_stress:
         # fault: the axial stress is told as the hoop stress -> outputs["sigma_hoop"] = sigma[:, 1].copy() |
         #   mechanical_fmu/test_fields
         outputs["sigma_hoop"] = sigma[:, 3].copy()
@@ -539,6 +550,22 @@ def load(interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
     system = system_of(interface, spec)
     beginning(system)  # what does not fit is told before anything runs
     return ElasticHalf(system, SolverSettings(spec.stated.tolerance))
+
+
+def mechanical_half(volume: MechanicalVolume, interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
+    """Make the elastic half of an interface and a model.json, with the inside of its bodies by `volume`.
+
+    Raises ValueError naming what is wrong.
+    """
+    spec = parse_foreign(interface, model)
+    volume.start(volume_mesh(interface), tuple(_told(spec.materials[m]) for m in spec.part_material))
+    system = system_of(interface, spec, volume)
+    beginning(system)
+    return ElasticHalf(system, SolverSettings(spec.stated.tolerance))
+
+
+def _told(material: SolidMaterial) -> ElasticMaterial:
+    return ElasticMaterial(material.E, material.nu, material.alpha, material.T_ref)
 
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:

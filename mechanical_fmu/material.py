@@ -134,7 +134,7 @@ class Moduli:
     """Per cell: mu, kappa : (n_e,) [Pa]; e_th : (n_e,) = 3 ln(1 + alpha (T - T_ref) + shrinkage (1 - f_s)).
 
     p : (n_e,) parameters of points, records of POINT; (0,) where all cells are elastic.
-    tables : (n_t,) hardening curves of all materials.
+    tables : (n_t,) hardening curves of all materials.  T : (n_nodes,) [K] they are of, for a volume that is given.
     """
 
     mu: Floats
@@ -142,6 +142,7 @@ class Moduli:
     e_th: Floats
     p: Points = field(default_factory=lambda: np.empty(0, POINT))
     tables: Floats = field(default_factory=lambda: np.empty(0))
+    T: Floats | None = None
 
 
 class MaterialRangeError(ArithmeticError):

@@ -152,7 +152,29 @@ class ElasticSpec:
 
 def parse_elastic(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
     """Make the model that a model.json describes.  Raises ValueError naming every key that is wrong."""
-    problem = read(ElasticProblem, spec, "elastic")
+    return _spec(interface, read(ElasticProblem, spec, "elastic"))
+
+
+def parse_foreign(interface: Interface, spec: Mapping[str, Any]) -> ElasticSpec:
+    """Make the model that a model.json of a half of another package describes, for a MechanicalVolume.
+
+    Raises ValueError naming every key that is wrong, and what of the scene no MechanicalVolume can be asked for.
+    """
+    problem = read(mechanical.ForeignMechanical, spec, str(spec.get("half")))
+    used = {part.material for part in problem.parts.values()}
+    problem = problem.model_copy(update={"materials": {n: m for n, m in problem.materials.items() if n in used}})
+    memory = [f"materials.{n}.{key}" for n, m in problem.materials.items() for key in ("plastic", "creep", "liquid")
+              if getattr(m, key) is not None]
+    rigid = [f"bodies.{n}.rigid" for n, body in problem.bodies.items() if body.rigid]
+    heat = [key for key in ("thermoelastic_heat", "adiabatic") if getattr(problem, key)]
+    explicit = ["method: explicit"] if problem.method is mechanical.Solution.EXPLICIT else []
+    if never := [*memory, *rigid, *heat, *explicit]:
+        raise ValueError(f"model.json: {', '.join(never)}: a MechanicalVolume has forces by displacements and "
+                         "temperatures alone; choose the half elastic")
+    return _spec(interface, problem)
+
+
+def _spec(interface: Interface, problem: ElasticProblem) -> ElasticSpec:
     demand(checks.elastic_wrongs(problem, interface))
     bodies, names = tuple(problem.bodies[b] for b in interface.bodies), list(problem.materials)
     rigid = {name: k for k, name in enumerate(n for n in interface.bodies if problem.bodies[n].rigid)}

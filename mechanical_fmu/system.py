@@ -18,6 +18,7 @@ from contact.problem.mechanical import Element, State
 from mechanical_fmu.cells import Treatment, cells_of
 from mechanical_fmu.constraints import Constraints, RigidBodies, constraints_of, rigid_bodies
 from mechanical_fmu.contact import MeshContact
+from mechanical_fmu.given import GivenMesh, MechanicalVolume
 from mechanical_fmu.laws.law import LIQUID
 from mechanical_fmu.loads import pressure_blocks, pressure_forces
 from mechanical_fmu.masses import Inertia, Masses
@@ -156,6 +157,8 @@ class System:
         solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
         found = tuple(moduli(self.spec.materials, self.spec.part_material[cells.part], mean, part)
                       for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
+        if not self.volume.tells_stress:
+            return tuple(replace(m, T=T) for m in found)
         if not self._drawn:
             return found
         # fault: a poured body has its mesh's shape when it is solid -> return tuple(replace(m, e_th=m.e_th - 0.0 *
@@ -261,8 +264,10 @@ class System:
         return np.sqrt(squares[1:])
 
 
-def system_of(interface: Interface, spec: ElasticSpec) -> System:
+def system_of(interface: Interface, spec: ElasticSpec, given: MechanicalVolume | None = None) -> System:
     """Make what of a scene does not change while it runs.  Raises ValueError for a bad mesh or constraints.
+
+    given : the solver of another package for the inside of bodies; None: the cells of this half.
 
     With rigid bodies, the system's interface has their reference rows behind the nodes of the mesh.
     """
@@ -279,6 +284,8 @@ def system_of(interface: Interface, spec: ElasticSpec) -> System:
     masses = Masses(interface, spec, kinds, rigid)
     if rigid is not None:
         interface, kinds = rigid.extended(interface), rigid.deformable(kinds)
-    return System(interface, spec, DeformableMesh(kinds, len(interface.nodes), bodies.size),
+    mesh = DeformableMesh(kinds, len(interface.nodes), bodies.size) if given is None else GivenMesh(
+        kinds, len(interface.nodes), bodies.size, given)
+    return System(interface, spec, mesh,
                   constraints_of(interface, spec.displacements, rigid), MeshContact(interface),
                   masses)

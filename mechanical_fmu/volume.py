@@ -87,6 +87,11 @@ class DeformableMesh:
         """Say whether the tangent of some point is not symmetric."""
         return any(has_skew_tangent(cells.treatment.kind) for cells in self.kinds)
 
+    @property
+    def tells_stress(self) -> bool:
+        """Say whether stress is known beside forces."""
+        return True
+
     def start_history(self) -> Floats:
         """Return (n_history,) of virgin points."""
         return np.zeros(sum(len(cells.nodes) * cells.n_row for cells in self.kinds))

@@ -5,7 +5,7 @@ Flux, film, radiation, sources, contact and friction; and the heat of a substep 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,6 +123,15 @@ def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T:
     each = np.concatenate([total.fluxes, total.surroundings, sources, total.pairs.ravel()])
     return BoundaryHeat(total.f, inside, given, np.array([total.terms[name] for name in TERMS]), each, total.magnitude,
                         tuple(total.places), tuple(total.across))
+
+
+def with_source(heat: BoundaryHeat, made: Floats) -> BoundaryHeat:
+    """Return the heat with more that is made inside the bodies, made : (n,) [W], counted as of sources."""
+    terms = heat.terms.copy()
+    # fault: heat that a given volume makes is in no account -> terms = terms * 1.0 | thermal_fmu/test_given_volume
+    terms[TERMS.index("source")] += made.sum()
+    return replace(heat, f=heat.f + made, inside=heat.inside + made, given=heat.given + made, terms=terms,
+                   magnitude=heat.magnitude + float(np.abs(made).sum()))
 
 
 def _flux(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, n: int) -> Floats:

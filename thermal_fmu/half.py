@@ -33,11 +33,12 @@ from thermal_fmu.linear import AnchorMatrix, Factors
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.phase_change import NodalFields
-from thermal_fmu.problem import Conductivity, Model, parse_model
+from thermal_fmu.problem import Conductivity, Model, parse_foreign, parse_model
 from thermal_fmu.scene import ThermalScene, freeze, with_friction
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
 from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
+from thermal_fmu.volume import Coordinates, ThermalVolume
 
 Floats = NDArray[np.float64]
 
@@ -177,9 +178,14 @@ class ThermalHalf:
     The object caches what follows from constant inputs, and factors of exactly the matrix asked for.
     """
 
-    def __init__(self, interface: Interface, spec: Mapping[str, Any]) -> None:
-        """Raises ValueError for a model.json that is not right, naming key and value."""
-        self._scene = ThermalScene(interface, parse_model(interface, spec))
+    def __init__(self, interface: Interface, spec: Mapping[str, Any], given: ThermalVolume | None = None) -> None:
+        """Raises ValueError for a model.json that is not right, naming key and value.
+
+        given : what conducts and stores inside bodies; None: the cells of this half.
+        """
+        model = parse_model(interface, spec) if given is None else parse_foreign(interface, spec)
+        self._scene = ThermalScene(interface, model, given)
+        self._scene.bulk  # noqa: B018  what it cannot solve is told before anything runs
         self._calendar = calendar_of(self._scene.model)
         self._factors, self._factors_S = Factors(), Factors()
         self._masses: tuple[Floats, tuple[ReferenceCells, ...]] | None = None
@@ -236,6 +242,8 @@ class ThermalHalf:
         # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
         substep = freeze(scene, self._masses_of(state.X), x, E_M, points)
+        if scene.given is not None:
+            substep = replace(substep, place=Coordinates(x, np.array(state.X)))
         if points is not None:
             E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
             at_start = phase_change.fields(scene.melting, np.array(state.s))
@@ -318,3 +326,11 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
     """Make the thermal half of an interface file and the content of its model.json.  Raises ValueError."""
     return ThermalHalf(interface, spec)
+
+
+def thermal_half(volume: ThermalVolume, interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
+    """Make the thermal half of an interface file and a model.json, with the inside of its bodies by `volume`.
+
+    Raises ValueError naming every key that is wrong.
+    """
+    return ThermalHalf(interface, spec, volume)

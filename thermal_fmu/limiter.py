@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thermal_fmu.cells import capacities
 from thermal_fmu.methods import Stage
 from thermal_fmu.newton import SolvedStage
 from thermal_fmu.scene import SubstepData, ThermalScene
@@ -69,7 +68,7 @@ def end_of(scene: ThermalScene, substep: SubstepData, stage: Stage, s_n: Floats,
     (1 - theta) dt K (s - s_n).
     """
     J, free = last.linear.jacobian, ~scene.fixed
-    M = capacities(scene.volume, substep.masses, scene.model.parts, last.linear.s)
+    M = scene.bulk.capacities(substep, last.linear.s)
     into = stage.a * dt * last.balance.flow
     if stage.theta != 1.0:
         ds = last.s - s_n

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from thermal_fmu.cells import MatrixEntries, conduct
+from thermal_fmu.cells import MatrixEntries
 from thermal_fmu.edges import AddedConduction, Couplings
 from thermal_fmu.exchange import ConductionGroup, radiated_along_edges
 from thermal_fmu.known import DataRange, Signs, least_seen
@@ -121,8 +121,7 @@ def _along_edges(couplings: Couplings, groups: Sequence[ConductionGroup], factor
 def _others(scene: ThermalScene, substep: SubstepData, at: NodalFields) -> Floats:
     """Return (nnz,) what else couples nodes: conduction of cells, added conduction, near radiation; < 0 where right."""
     entries = np.zeros(scene.couplings.keys.size)
-    conduct(scene.volume, substep.shapes, scene.model.parts, at, np.zeros(at.T.size),
-            MatrixEntries(entries, 1.0, secant=True))
+    scene.bulk.conduct(substep, at, np.zeros(at.T.size), MatrixEntries(entries, 1.0, secant=True))
     if substep.added is not None:
         entries -= scene.couplings.between(substep.added.nodes, substep.added.strength)
     for nodes, strength in radiated_along_edges(substep.radiation_groups, substep.sigma_SB, at.T):

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from thermal_fmu import phase_change
-from thermal_fmu.boundary import BoundaryHeat, boundary_flow, demand_limits
-from thermal_fmu.cells import BadPropertyError, MatrixEntries, conduct, store
+from thermal_fmu.boundary import BoundaryHeat, boundary_flow, demand_limits, with_source
+from thermal_fmu.cells import BadPropertyError, MatrixEntries
 from thermal_fmu.linear import AnchorMatrix, Factors, solve
 from thermal_fmu.methods import Stage
 from thermal_fmu.phase_change import temperature
@@ -105,19 +105,21 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     slope = stage.theta * weight
     into = MatrixEntries(data, slope)
     if jacobian:
-        into = scene.matrix_cache.fill(volume, model.parts, substep.masses, substep.shapes, into, problem.stores)
+        into = scene.bulk.fill(substep, into, problem.stores)
     stored = np.zeros(len(model.bodies))
     if problem.stores:
-        stored = store(volume, substep.masses, model.parts, problem.s_n, s, S, into)
+        stored = scene.bulk.store(substep, problem.s_n, s, S, into)
     # fault: conductivity of the start of the step -> import thermal_fmu.cells as lagging; right = lagging.at_points;
-    #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); conduct(volume, substep.shapes,
-    #   model.parts, at, f, into); lagging.at_points = right | thermal_fmu/test_thermal_order
-    conduct(volume, substep.shapes, model.parts, at, f, into)
+    #   lagging.at_points = lambda T, cells, N: right(problem.s_n, cells, N); scene.bulk.conduct(substep, at, f, into);
+    #   lagging.at_points = right | thermal_fmu/test_thermal_order
+    scene.bulk.conduct(substep, at, f, into)
     if substep.added is not None:
         substep.added.conduct(at.T, at.dT, f, MatrixEntries(data, slope))
     # fault: boundary terms at the start of the step -> boundary = boundary_flow(substep, problem.loads,
     #   problem.power_M, problem.s_n) | thermal_fmu/test_thermal_time
     boundary = boundary_flow(substep, problem.loads, problem.power_M, at.T)
+    if (made := scene.bulk.made(substep, at)) is not None:
+        boundary = with_source(boundary, made)
     inside = f + boundary.inside
     f += boundary.f
     R = S - problem.earlier - weight * f

@@ -259,6 +259,19 @@ def parse_model(interface: Interface, spec: Mapping[str, Any], half: str = "ther
     demand(checks.thermal_wrongs(problem, interface))
     if half != "thermal":
         demand(checks.station_wrongs(problem, half))
+    return _model(interface, problem)
+
+
+def parse_foreign(interface: Interface, spec: Mapping[str, Any]) -> Model:
+    """Make the model that a model.json of a half of another package describes.  Raises ValueError as parse_model."""
+    problem = read(thermal.ForeignThermal, spec, str(spec.get("half")))
+    used = {part.material for part in problem.parts.values()}
+    problem = problem.model_copy(update={"materials": {n: m for n, m in problem.materials.items() if n in used}})
+    demand(checks.thermal_wrongs(problem, interface))
+    return _model(interface, problem)
+
+
+def _model(interface: Interface, problem: ThermalProblem) -> Model:
     materials = {name: made_material(m, name) for name, m in problem.materials.items()}
     conditions = [_condition(interface, b) for b in problem.boundary]
     model = Model(problem,

@@ -42,16 +42,21 @@ from thermal_fmu.surface_terms import (
     friction_power,
     slave_fraction,
 )
+from thermal_fmu.volume import Bulk, Coordinates, GivenVolume, OwnCells, ThermalVolume
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class ThermalScene:
-    """Model, mesh and surfaces of a thermal half, with what follows from them alone."""
+    """Model, mesh and surfaces of a thermal half, with what follows from them alone.
+
+    given : the solver of another package for the inside of bodies; None: the cells of this half.
+    """
 
     interface: Interface
     model: Model
+    given: ThermalVolume | None = None
 
     @cached_property
     def volume(self) -> CellMesh:
@@ -123,6 +128,13 @@ class ThermalScene:
         return MatrixCache()
 
     @cached_property
+    def bulk(self) -> Bulk:
+        """Conduction and storage inside bodies."""
+        if self.given is not None:
+            return GivenVolume(self.given, self.interface, self.model, self.volume.pattern)
+        return OwnCells(self.volume, self.model.parts, self.matrix_cache)
+
+    @cached_property
     def melting(self) -> tuple[Melting, ...]:
         """What melts, and its nodes."""
         if not self.interface.regions:
@@ -187,6 +199,7 @@ class SubstepData:
     films, radiators : surfaces open to the surroundings.  conduction_groups, radiation_groups : where bodies exchange
     heat.
     friction : [W] at nodes, None where none is made.  added : conduction that makes up for wrong signs (monotone.py).
+    place : where nodes are, for a given volume; None: cells know it.
     """
 
     sigma_SB: float
@@ -205,6 +218,7 @@ class SubstepData:
     touching: int
     friction: FrictionHeat | None = None
     added: AddedConduction | None = None
+    place: Coordinates | None = None
 
 
 def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E_M: Floats,

@@ -10,7 +10,7 @@ import numpy as np
 from contact.half.linalg import SingularMatrixError
 from contact.problem.thermal import InnerSteps, ThermalProblem
 from thermal_fmu import phase_change
-from thermal_fmu.cells import BadPropertyError, MatrixEntries, capacities, conduct
+from thermal_fmu.cells import BadPropertyError, MatrixEntries
 from thermal_fmu.limiter import MOST
 from thermal_fmu.linear import AnchorMatrix
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
@@ -161,12 +161,12 @@ class SubstepPlan:
     def quickest(self) -> tuple[float, int]:
         """The time in which the quickest node follows its neighbours [s], and the node."""
         scene, substep = self.context.scene, self.context.substep
-        pattern, bodies = scene.volume.pattern, scene.model.bodies
+        pattern = scene.volume.pattern
         entries, at = np.zeros(pattern.indices.size), phase_change.fields(scene.melting, self.s)
-        conduct(scene.volume, substep.shapes, bodies, at, np.zeros(self.s.size), MatrixEntries(entries, 1.0))
+        scene.bulk.conduct(substep, at, np.zeros(self.s.size), MatrixEntries(entries, 1.0))
         rows = np.repeat(np.arange(self.s.size), np.diff(pattern.indptr))
         K = np.bincount(rows, np.where(rows == pattern.indices, entries, 0.0), self.s.size)
-        M = capacities(scene.volume, substep.masses, bodies, self.s)
+        M = scene.bulk.capacities(substep, self.s)
         time = np.divide(M, K, out=np.full(self.s.size, np.inf), where=K > 0.0)
         node = int(np.argmin(time))
         return float(time[node]), node

@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -38,11 +38,13 @@ class {identifier}(HalfSlave):
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
-def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[str, str]) -> Path:
+def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[str, str],
+              uses: Sequence[str] = ()) -> Path:
     """Build the FMU of the half in `directory`, whole or not at all.
 
     package : top-level import package of the half.  load : "module:function" of it, a contact.half.model.Load; of a
-    package with several halves one for each `half` of model.json.
+    package with several halves one for each `half` of model.json.  uses : other import packages that it is made of, as
+    thermal_fmu, which travel with it.
     Returns out.  Raises ValueError where the directory's files do not make a half.
     """
     interface, model = load_directory(directory)
@@ -50,7 +52,7 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
         if (half := str(model.get("half"))) not in load:
             raise ValueError(f"model.json: half must be one of {', '.join(load)}, not {half}")
         load = load[half]
-    packages = {name: entry.sources_hash(package_directory(name)) for name in ("contact", package)}
+    packages = {name: entry.sources_hash(package_directory(name)) for name in ("contact", *uses, package)}
     module, _, function = load.partition(":")
     half = getattr(importlib.import_module(module), function)(interface, model)
     guid = content_hash(interface, model, packages)
@@ -75,12 +77,15 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
     return out
 
 
-def main(package: str, load: str | Mapping[str, str]) -> None:
-    """The body of a half's `python -m MODULE DIRECTORY OUT.fmu`; exit code 2 and one line if the input is wrong."""
+def main(package: str, load: str | Mapping[str, str], uses: Sequence[str] = ()) -> None:
+    """The body of a half's `python -m MODULE DIRECTORY OUT.fmu`; exit code 2 and one line if the input is wrong.
+
+    package, load, uses : as of build_fmu.
+    """
     if len(sys.argv) != 3:
         raise SystemExit(f"usage: python -m {package}.build DIRECTORY OUT.fmu")
     try:
-        build_fmu(Path(sys.argv[1]), Path(sys.argv[2]), package=package, load=load)
+        build_fmu(Path(sys.argv[1]), Path(sys.argv[2]), package=package, load=load, uses=uses)
     except ValueError as exc:
         print(exc, file=sys.stderr)
         raise SystemExit(2) from exc

@@ -2,7 +2,8 @@
 
 Exit codes: 0 done; 1 the run failed (a window that cannot be solved, a half that died, a broken link);
 2 the input is wrong (scenario, options); 3 a results file cannot be read or written; 4 the run finished, but a check of
-its own says that its answer is not to be trusted; 130 interrupted.
+its own says that its answer is not to be trusted; 5 two runs that were compared differ, or are of two scenes; 130
+interrupted.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def _replace(path: Path, text: str) -> None:
         raise ScenarioError(f"the file cannot be written ({exc.strerror})", file=str(path)) from exc
 
 
-FAILED, BAD_INPUT, BAD_RESULTS, UNTRUSTED, INTERRUPTED = 1, 2, 3, 4, 130
+FAILED, BAD_INPUT, BAD_RESULTS, UNTRUSTED, DIFFER, INTERRUPTED = 1, 2, 3, 4, 5, 130
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
                   help="Heat and deformation of bodies in contact: two solvers, each an FMU, coupled.")
@@ -184,6 +185,11 @@ def _sizes(sizes: Sequence[float], plan: Plan) -> str:
     return f"{len(sizes)} window{'s' if len(sizes) > 1 else ''} of {least if least == most else f'{least} to {most}'} s"
 
 
+WithinOption = Annotated[str, typer.Option(
+    "--within", metavar="BOUNDS", help="How far the runs may be apart, T=1K,p=1% (of the range); else what both say "
+    "that they may be off by.")]
+
+
 @app.command("run")
 def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: SetOption = None,
                 swaps: SwapOption = None,
@@ -194,8 +200,14 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                 confidence_mesh: Annotated[bool, typer.Option(
                     "--confidence-mesh", help="The same, and on a mesh of half as many cells along each edge."
                 )] = False,
-                report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False) -> None:
+                report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False,
+                against: Annotated[bool, typer.Option(
+                    "--compare", help="With --swap: run the scenario's own halves too (OUT-own.h5), and compare."
+                )] = False, within: WithinOption = "") -> None:
     """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
+    if against and not swaps:
+        raise ScenarioError("there is nothing to compare: no half is swapped", key="--compare",
+                            remedy="Add --swap thermal=KIND or --swap mechanical=KIND")
     s = _scenario(scenario, sets, swaps)
     check_target(out, report=report)
     judged = confidence or confidence_mesh
@@ -220,6 +232,12 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
     else:
         typer.echo(f"  report: slideline report {out}")
+    if against and results.outcome == "completed":
+        own, path = _scenario(scenario, sets, None), out.with_name(f"{out.stem}-own.h5")
+        check_target(path)
+        typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
+        with ProgressLine(own.temperature_unit) as line:
+            _compare(run(own, path, processes=processes, on_window=line), results, None, within)
     _leave(results)
 
 
@@ -291,14 +309,25 @@ def study_command(scenario: ScenarioFile,
 @app.command("compare")
 def compare_command(first: Annotated[Path, typer.Argument(help="The results file to refer to.", show_default=False)],
                     second: Annotated[Path, typer.Argument(help="The results file to compare.", show_default=False)],
-                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
-    """Compare two runs: the largest difference of each probe and when, in a sentence and on a page."""
-    # Here and not above, as the report itself: other commands start without matplotlib.
-    from coupler.report.comparison import write_comparison
+                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
+                    within: WithinOption = "") -> None:
+    """Compare two runs: the largest differences on a page, and a verdict.  Code 5: they differ, or are two scenes."""
+    _compare(Results(first), Results(second), out, within)
 
-    a, b = Results(first), Results(second)
-    page, text = write_comparison(a, b, out or second.with_name(f"{second.stem}-against-{first.stem}.html"))
-    typer.echo(f"{text}\n  {page}")
+
+def _compare(a: Results, b: Results, out: Path | None, within: str) -> None:
+    """Tell the comparison and the verdict, and end with its exit code."""
+    # Here and not above, as the report itself: other commands start without matplotlib.
+    from coupler.report.comparison import short_names, write_comparison
+    from coupler.report.verdict import bounds_of, verdict
+
+    bounds = bounds_of(within)
+    page, text = write_comparison(a, b, out or b.path.with_name(f"{b.path.stem}-against-{a.path.stem}.html"))
+    judged = verdict(a, b, bounds)
+    typer.echo(f"{text}\n  {page}\n{judged.text(short_names(a, b))}")
+    # fault: runs that differ end with 0 -> if False: | coupler/test_verdict
+    if judged.differs or judged.changed:
+        raise typer.Exit(DIFFER)
 
 
 @app.command("advise")

@@ -15,7 +15,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -28,8 +28,10 @@ from contact.half.layout import VENDOR
 from contact.half.model import PLACES
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
+from coupler.fmu.names import face_of
+from coupler.fmu.units import SI, Conversion, DeclaredUnit, conversion_of, declared_units
 
-_CACHE_VERSION = 2
+_CACHE_VERSION = 3
 _INDEXED = re.compile(r"^(.+)\[(\d+(?:,\d+)*)\]$")
 _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
@@ -38,14 +40,17 @@ _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 class VariableBlock:
     """A block and where it lies.
 
-    references : (size,) value references, last index fastest.  start : as written in the XML, of a scalar only.
-    variability : as in the XML, the standard's default where it is left out.
+    block : in the SI unit of its name, if it has one (coupler.fmu.names).  references : (size,) value references, last
+    index fastest.  start : as written in the XML, of a scalar only.  variability : as in the XML, the standard's
+    default where it is left out.  declared : the unit in the XML.  conversion : of numbers in it.
     """
 
     block: Block
     references: NDArray[np.uint32]
     start: str | None
     variability: str
+    declared: str = "1"
+    conversion: Conversion = SI
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,23 @@ def _parse(text: bytes, path: Path) -> Description:
         tool=root.get("generationTool", ""),
         can_save=simulation.get("canGetAndSetFMUstate") in ("true", "1"),
         can_serialise=simulation.get("canSerializeFMUstate") in ("true", "1"),
-        fields=gather([_scalar(node) for node in root.iterfind("ModelVariables/ScalarVariable")], _places(root)))
+        fields=_in_si(gather([_scalar(node) for node in root.iterfind("ModelVariables/ScalarVariable")],
+                             _places(root)), declared_units(root)))
+
+
+def _in_si(fields: Mapping[str, VariableBlock], declared: Mapping[str, DeclaredUnit]) -> dict[str, VariableBlock]:
+    """Blocks whose names mean something in the SI units of these names; one in a unit that is not known as it was."""
+    found = {}
+    for name, f in fields.items():
+        face = face_of(name)
+        known = face is not None and face.kind == "Real" == f.block.kind
+        # fault: millimetres are taken for metres -> how = conversion_of(face.unit, face.unit, {}) if known else None |
+        #   coupler/test_border_units
+        how = conversion_of(f.block.unit, face.unit, declared) if face is not None and known else None
+        if face is not None and how is not None:
+            f = replace(f, block=replace(f.block, unit=face.unit), conversion=how)
+        found[name] = f
+    return found
 
 
 def _places(root: ElementTree.Element) -> dict[str, str]:
@@ -178,7 +199,7 @@ def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar], on: str = 
     first = scalars[0]
     return VariableBlock(Block(name, shape, first.unit, first.causality, first.kind, first.description, on),
                          np.array([s.reference for s in scalars], dtype=np.uint32),
-                         None if shape else first.start, first.variability)
+                         None if shape else first.start, first.variability, first.unit)
 
 
 def _to_json(description: Description) -> dict[str, Any]:
@@ -186,18 +207,20 @@ def _to_json(description: Description) -> dict[str, Any]:
         consecutive = (np.diff(refs.astype(np.int64)) == 1).all()
         return int(refs[0]) if consecutive else [int(r) for r in refs]
 
-    fields = [[{**vars(f.block), "shape": list(f.block.shape)}, references(f.references), f.start, f.variability]
+    fields = [[{**vars(f.block), "shape": list(f.block.shape)}, references(f.references), f.start, f.variability,
+               f.declared, f.conversion.factor, f.conversion.offset]
               for f in description.fields.values()]
     return {**vars(description), "fields": fields}
 
 
 def _from_json(kept: dict[str, Any]) -> Description:
     fields = {}
-    for about, refs, start, variability in kept["fields"]:
+    for about, refs, start, variability, declared, factor, offset in kept["fields"]:
         block = Block(**{**about, "shape": tuple(about["shape"])})
         if isinstance(refs, int):
             refs = np.arange(refs, refs + math.prod(block.shape))
-        fields[block.name] = VariableBlock(block, np.asarray(refs, dtype=np.uint32), start, variability)
+        fields[block.name] = VariableBlock(block, np.asarray(refs, dtype=np.uint32), start, variability, declared,
+                                           Conversion(factor, offset))
     return Description(kept["guid"], kept["identifier"], kept["tool"], kept["can_save"], kept["can_serialise"],
                        fields)
 

@@ -108,6 +108,21 @@ def _run(fields: Sequence[VariableBlock]) -> _Run:
     return _Run(_buffer(references, "Real"), parts)
 
 
+def _to_si(field: VariableBlock, value: Array) -> Array:
+    how = field.conversion
+    return value if how.is_none else how.factor * value + how.offset
+
+
+def _from_si(field: VariableBlock, value: Array) -> Array:
+    return (value - field.conversion.offset) / field.conversion.factor
+
+
+def _first_bad(name: str, value: Array) -> str:
+    """The first number of a block that is not finite, by its name in FMI."""
+    at = np.unravel_index(int(np.argmin(np.isfinite(value))), value.shape)
+    return f"{name}[{','.join(str(i + 1) for i in at)}]" if at else name
+
+
 def _buffer(references: NDArray[np.integer], kind: str) -> _Buffer:
     real = kind == "Real"
     refs = np.ascontiguousarray(references, dtype=np.uint32)
@@ -293,10 +308,10 @@ class FmuHalf:
         if kind not in ("Real", "Integer", "Boolean"):
             raise self._error(f"{name} is a {kind}, not a number")
         self._call(f"fmi2Get{kind}", buffer.references, buffer.n, buffer.pointer)
-        return np.array(buffer.values, dtype=np.float64).reshape(field.block.shape)
+        return _to_si(field, np.array(buffer.values, dtype=np.float64).reshape(field.block.shape))
 
     def _get_all(self, names: Sequence[str]) -> tuple[dict[str, Array], str]:
-        """Fields by name, and the name of one that is not finite, or "".
+        """Fields by name in SI, and one that is not finite, as `T[3]`, or "".
 
         Reals whose references nearly follow each other are fetched, and looked over, in one go.
         """
@@ -311,11 +326,11 @@ class FmuHalf:
             finite = finite and bool(np.isfinite(values).all())
             for part in run.parts:
                 block, size = part.field.block, len(part.field.references)
-                got[block.name] = values[part.first : part.first + size].reshape(block.shape)
+                got[block.name] = _to_si(part.field, values[part.first : part.first + size].reshape(block.shape))
         fields = {name: got[name] if name in got else self._get(name) for name in key}
         if finite and len(got) == len(fields):
             return fields, ""
-        return fields, next((name for name, value in fields.items() if not np.isfinite(value).all()), "")
+        return fields, next((_first_bad(name, v) for name, v in fields.items() if not np.isfinite(v).all()), "")
 
     def _set(self, name: str, value: Array) -> None:
         field, buffer = self._field(name)
@@ -324,7 +339,7 @@ class FmuHalf:
             raise self._error(f"{name} is a {kind}, not a number")
         if np.shape(value) != field.block.shape:
             raise self._error(f"{name} has shape {field.block.shape}, it was given {np.shape(value)}")
-        buffer.values[:] = np.ravel(value)
+        buffer.values[:] = np.ravel(value) if field.conversion.is_none else _from_si(field, np.ravel(value))
         self._call(f"fmi2Set{kind}", buffer.references, buffer.n, buffer.pointer)
 
     def _set_parameter(self, name: str, text: str) -> None:

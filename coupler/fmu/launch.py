@@ -31,14 +31,16 @@ from contact.half.entry import sources_hash
 from contact.half.model import load_directory
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.children import python
-from coupler.fmu.description import SAFE_WORDS, is_safe, unpack
+from coupler.fmu.description import SAFE_WORDS, is_safe, read_description, unpack
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
 from coupler.fmu.scratch import scratch_folder
 from coupler.scenario import Scenario
+from coupler.scenario.problems import OWN
 
 GROUP = "slideline.halves"
 DEADLINE = 300.0  # s a builder may take
+OWN_TOOL = "(Slideline)"  # how contact.half.build ends the name of the tool
 KEEP_DAYS = 30  # an FMU not used for so long is dropped from the cache
 
 
@@ -160,7 +162,10 @@ def _key(kind: str, module: str, directory: Path) -> str:
     package = module.partition(".")[0]
     try:
         interface, model = load_directory(directory)
-        sources = {name: sources_hash(package_directory(name)) for name in ("contact", package)}
+        # A half of another package may be made of ours: what it is built of is not known here, so all of it counts.
+        ours = {known_halves()[n].module.partition(".")[0] for kinds in OWN.values() for n in kinds.values()}
+        used = ("contact", package) if package in ours else ("contact", *sorted(ours), package)
+        sources = {name: sources_hash(package_directory(name)) for name in used}
     except ValueError as exc:
         raise HalfError(str(exc), half=kind) from exc
     return content_hash(interface, model, sources)
@@ -226,6 +231,12 @@ class Launched:
     asked: Callable[[], dict[str, Any]] = dict
 
 
+def is_foreign(fmu: Path) -> bool:
+    """Whether an FMU in the cache is another tool's: its binary may crash, hang or end the process that it is in."""
+    # fault: every FMU counts as ours -> return False | coupler/test_foreign_binary
+    return not read_description(fmu.with_suffix("")).tool.endswith(OWN_TOOL)
+
+
 @contextmanager
 def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
     """Build and load both halves; close them, and end their processes, on the way out.
@@ -236,7 +247,8 @@ def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
         scratch = stack.enter_context(scratch_folder())
         fmus = {role: build_half(scenario.write_half(role, folder), folder)
                 for role, folder in (("thermal", scratch / "thermal"), ("mechanical", scratch / "mechanical"))}
-        if processes:
+        # fault: a foreign binary runs in the coupler's own process -> if processes: | coupler/test_foreign_binary
+        if processes or any(is_foreign(fmu) for fmu in fmus.values()):
             from coupler.fmu.processes import processes as in_processes  # embedded runs do not load zenoh
 
             hosted = stack.enter_context(in_processes(fmus, step_deadlines=scenario.coupling.deadlines))

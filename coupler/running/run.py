@@ -48,6 +48,8 @@ from coupler.running.setup import (
     first_state,
     halves_of,
     heat_of_the_start,
+    held_halves,
+    not_told,
     plan_of,
     what_is_missing,
     without_checkpoints,
@@ -129,7 +131,7 @@ class Run:
         self._started = started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(self._interrupts)
-            launched = stack.enter_context(launch(self.scenario, processes=self.processes))
+            launched = held_halves(stack.enter_context(launch(self.scenario, processes=self.processes)), self.scenario)
             # As in processes of their own: BLAS rounds otherwise on more threads, and on matrices of this size waits
             # for them more than it gains.  After the launch, for it holds for libraries that are loaded.
             # fault: halves in the caller's process run on as many threads of BLAS as there are -> pass |
@@ -155,6 +157,7 @@ class Run:
             self.notes += self._outputs.notes
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
+            self.notes += not_told(launched, self.scenario.foreign)
             self.notes += heat_of_the_start(launched.mechanical)
             self._trust = self._trust_watch.begun(self.state.now, self.plan.watched(self.state.now))
             if self._since is not None:

@@ -14,7 +14,9 @@ from coupler.control.auto import chooses, schemes_under
 from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
+from coupler.fmu.bounds import border_scene
 from coupler.fmu.half import Half
+from coupler.fmu.held import HeldHalf
 from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
@@ -28,23 +30,38 @@ Array = NDArray[np.float64]
 NO_HEAT = 1e-12  # J: round-off
 
 
-def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
-    """Check the halves.  Raises HalfError for one of another scene, or one that lacks what a scheme or rule needs."""
-    if lacks := unfit(scenario.rules, {"thermal": thermal.blocks, "mechanical": mechanical.blocks}):
-        raise HalfError("; ".join(lacks))
-    interface = scenario.interface
+def held_halves(launched: Launched, scenario: Scenario) -> Launched:
+    """Return the halves held to what any half must keep to (coupler.fmu.bounds).
+
+    Raises HalfError for one of another scene, and for blocks that no run can use.
+    """
+    for half in (launched.thermal, launched.mechanical):
+        check_scene(half, scenario.interface)
+    stated = () if scenario.stated is None else scenario.stated.thermal.boundary
+    scene = border_scene(scenario.interface, scenario.models["thermal"], stated)
+    return replace(launched, thermal=HeldHalf(launched.thermal, "thermal", scene),
+                   mechanical=HeldHalf(launched.mechanical, "mechanical", scene))
+
+
+def check_scene(half: Half, interface: Interface) -> None:
+    """Check that a half was built for this mesh, as far as it says so.  Raises HalfError."""
     expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
                 "geometry": interface.geometry}
+    for name, value in expected.items():
+        own = half.strings.get(name, value)
+        if own != value:
+            raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})", half=half.name)
+
+
+def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:
+    """Check the halves.  Raises HalfError for one that lacks what a scheme or rule needs."""
+    if lacks := unfit(scenario.rules, {"thermal": thermal.blocks, "mechanical": mechanical.blocks}):
+        raise HalfError("; ".join(lacks))
     named = {scenario.coupling.scheme, *schemes_of(scenario.rules)}
     for scheme in (scheme_of(name) for name in sorted(named, key=lambda n: n.value) if not chooses(name)):
         if (lack := scheme.lacking(thermal, mechanical, scenario.coupling.substeps)) is not None:
             raise lack
     for half in (thermal, mechanical):
-        for name, value in expected.items():
-            own = half.strings.get(name, value)
-            if own != value:
-                raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})",
-                                half=half.name)
         if half.can_save:
             continue
         if any(scheme.needs_states for name in named for scheme in schemes_under(name)):
@@ -112,6 +129,18 @@ def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]
     notes += [f"{thermal.name} takes no {n}: the heat {mechanical.name} makes is counted but not delivered"
               for n in _made_by(mechanical) if n not in thermal.blocks]
     return notes
+
+
+def not_told(launched: Launched, foreign: Mapping[str, bool]) -> list[str]:
+    """Return what halves do not say of themselves, or say oddly, a sentence each, once they have started.
+
+    foreign : role -> whether the half is of another package: what ours begin with is known to be the scene.
+    """
+    halves = {"thermal": launched.thermal, "mechanical": launched.mechanical}
+    notes = [f"{half.name} does not say of which mesh it is (mesh.hash): that its nodes are those of the scene is seen "
+             "from its first values alone" for half in halves.values() if "mesh.hash" not in half.blocks]
+    return notes + [f"{half.name}: {half.off_the_mesh}" for role, half in halves.items()
+                    if foreign[role] and isinstance(half, HeldHalf) and half.off_the_mesh]
 
 
 def without_checkpoints(halves: Mapping[str, Half], every: float | None) -> list[str]:

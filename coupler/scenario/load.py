@@ -31,7 +31,7 @@ from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
 from coupler.scenario.probes import Probe, probes_of
-from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, wrongs_of
+from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, understood_by, wrongs_of
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
 from coupler.scenario.scene import Context, Scene, scene_of
@@ -39,6 +39,7 @@ from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
+from coupler.scenario.understood import CONSTANT
 from coupler.scenario.versions import notice, with_old_defaults
 from coupler.scenario.warm import TakenMechanics
 
@@ -95,6 +96,12 @@ class Scenario:
                     x, y = self.interface.nodes[self.interface.node_sets[name][0]]
                     found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
+        for role, model in self.models.items():
+            kind = str(model["half"])
+            if self.foreign[role] and fmu_path(kind, self.file.parent) is None and understood_by(
+                    kind, self.file.parent) is None:
+                found.append(f"the {role} half {kind} does not say what it reads of a scene ({CONSTANT}, "
+                             "docs/write_a_half.md): what it leaves out nobody can tell")
         thermal = self.models["thermal"]
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
@@ -113,6 +120,11 @@ class Scenario:
     def mechanical_half(self) -> str:
         """Kind of the mechanical half."""
         return str(self.models["mechanical"]["half"])
+
+    @property
+    def foreign(self) -> Mapping[str, bool]:
+        """Role -> whether its half is of another package, or an FMU that lies ready."""
+        return {role: str(model["half"]) not in OWN[role].values() for role, model in self.models.items()}
 
     def write_half(self, role: str, directory: Path) -> str:
         """Write interface.h5 and model.json, from which the half's FMU is built; returns the half's kind.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, TypeVar
@@ -52,6 +52,7 @@ from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, Key
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.ties import bond_conductance
+from coupler.scenario.understood import declared_by, declared_in, left_out
 
 # Which halves there are: our own, those of other packages (entry points `slideline.halves`), prebuilt FMUs.
 
@@ -319,7 +320,14 @@ def _drawn_at(s: Stated, name: str, part: MeshedBody) -> Any:
 def _foreign_mechanical(s: Stated, kind: str) -> ForeignMechanical:
     mechanical = s.file.mechanical
     elastic = _elastic(s, kind)
-    return _as(ForeignMechanical, elastic, materials=dict(s.file.materials), pairs=_whole_pairs(s),
+    stated = s.file.mechanical.elastic or Elastic()
+    # Defaults are written out: no half has to know them.
+    # fault: a foreign half is not told how penetration is driven out -> pairs = _whole_pairs(s) |
+    #   coupler/test_foreign_defaults
+    pairs = {n: p.model_copy(update={"augmented": _augmented(s, p, stated)}) for n, p in _whole_pairs(s).items()}
+    materials = {n: m if m.T_ref is not None else m.model_copy(update={"T_ref": ROOM})
+                 for n, m in s.file.materials.items()}
+    return _as(ForeignMechanical, elastic, materials=materials, pairs=pairs,
                bodies={n: _foreign_body(b, s.file.bodies[n]) for n, b in elastic.bodies.items()},
                options=mechanical.options, rigid=mechanical.rigid, rod=mechanical.rod)
 
@@ -385,7 +393,30 @@ def _file_key(s: Stated, role: str, key: Key) -> Key:
         return key
     if key[:1] == ("pairs",):
         return ("contact", *key[1:])
-    return ("thermal", *key) if role == "thermal" else ("mechanical", s.file.mechanical.half, *key)
+    if role == "thermal" or key[:1] in (("ignore",), ("options",)):
+        return (role, *key)
+    half = s.file.mechanical.half
+    return (role, half if half in OWN[role] else "elastic", *key)
+
+
+def _ignored(s: Stated, role: str, problem: Part, kind: str, ignore: Collection[str]) -> Iterator[Wrong]:
+    """Conditions of the scene that a half of another package declares not to read."""
+    words = understood_by(kind, s.file_folder)
+    if words is None:
+        return
+    used = problem.model_copy(update={"materials": {name: s.file.materials[name] for name in s.used}})
+    for wrong in left_out(role, used, words, ignore):
+        # What the mechanical half alone says of a body does not stand with the body.
+        of_elastic = role == "mechanical" and wrong.key[:1] == ("bodies",)
+        yield replace(wrong, key=("mechanical", "elastic", *wrong.key)) if of_elastic else wrong
+
+
+def understood_by(kind: str, folder: Path) -> frozenset[str] | None:
+    """What a half of another package declares to read of a scene; None where it says nothing."""
+    if (fmu := fmu_path(kind, folder)) is not None:
+        return declared_in(fmu)
+    entry = next((e for e in entry_points(group=GROUP) if e.name == kind), None)
+    return None if entry is None else declared_by(entry)
 
 
 def _options_of_own(role: str, options: Mapping[str, Any]) -> Iterator[Wrong]:
@@ -400,6 +431,7 @@ def _of_thermal(s: Stated, problems: Problems) -> Iterator[Wrong]:
     if thermal.half not in OWN["thermal"]:
         if fmu_path(thermal.half, s.file_folder) is None:
             yield from checks.places(s.interface, problem.boundary)
+        yield from _ignored(s, "thermal", _foreign_thermal(s, thermal.half), thermal.half, thermal.ignore)
         return
     yield from _options_of_own("thermal", thermal.options)
     yield from _stated_courses(s)
@@ -445,6 +477,8 @@ def _of_mechanical(s: Stated, problems: Problems) -> Iterator[Wrong]:
     if mechanical.half not in OWN["mechanical"]:
         if fmu_path(mechanical.half, s.file_folder) is None and isinstance(problem, ForeignMechanical):
             yield from checks.places(s.interface, problem.boundary)
+        yield from _ignored(s, "mechanical", _foreign_mechanical(s, mechanical.half), mechanical.half,
+                            mechanical.ignore)
         return
     yield from _options_of_own("mechanical", mechanical.options)
     if isinstance(problem, ElasticProblem):

@@ -54,6 +54,9 @@ class Thermal(ThermalSettings):
         "thermal")
     options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
                                            kind="mapping", default="none")] = Field(default_factory=dict)
+    ignore: Annotated[tuple[Text, ...], Entry(
+        "conditions of the scene that a half of another package may leave out, as `check` names them "
+        "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
 
 
 class Mechanical(Part):
@@ -67,6 +70,9 @@ class Mechanical(Part):
     rod: Annotated[Rod | None, Entry("of the half `rod`")] = None
     options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
                                            kind="mapping", default="none")] = Field(default_factory=dict)
+    ignore: Annotated[tuple[Text, ...], Entry(
+        "conditions of the scene that a half of another package may leave out, as `check` names them "
+        "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
 
 
 class Place(Part):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -12,57 +12,17 @@ import typer
 from rich.console import Console
 
 from contact.problem.values import did_you_mean
-from coupler.errors import HalfError, ScenarioError
-from coupler.fmu.description import read_description, unpack
-from coupler.fmu.fmi import load_half
-from coupler.fmu.half import Half
+from coupler.errors import ScenarioError
+from coupler.fmu.bounds import BorderScene, border_scene
 from coupler.fmu.launch import build_half, known_halves
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
-from coupler.verify.behaviour import behaviour_findings, settled
 from coupler.verify.border import (
     CheckVerdict,
-    Finding,
     conclusion,
-    description_findings,
-    failed,
-    passed,
-    reference_finding,
-    state_findings,
     table_of,
 )
-
-RUNS = "takes substeps"
-
-
-def verify_fmu(fmu: Path, scratch: Path, h: float) -> Iterator[Finding]:
-    """Check an FMU, and yield its findings one by one.  h : substep to begin with [s].
-
-    scratch : an empty folder.  Raises HalfError where the file is no FMU of FMI 2.0 for co-simulation.
-    """
-    extracted = unpack(fmu, scratch / "fmu")
-    yield reference_finding(read_description(extracted))
-    yield from verify_half(lambda: load_half(fmu, extracted, fmu.stem), h)
-
-
-def verify_half(make: Callable[[], Half], h: float) -> Iterator[Finding]:
-    """Check a half, and yield its findings one by one.  make : returns a new instance, loaded and not initialised."""
-    half = make()
-    try:
-        findings = [*description_findings(half.blocks), *state_findings(half.can_save, half.can_serialise)]
-    finally:
-        half.close()
-    yield from findings
-    if findings[0].verdict is CheckVerdict.FAIL:
-        return
-    try:
-        bench = settled(make, h)
-    except HalfError as exc:
-        yield failed(RUNS, str(exc).splitlines()[0], "Give a substep it can take, with --step")
-        return
-    yield passed(RUNS, f"of {bench.h:.3g} s")
-    yield from behaviour_findings(bench)
-
+from coupler.verify.child import findings_of
 
 VIOLATED = 1  # exit code where a check failed
 
@@ -70,7 +30,8 @@ VIOLATED = 1  # exit code where a check failed
 HalfArgument = Annotated[str, typer.Argument(
     help="An FMU, file.fmu, or the name of a half that is installed: thermal, elastic, ...", show_default=False)]
 ScenarioOption = Annotated[Path | None, typer.Option(
-    "--scenario", metavar="FILE", help="Of a half by name: a scenario that uses it; for our own halves there is one.",
+    "--scenario", metavar="FILE", help="The scene to hold it against; of a half by name one that uses it (for our own "
+    "halves there is one).",
     show_default=False)]
 StepOption = Annotated[float, typer.Option("--step", metavar="SECONDS",
                                            help="Substep to begin with; halved while the half refuses it.")]
@@ -81,15 +42,23 @@ def verify_half_command(half: HalfArgument, scenario: ScenarioOption = None, ste
     if not 0 < step < float("inf"):
         raise ScenarioError("a substep is longer than 0", key="--step", value=step, remedy="Give seconds")
     with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
-        fmu = fmu_of(half, scenario, Path(scratch) / "half")
-        findings = list(verify_fmu(fmu, Path(scratch), step))
+        found = fmu_of(half, scenario, Path(scratch) / "half")
+        findings = list(findings_of(found.fmu, Path(scratch), step, found.scene))
     Console().print(table_of(half, findings))
     typer.echo(conclusion(half, findings))
     if any(f.verdict is CheckVerdict.FAIL for f in findings):
         raise typer.Exit(VIOLATED)
 
 
-def fmu_of(half: str, scenario: Path | None, scratch: Path) -> Path:
+@dataclass(frozen=True)
+class FoundHalf:
+    """An FMU, and the scene it is for; None where nobody said."""
+
+    fmu: Path
+    scene: BorderScene | None
+
+
+def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
     """Return the FMU of a path, or build that of an entry point for a scenario that uses it.
 
     scratch : a folder for what is built.  Raises ScenarioError where there is none, HalfError where it cannot be built.
@@ -98,13 +67,18 @@ def fmu_of(half: str, scenario: Path | None, scratch: Path) -> Path:
         path = Path(half)
         if not path.is_file():
             raise ScenarioError("there is no such FMU", key="HALF", value=half, remedy="Check the path")
-        return path
+        return FoundHalf(path, None if scenario is None else _border(load_scenario(scenario)))
     installed = known_halves()
     if half not in installed:
         raise ScenarioError("this is neither an FMU (a path that ends in .fmu) nor the name of an installed half",
                             key="HALF", value=half, remedy=did_you_mean(half, installed))
     use = _scene_with(half, scenario)
-    return build_half(use.scene.write_half(use.role, scratch), scratch)
+    return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), _border(use.scene))
+
+
+def _border(scene: Scenario) -> BorderScene:
+    return border_scene(scene.interface, scene.models["thermal"],
+                        () if scene.stated is None else scene.stated.thermal.boundary)
 
 
 @dataclass(frozen=True)

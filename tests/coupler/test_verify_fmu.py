@@ -19,14 +19,16 @@ VERIFY = """
 import json, sys, tempfile
 from pathlib import Path
 from coupler.verify.border import CheckVerdict
-from coupler.verify.verify import fmu_of, verify_fmu
+from coupler.verify.conformance import verify_fmu
+from coupler.verify.verify import fmu_of
 
 told = {}
 for word in sys.argv[1:]:
     half, _, scenario = word.partition(":")
     with tempfile.TemporaryDirectory() as scratch:
-        fmu = fmu_of(half, Path(scenario) if scenario else None, Path(scratch) / "half")
-        told[half] = {f.check: [f.verdict.name, f.reason] for f in verify_fmu(fmu, Path(scratch), 1.0)}
+        found = fmu_of(half, Path(scenario) if scenario else None, Path(scratch) / "half")
+        findings = verify_fmu(found.fmu, Path(scratch), 1.0, found.scene)
+        told[half] = {f.check: [f.verdict.name, f.reason] for f in findings}
 print(json.dumps(told))
 """
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -29,10 +31,12 @@ class ToyHalf:
     """The half.  bugs(1..) by control.method make a step go wrong in a chosen way.
 
     leak : what every step ever made adds to T [K]: memory beside the state, which no restore brings back.
+    ends : how the third step ends: `exit`, `crash`, `hang`; "" well.
     """
 
-    def __init__(self, interface: Interface, rate: float, h_max: float, leak: float = 0.0) -> None:
+    def __init__(self, interface: Interface, rate: float, h_max: float, leak: float = 0.0, ends: str = "") -> None:
         n = len(interface.nodes)
+        self.ends = ends
         self.n, self.rate, self.h_max = n, rate, h_max
         self.leak, self.made = leak, 0
         self.variables = (
@@ -75,6 +79,13 @@ class ToyHalf:
         if method == 6:
             T[-1] = np.nan
         self.made += 1
+        if self.made == 3:
+            if self.ends == "exit":
+                os._exit(0)
+            if self.ends == "crash":
+                os.kill(os.getpid(), signal.SIGSEGV)
+            if self.ends == "hang":
+                time.sleep(1000.0)
         T += self.leak * self.made
         new = Toy(T, memory, state.steps + 1, state.note)
         return Done(new, self._outputs(new), dt_stable=2.0)
@@ -87,4 +98,5 @@ def load(interface: Interface, model: Mapping[str, Any]) -> ToyHalf:
     """The half of a directory."""
     if model.get("half") != "toy":
         raise ValueError(f"model.json: half is {model.get('half')!r}, not 'toy'")
-    return ToyHalf(interface, float(model["rate"]), float(model.get("h_max", 1.0)), float(model.get("leak", 0.0)))
+    return ToyHalf(interface, float(model["rate"]), float(model.get("h_max", 1.0)), float(model.get("leak", 0.0)),
+                   str(model.get("ends", "")))

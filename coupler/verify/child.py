@@ -1,0 +1,200 @@
+"""Checks a half in a process of its own, so that one that hangs, crashes or ends the process is a row of the table.
+
+    python -m coupler.verify.child FMU SCRATCH STEP [SCENE]
+
+The child tells findings as lines of JSON, one as each comes, and before each call into the half what it is about to
+ask.  SCENE : a folder with interface.h5 and range.npz.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from contact.half.interface import read_interface, write_interface
+from coupler.errors import HalfError
+from coupler.fmu.bounds import BorderScene
+from coupler.fmu.children import Child, python, reap, start
+from coupler.fmu.half import Advance, Array, Half
+from coupler.verify.border import CheckVerdict, Finding, failed
+from coupler.verify.conformance import verify_fmu
+
+LIMIT = 60.0  # s a call into the half may take
+LOAD_LIMIT = 300.0  # s until the first word: loading, and compiling what it compiles
+ALIVE = "its process lives"
+FINDING, ASKING, ERROR, DONE = "finding", "asking", "error", "done"
+
+
+def findings_of(fmu: Path, scratch: Path, h: float, scene: BorderScene | None = None,
+                limit: float = LIMIT) -> Iterator[Finding]:
+    """Check an FMU in a child, and yield its findings one by one.  h : substep to begin with [s].
+
+    scratch : an empty folder.  limit : s a call into the half may take.  Raises HalfError where the file is no FMU.
+    """
+    command = [*python(), "-m", "coupler.verify.child", str(fmu.absolute()), str(scratch), repr(h)]
+    if scene is not None:
+        command.append(str(_kept(scene, scratch / "scene")))
+    child = start("half", command, scratch)
+    try:
+        yield from _told(child, limit)
+    finally:
+        reap([child])
+
+
+def _kept(scene: BorderScene, folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    write_interface(scene.interface, folder / "interface.h5")
+    np.savez(folder / "range.npz", low=scene.T_low, high=scene.T_high, least=scene.least_T)
+    return folder
+
+
+def _told(child: Child, limit: float) -> Iterator[Finding]:
+    asking, patience, lines = "being loaded", LOAD_LIMIT, _Lines(child)
+    while (line := lines.next(patience)) != "":
+        if line is None:
+            late = f"it gave no answer for {patience:g} s, {asking}"
+            # fault: a half that hangs passes -> return | coupler/test_verify_child
+            yield failed(ALIVE, late, "A step that does not work out is a Discard, not a longer wait")
+            return
+        word = json.loads(line)
+        kind = word.pop("kind")
+        if kind == DONE:
+            return
+        if kind == ASKING:
+            asking, patience = word["what"], limit
+        elif kind == ERROR:
+            raise HalfError(word["message"])
+        else:
+            yield Finding(word["check"], CheckVerdict(word["verdict"]), word["reason"], word["remedy"])
+    child.process.wait(LIMIT)
+    log = child.log_tail()
+    died = f"{child.death()}, {asking}" + (f"; it said: {log.splitlines()[-1]}" if log else "")
+    # fault: a half that ends its process passes -> return | coupler/test_verify_child
+    yield failed(ALIVE, died, "A half never ends its process; what fails is a Discard, or fmi2Fatal")
+
+
+class _Lines:
+    """The lines a child says, one at a time."""
+
+    def __init__(self, child: Child) -> None:
+        assert child.process.stdout is not None
+        self._out, self._rest = child.process.stdout.fileno(), b""
+
+    def next(self, patience: float) -> str | None:
+        """Return the next one; "" where it says no more, None where it says nothing for `patience` seconds."""
+        end = time.monotonic() + patience
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._out, selectors.EVENT_READ)
+            while b"\n" not in self._rest:
+                if not selector.select(max(0.0, end - time.monotonic())):
+                    return None
+                chunk = os.read(self._out, 65536)
+                if not chunk:
+                    return ""
+                self._rest += chunk
+        line, _, self._rest = self._rest.partition(b"\n")
+        return line.decode("utf-8", "replace")
+
+
+# In the child
+
+class ToldHalf:
+    """A half (coupler.fmu.half.Half) that is another one, and says what it is asked for before it is asked."""
+
+    def __init__(self, half: Half, out: IO[str]) -> None:
+        self._half, self._out = half, out
+        self.name, self.blocks, self.strings = half.name, half.blocks, half.strings
+        self.can_save, self.can_serialise = half.can_save, half.can_serialise
+
+    def _asks(self, what: str) -> None:
+        _say(self._out, {"kind": ASKING, "what": f"asked to {what}"})
+
+    def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
+                   outputs: Sequence[str]) -> dict[str, Array]:
+        """As of the half."""
+        self._asks("start")
+        return self._half.initialise(t_start, t_end, parameters, inputs, outputs)
+
+    def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
+        """As of the half."""
+        self._asks(f"step from {t:.6g} s by {h:.3g} s")
+        return self._half.advance(t, h, inputs, outputs)
+
+    def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
+        """As of the half."""
+        return self._half.read(names, finite)
+
+    def save(self) -> int:
+        """As of the half."""
+        self._asks("keep its state")
+        return self._half.save()
+
+    def restore(self, token: int) -> None:
+        """As of the half."""
+        self._asks("go back to a state")
+        self._half.restore(token)
+
+    def release(self, token: int) -> None:
+        """As of the half."""
+        self._half.release(token)
+
+    def serialise(self, token: int) -> bytes:
+        """As of the half."""
+        self._asks("write its state down")
+        return self._half.serialise(token)
+
+    def deserialise(self, data: bytes) -> int:
+        """As of the half."""
+        self._asks("read a state")
+        return self._half.deserialise(data)
+
+    def log_tail(self) -> str:
+        """As of the half."""
+        return self._half.log_tail()
+
+    def close(self) -> None:
+        """As of the half."""
+        self._asks("end")
+        self._half.close()
+
+
+def _say(out: IO[str], word: Mapping[str, Any]) -> None:
+    out.write(json.dumps(word) + "\n")
+    out.flush()
+
+
+def main() -> None:
+    """Check the FMU named on the command line, and tell what is found."""
+    fmu, scratch, h = Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3])
+    # What a half prints goes to the log: its words are not ours.
+    out = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    scene = None
+    if len(sys.argv) > 4:
+        folder = Path(sys.argv[4])
+        with np.load(folder / "range.npz") as kept:
+            scene = BorderScene(read_interface(folder / "interface.h5"), kept["low"], kept["high"],
+                                float(kept["least"]))
+    try:
+        with tempfile.TemporaryDirectory(dir=scratch) as own:
+            for f in verify_fmu(fmu, Path(own), h, scene, lambda half: ToldHalf(half, out)):
+                _say(out, {"kind": FINDING, "check": f.check, "verdict": f.verdict.value, "reason": f.reason,
+                           "remedy": f.remedy})
+    except HalfError as exc:
+        _say(out, {"kind": ERROR, "message": str(exc)})
+    _say(out, {"kind": DONE})
+    # An orderly end of an interpreter that loaded an FMU may corrupt the heap.
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""All checks of one half: its description first, then its behaviour on a bench."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from coupler.errors import HalfError
+from coupler.fmu.bounds import BorderScene
+from coupler.fmu.description import read_description, unpack
+from coupler.fmu.fmi import load_half
+from coupler.fmu.half import Half
+from coupler.verify.behaviour import behaviour_findings, settled
+from coupler.verify.border import (
+    CheckVerdict,
+    Finding,
+    conversion_findings,
+    description_findings,
+    failed,
+    passed,
+    reference_finding,
+    state_findings,
+)
+
+RUNS = "takes substeps"
+
+
+def verify_fmu(fmu: Path, scratch: Path, h: float, scene: BorderScene | None = None,
+               wrap: Callable[[Half], Half] = lambda half: half) -> Iterator[Finding]:
+    """Check an FMU in this process, and yield its findings one by one.  h : substep to begin with [s].
+
+    scratch : an empty folder.  scene : that the FMU is for, where it is known.  wrap : what is put around every
+    instance.  Raises HalfError where the file is no FMU of FMI 2.0 for co-simulation.
+    """
+    extracted = unpack(fmu, scratch / "fmu")
+    description = read_description(extracted)
+    yield reference_finding(description)
+    yield from conversion_findings(description)
+    yield from verify_half(lambda: wrap(load_half(fmu, extracted, fmu.stem)), h, scene)
+
+
+def verify_half(make: Callable[[], Half], h: float, scene: BorderScene | None = None) -> Iterator[Finding]:
+    """Check a half, and yield its findings one by one.  make : returns a new instance, loaded and not initialised."""
+    half = make()
+    try:
+        findings = [*description_findings(half.blocks), *state_findings(half.can_save, half.can_serialise)]
+    finally:
+        half.close()
+    yield from findings
+    if findings[0].verdict is CheckVerdict.FAIL:
+        return
+    try:
+        bench = settled(make, h, scene)
+    except HalfError as exc:
+        yield failed(RUNS, str(exc).splitlines()[0], "Give a substep it can take, with --step")
+        return
+    yield passed(RUNS, f"of {bench.h:.3g} s")
+    yield from behaviour_findings(bench)

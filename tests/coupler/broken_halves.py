@@ -1,0 +1,140 @@
+"""Halves that break the border, each in one way of wrong physics: a half that is right, and what is done to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from coupler.fmu.half import Advance, Half, Status
+
+Values = dict[str, np.ndarray]
+SCENE = """
+slideline: 2
+title: Two blocks, pressed
+units: {temperature: degC}
+geometry: plane
+materials:
+  steel: {rho: 8000, c: 500, k: 30, E: 2.0e11, nu: 0.3, alpha: 1.2e-5, T_ref: 20}
+bodies:
+  lower: {mesh: {rectangle: {origin: [0, 0], size: [0.02, 0.01], cells: [3, 2]}}, material: steel, T0: 20}
+  upper: {mesh: {rectangle: {origin: [0, 0.01], size: [0.02, 0.01], cells: [2, 2]}}, material: steel, T0: 400}
+contact:
+  joint:
+    slave: upper.bottom
+    master: lower.top
+    gap_max: 0.002
+    penalty: 1.0e14
+    conduction: {closed: {law: power, h0: 500, h1: 5000, p0: 1.0e7, exponent: 0.95, p_max: 1.0e8}, open: null}
+thermal:
+  boundary: [{on: lower.bottom, temperature: 20}]
+mechanical:
+  half: elastic
+  elastic:
+    boundary:
+      - {on: lower.bottom, u_x: 0, u_y: 0}
+      - {on: upper.top, u_x: 0, u_y: -1.0e-6}
+coupling: {scheme: staggered, end: 12, windows: [{until: 12, size: 1}]}
+probes: {T: {T: {mean: lower}}}
+"""
+
+
+def the_step(h: float) -> float:
+    return h
+
+
+@dataclass
+class Broken:
+    """A half that is another one, but for `rule(self, outputs, h) -> outputs` on all it gives out.
+
+    made : substeps so far, which no restore takes back.  seed : of what is random.
+    """
+
+    half: Half
+    rule: Callable[[Broken, Values, float], Values]
+    made: int = 0
+    takes: Callable[[float], float] = the_step
+    random: Any = field(default_factory=np.random.default_rng)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.half, name)
+
+    def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Any],
+                   outputs: Sequence[str]) -> Values:
+        return self.rule(self, self.half.initialise(t_start, t_end, parameters, inputs, outputs), 0.0)
+
+    def advance(self, t: float, h: float, inputs: Mapping[str, Any], outputs: Sequence[str]) -> Advance:
+        done = self.half.advance(t, self.takes(h), inputs, outputs)
+        if done.status is not Status.OK:
+            return done
+        self.made += 1
+        return Advance(done.status, done.message, self.rule(self, dict(done.outputs), h), done.seconds)
+
+    def read(self, names: Sequence[str], finite: bool = True) -> Values:
+        return self.rule(self, self.half.read(names, finite), 0.0)
+
+
+def on(name: str, change: Callable[[Broken, np.ndarray], np.ndarray]) -> Callable[[Broken, Values, float], Values]:
+    def rule(half: Broken, got: Values, h: float) -> Values:
+        return {n: change(half, v) if n == name else v for n, v in got.items()}
+    return rule
+
+
+def swapped(x: np.ndarray) -> np.ndarray:
+    return x[np.roll(np.arange(len(x)), 1)]
+
+
+def cold(half: Broken, T: np.ndarray) -> np.ndarray:
+    return np.where(np.arange(len(T)) == 4, -5.0, T) if half.made >= 3 else T
+
+
+def holed(half: Broken, T: np.ndarray) -> np.ndarray:
+    return np.where(np.arange(len(T)) == 1, np.nan, T) if half.made >= 2 else T
+
+
+@dataclass(frozen=True)
+class Case:
+    """role : of the broken half.  rule : what is wrong.  says : of a run, "" where a run cannot see it.
+
+    check : the row of verify-half that fails.  takes : the step it takes for h.
+    """
+
+    role: str
+    rule: Callable[[Broken, Values, float], Values]
+    says: str
+    check: str
+    takes: Callable[[float], float] = the_step
+
+
+def as_it_is(half: Broken, got: Values, h: float) -> Values:
+    return got
+
+
+START, NUMBERS = "starts as the scene", "numbers that can be"
+CASES = {
+    "degrees Celsius": Case("thermal", on("T", lambda _, T: T - 273.15),
+                            r"half 'thermal': its first T\[\d+\] is 20 K, but body 'lower' .*293.15 K.*degrees Celsius",
+                            START),
+    "below absolute zero": Case("thermal", on("T", cold), r"thermal: T\[5\] is -5 K.*above 0", NUMBERS),
+    "not a number": Case("thermal", on("T", holed), r"thermal: T\[2\] is nan K", NUMBERS),
+    "runs away": Case("thermal", on("T", lambda half, T: T * 10.0 ** min(half.made, 30)),
+                      r"thermal: T\[\d+\] is .*e\+\d+ K.*below 100000 K", NUMBERS),
+    "ignores h": Case("thermal", as_it_is, "", "time passes", lambda h: 1.0),
+    "random after step 8": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.random.random(T.shape)
+                                              if half.made > 8 else T), "", "same inputs, same bits"),
+    "hidden state": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.made), "", "save and restore to the bit"),
+    "millimetres": Case("mechanical", on("x", lambda _, x: 1e3 * x),
+                        r"half 'mechanical': its first x\[\d+,1\.\.2\].*quad 1 .*It is mm", START),
+    "displacements": Case("mechanical", on("x", lambda half, x: x - half.X),
+                          r"half 'mechanical': its first x\[\d+,1\.\.2\].*not how far they moved", START),
+    "renumbered": Case("mechanical", on("x", lambda _, x: swapped(x)),
+                       r"half 'mechanical': its first x.*order of interface\.h5", START),
+    "pressures that pull": Case("mechanical", on("contact.t_N", lambda _, t_N: -t_N),
+                                r"contact\.t_N\[\d\] \(pair joint, node \d+\) is .* Pa, a pull.*t_N = -p", NUMBERS),
+    "covered in percent": Case("mechanical", on("contact.covered", lambda _, c: 100.0 * c),
+                               r"contact\.covered\[\d\] \(pair joint, node \d+\) is .*share, 0 to 1", NUMBERS),
+    "gaps in millimetres": Case("mechanical", on("contact.gap", lambda _, g: 1e3 * g + 5.0),
+                                r"contact\.gap\[\d\] \(pair joint, node \d+\) .*gap_max \(0\.002", NUMBERS),
+}
