@@ -30,12 +30,13 @@ MAX_TRIES = 60
 
 @dataclass(frozen=True)
 class Attempt:
-    """A window that was tried.  at : before it."""
+    """A window that was tried.  at : before it.  error : where windows find their own size, if it is known."""
 
     plan: Plan
     at: Committed
     span: Span
     solved: Solved
+    error: Estimate | None = None
 
     @property
     def t(self) -> float:
@@ -127,8 +128,7 @@ def accept(attempt: Attempt) -> Decision:
     solved, adaptive = attempt.solved, attempt.plan.adaptive
     if adaptive is None:
         return _ruled(attempt, _Found(None, found, events_memory))
-    error = error_estimate.estimate(attempt.at.control.estimate, attempt.at.state, solved, adaptive.tolerance,
-                                    attempt.at.control.settings.iteration)
+    error = attempt.error
     if error is not None and error.error > 1.0:
         if not at_least(attempt):
             size = window_size.rejected(attempt.H, error.size, error.order)

@@ -160,20 +160,23 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     control = at.control
     with SavedStates(halves, t0, control.number + 1) as saved:
         solved = solve_once(halves, at.state, span, options, saved)
-        in_one = np.empty(0)
-        if solved.taken and _to_be_measured(at, plan, span, solved):
+        error, in_one = _carried(at, plan, span, solved), np.empty(0)
+        # fault: windows are put back for errors that nobody measured -> if plan.adaptive and solved.taken and error is
+        #   None: | coupler/test_defaults
+        if plan.adaptive and solved.taken and (error is None or error.error > 1.0):
             in_one = plan.watched(solved.state.now)
             solved = doubled(halves, at.state, span, options, saved, solved)
+            error = _estimated(at, plan, solved)
         if not solved.taken:
             saved.roll_back(solved.message)
-        verdict = accept(Attempt(plan, at, span, solved))
+        verdict = accept(Attempt(plan, at, span, solved, error))
         # fault: halves not put back where a window is judged not to stand -> if False: | coupler/test_control
         if solved.taken and not verdict.solved.taken:
             saved.roll_back(verdict.solved.message)
         after, looked, mended = verdict.control, None, None
         if verdict.solved.taken:
             after, looked, known = _looked(_Taken(halves, at, plan, span, options, saved), verdict, in_one)
-            follows = None if known is None else answer(Attempt(plan, at, span, solved), known)
+            follows = None if known is None else answer(Attempt(plan, at, span, solved, error), known)
             if known is not None and follows is not None and follows.control is not None:
                 saved.roll_back(follows.text)
                 # What the window told of the probes goes with it: it is looked at again where its turn was.
@@ -191,19 +194,24 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
                  looked, mended)
 
 
-def _to_be_measured(at: Committed, plan: Plan, span: Span, solved: Solved) -> bool:
-    """Whether a window is solved in two halves too: nothing tells its error, or what tells it would put it back.
+def _carried(at: Committed, plan: Plan, span: Span, solved: Solved) -> Estimate | None:
+    """The error of a window solved in one, carried on from windows before; None where it has to be measured.
 
-    An error that is carried on may be a kink that only the change of solving in one and in two makes.
+    One above its tolerance is measured, too, before it puts the window back: it may be a kink that only the change of
+    solving in one and in two makes.
     """
-    memory, adaptive = at.control.estimate, plan.adaptive
-    if adaptive is None:
-        return False
-    if error_estimate.wanted(memory, at.state, span, solved.scheme, solved.state.now):
-        return True
-    carried = error_estimate.estimate(memory, at.state, solved, adaptive.tolerance, at.control.settings.iteration)
-    # fault: windows are put back for errors that nobody measured -> return False | coupler/test_defaults
-    return carried is not None and carried.error > 1.0
+    if plan.adaptive is None or not solved.taken or error_estimate.wanted(
+            at.control.estimate, at.state, span, solved.scheme, solved.state.now):
+        return None
+    return _estimated(at, plan, solved)
+
+
+def _estimated(at: Committed, plan: Plan, solved: Solved) -> Estimate | None:
+    """The error of a window, as far as it is known."""
+    if plan.adaptive is None or not solved.taken:
+        return None
+    return error_estimate.estimate(at.control.estimate, at.state, solved, plan.adaptive.tolerance,
+                                   at.control.settings.iteration)
 
 
 @dataclass(frozen=True)

@@ -42,16 +42,18 @@ LEAST_ORDER = 0.5
 
 
 def confidence(scenario: Scenario, results: Results, *, mesh: bool = False,
+               companions: Sequence[Scenario] | None = None,
                on_trial: Callable[[str], Callable[[float], object]] = lambda name: lambda fraction: None,
                ) -> dict[str, ProbeConfidence]:
     """Return the error of each probe of a run that completed, by companions in windows of 2 and 4 times the size.
 
     mesh : and by one on a mesh of half as many cells along each edge, whose error is added.
+    companions : of `check_companions`, where they were built before the run.
     on_trial : called with the name of each companion; returns what is called with the share of it that is done.
     Raises ScenarioError where the scenario has no probes, or a mesh that is a file.
     """
     jobs = _jobs(scenario, mesh=mesh)
-    companions = check_companions(scenario, mesh=mesh)
+    companions = check_companions(scenario, mesh=mesh) if companions is None else companions
     trials = [run_trial(c, on_window=on_trial(f"companion, {name} {factor:g}"))
               for c, (name, factor) in zip(companions, jobs, strict=True)]
     order = _order(scenario, results)
@@ -102,23 +104,34 @@ def by_windows(name: str, results: Results, coarser: Sequence[TrialResult], orde
     failed = next((c.failed for c in coarser if c.failed), "")
     if failed:
         return ProbeConfidence(WINDOWS, np.full(len(t), math.nan), math.nan, order, span, results.unit(name), failed)
-    twice, four = (np.interp(t, c.t, c.probes[name]) for c in coarser)
-    # Only where all have a window's end: between ends a probe is not on its chord.
-    common = np.array([all(np.isclose(c.t, at, rtol=1e-9, atol=0.0).any() for c in coarser) for at in t])
-    common = common if common.sum() > 2 else np.ones(len(t), dtype=bool)
-    near, far = fine - twice, twice - four
-    small, large = (float(np.linalg.norm(d[common])) for d in (near, far))
+    (t2, twice), (t4, four) = ((np.array(c.t), np.array(c.probes[name])) for c in coarser)
+    # Two runs are compared at the ends of the coarser one's windows: between them it is not on its chord, and of the
+    # finer one the chord is near.
+    at_t4 = np.interp(t4, t2, twice)
+    near, far = np.interp(t2, t, fine) - twice, at_t4 - four
+    small, large = float(np.linalg.norm(np.interp(t4, t, fine) - at_t4)), float(np.linalg.norm(far))
     scale = max(span, SAME * float(np.abs(fine).max()))
-    if max(np.abs(near[common]).max(), np.abs(far[common]).max()) <= SAME * scale:
+    if max(np.abs(near).max(), np.abs(far).max()) <= SAME * scale:
         observed, error = math.nan, np.abs(near)
     else:
         # fault: the order is taken from the wrong pair of companions -> observed = math.log2(small / large) if small >
         #   0.0 and large > 0.0 else 0.0 | coupler/test_confidence
         observed = math.log2(large / small) if small > 0.0 and large > 0.0 else 0.0
         error = np.abs(near) / (2.0 ** min(max(observed, LEAST_ORDER), float(order)) - 1.0)
-    # Between common ends by the chord of what is known at them.
-    error = np.interp(t, t[common], error[common])
-    return ProbeConfidence(WINDOWS, error, observed, order, span, results.unit(name))
+    return ProbeConfidence(WINDOWS, _between(t, t2, error), observed, order, span, results.unit(name))
+
+
+def _between(t: Array, ends: Array, error: Array) -> Array:
+    """Return the error (n,) at t, known at the ends of windows: inside of one the larger of those at its two ends.
+
+    What a first window did may have died out at the end of the next.
+    """
+    near = SAME * (ends[-1] - ends[0])
+    after = np.clip(np.searchsorted(ends, t - near), 0, len(ends) - 1)
+    before = np.clip(np.searchsorted(ends, t + near, side="right") - 1, 0, len(ends) - 1)
+    # fault: an error that is made and dies out between ends is not told -> return np.interp(t, ends, error) |
+    #   coupler/test_confidence
+    return np.maximum(error[before], error[after])
 
 
 def with_mesh(error: ProbeConfidence, name: str, results: Results, coarser: TrialResult) -> ProbeConfidence:

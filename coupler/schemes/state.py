@@ -84,10 +84,15 @@ class EnergyAccount:
         """Return the carry, without what belongs to later times, and what H [s] more make at the same power [J], >= 0.
 
         H : 0.0 where the window's own heat is in the carry.
+        Nothing is taken back from a place that was handed too much and has been left since: the others are handed so
+        much less, so that in all no more is delivered than was made.
         """
         now = self.carry if self.late is None else self.carry - self.late
-        # fault: friction heat is not extrapolated -> return np.maximum(now, 0.0) | coupler/test_accounts
-        return np.maximum(now if self.power is None else now + H * self.power, 0.0)
+        # fault: friction heat is not extrapolated -> wanted = now | coupler/test_accounts
+        wanted = now if self.power is None else now + H * self.power
+        most, total = np.maximum(wanted, 0.0), float(wanted.sum())
+        # fault: what was handed ahead to places left behind is handed on again -> return most | coupler/test_accounts
+        return most * (total / float(most.sum())) if total > 0.0 else np.zeros_like(most)
 
     def deliver(self, handed: Array) -> EnergyAccount:
         """The account after an energy was handed to the thermal half.  handed : same shape as the carry [J]."""

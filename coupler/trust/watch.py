@@ -70,7 +70,7 @@ class TrustWatch:
     def begun(self, now: Level, values: Array | None = None) -> TrustLog:
         """Return the log before the first window.  values : (n,) of the probes in SI; None: they are not followed."""
         log = TrustLog(temperatures.begun(now), passing=self._sides.begun(now))
-        return log if values is None else replace(log, errors=errors.begun(values))
+        return log if values is None else replace(log, errors=errors.begun(values, now.t))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
               forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS) -> TrustLog:
@@ -83,7 +83,7 @@ class TrustWatch:
         """
         before, now = levels
         if looked is not None:
-            log = replace(log, errors=errors.watched(log.errors, looked, now.t),
+            log = replace(log, errors=errors.watched(log.errors, looked, now.t, fresh=fresh),
                           stability=stability.watched(log.stability, looked, now.t, now.t - before.t))
         warmth = temperatures.watched(log.temperatures, self._data, levels, terms, inputs)
         return replace(

@@ -14,12 +14,30 @@ from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, Ledger, imbalance, schedule, share_of, wanted_outputs
+from coupler.schemes.state import CoupledState, EnergyAccount, Ledger, imbalance, schedule, share_of, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf
 
 END = 8.0
+
+
+def test_places_left_behind_are_paid_for_by_the_others():
+    """A node that was handed 3 J ahead and no longer rubs cannot give them back; in all no more than 2 J are due.
+
+    Two blocks of which both sides rub were warmed by 0.25 % more than was made.
+    """
+    account = EnergyAccount(np.array([5.0, -3.0, 0.0]))
+    assert account.due(0.0) == pytest.approx([2.0, 0.0, 0.0])
+    paid = account.deliver(account.due(0.0))
+    assert paid.carry.sum() == 0.0
+    assert not paid.due(0.0).any()
+    rubs = EnergyAccount(np.array([1.0, -3.0, 0.0]), power=np.array([2.0, 0.0, 2.0]))
+    assert rubs.due(1.0).sum() == pytest.approx(2.0)
+    assert rubs.due(1.0)[1] == 0.0
+    assert not EnergyAccount(np.array([1.0, -3.0])).due(0.0).any()
+
+
 SURFACE = Block("contact.E_friction", (2,), "J", "input", "Real")
 
 

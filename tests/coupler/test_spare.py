@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coupler import Results, run
+from coupler import Results, load_scenario, run
 from coupler.control import spare
 from coupler.control.plan import Plan
 from coupler.running.run import Run, resume
@@ -24,6 +24,8 @@ from coupler.trust.errors import NAME
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from fresh_scenes import Doc, column, seizing_rod, two_rods, two_sided_rod
+
+SHIPPED = Path(__file__).resolve().parents[2] / "scenarios"
 
 
 def scene(doc: Doc) -> Scenario:
@@ -63,17 +65,34 @@ def test_two_rods_in_short_windows_are_right_and_told_so(tmp_path):
     assert not short.broken
 
 
+@pytest.mark.parametrize(("scheme", "size", "off"), [
+    ("staggered", 1.0, 0.1126), ("staggered", 2.0, 0.336), ("staggered", 5.0, 0.567), ("extrapolated", 5.0, 0.567),
+    ("iterated", 5.0, 0.119)])
+def test_a_run_of_few_windows_is_told_how_wrong_it_is(tmp_path, scheme, size, off):
+    """The gap that feeds back: off by so much of its range, against windows of 0.02 s.
+
+    0.26, 0.27, 0.19 and 0.02 were told of windows of 2 and 5 s, and all of these passed.
+    """
+    s = load_scenario(SHIPPED / "lumped_gap.yaml", overrides={
+        "coupling.scheme": scheme, "coupling.windows": [{"until": 20, "size": size}]})
+    results = run(s, tmp_path / "run.h5")
+    assert off / 3.0 < bound(results, "T") < 3.2 * off
+    assert verdict(results) in (("broken",) if off > 0.3 else ("noted", "broken"))
+
+
 @pytest.mark.parametrize("size", [0.10, 0.15])
 def test_cycles_of_three_and_seven_windows_are_told_by_their_errors(tmp_path, size):
     assert verdict(ran(two_sided_rod(size, 40 * size), tmp_path)) == "broken"
 
 
 def test_the_seizing_rod_and_the_column_are_told_as_good_as_they_are(tmp_path):
-    """Friction heat that comes a window late is late once: told anew in every window it made T 2.99 % here."""
+    """Friction heat that comes a window late is late once.  T is off by 2.07 % after the first window, against windows
+    of a quarter of the size (0.1 % was told, from the third window alone).
+    """
     rod = ran(seizing_rod(), tmp_path)
     assert rod.probe("p")[1][-1] == pytest.approx(8.132e6, rel=0.06)
     assert bound(rod, "p") < 0.1
-    assert bound(rod, "T") < 0.015
+    assert 0.0207 / 3.0 < bound(rod, "T") < 4.0 * 0.0207
     assert bound(ran(column(), tmp_path), "T1") < 0.03
 
 
@@ -126,11 +145,11 @@ def looks(bends: np.ndarray) -> list[int]:
     return found
 
 
-@pytest.mark.parametrize(("windows", "most"), [(20, 1), (120, 2), (400, 3), (1000, 5), (4000, 14)])
+@pytest.mark.parametrize(("windows", "most"), [(20, 2), (120, 3), (400, 4), (1000, 6), (4000, 14)])
 def test_looks_are_few_and_all_over_the_run(windows, most):
     found = looks(np.ones(windows))
     assert 1 <= len(found) <= most
-    assert len(found) * spare.LOOK <= max(0.05 * windows, spare.LOOK)
+    assert len(found) * spare.LOOK <= max(0.05 * windows, spare.AT_FIRST + spare.LOOK)
     if windows >= 400:
         assert max(np.diff(found)) < 0.75 * windows
 
