@@ -21,7 +21,7 @@ class HeldHalf:
 
     def __init__(self, half: Half, role: str, scene: BorderScene) -> None:
         """Raises HalfError, for all that is wrong with its blocks.  role : thermal or mechanical."""
-        self._half, self._role, self._scene = half, role, scene
+        self.half, self._role, self._scene = half, role, scene
         self.name: str = half.name
         self.blocks: Mapping[str, Block] = half.blocks
         self.strings: Mapping[str, str] = half.strings
@@ -35,8 +35,8 @@ class HeldHalf:
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:
         """As of the half.  Raises HalfError where its first values are not those of the scene, or cannot be."""
-        first = self._half.initialise(t_start, t_end, parameters, inputs, outputs)
-        seen = first | self._half.read([n for n in self._looked if n not in first])
+        first = self.half.initialise(t_start, t_end, parameters, inputs, outputs)
+        seen = first | self.half.read([n for n in self._looked if n not in first])
         breach = wrong_start(self._role, seen, self._scene) or wrong_values(self._role, seen, self._scene)
         if breach is not None:
             raise HalfError(str(breach), half=self.name, log=self.log_tail())
@@ -46,7 +46,7 @@ class HeldHalf:
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
         """As of the half; a substep whose numbers cannot be is a discard."""
-        done = self._half.advance(t, h, inputs, outputs)
+        done = self.half.advance(t, h, inputs, outputs)
         if done.status is not Status.OK:
             return done
         breach = wrong_values(self._role, done.outputs, self._scene)
@@ -54,35 +54,35 @@ class HeldHalf:
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
         """As of the half."""
-        return self._half.read(names, finite)
+        return self.half.read(names, finite)
 
     def save(self) -> int:
         """As of the half."""
-        return self._half.save()
+        return self.half.save()
 
     def restore(self, token: int) -> None:
         """As of the half."""
-        self._half.restore(token)
+        self.half.restore(token)
 
     def release(self, token: int) -> None:
         """As of the half."""
-        self._half.release(token)
+        self.half.release(token)
 
     def serialise(self, token: int) -> bytes:
         """As of the half."""
-        return self._half.serialise(token)
+        return self.half.serialise(token)
 
     def deserialise(self, data: bytes) -> int:
         """As of the half."""
-        return self._half.deserialise(data)
+        return self.half.deserialise(data)
 
     def log_tail(self) -> str:
         """As of the half."""
-        return self._half.log_tail()
+        return self.half.log_tail()
 
     def close(self) -> None:
         """As of the half."""
-        self._half.close()
+        self.half.close()
 
 
 def refused(breach: Breach, h: float, seconds: float) -> Advance:

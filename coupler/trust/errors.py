@@ -149,9 +149,9 @@ def estimated(log: ErrorLog) -> Array:
 
 def _now(log: ErrorLog) -> Array:
     """The error of each probe at the end of the last window, (n,) in SI."""
+    rows = zip(log.errors, log.bends, log.counts, log.rest, strict=True)
     # fault: only the windows that were looked at have errors -> return log.known | coupler/test_trust_errors
-    return log.known + np.array(
-        [_carried_on(*rows) for rows in zip(log.errors, log.bends, log.counts, log.rest, strict=True)])
+    return log.known + np.array([_carried_on(*row) for row in rows])
 
 
 def _carried_on(errors: Array, bends: Array, counts: Array, rest: Array) -> float:

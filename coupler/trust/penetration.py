@@ -85,7 +85,7 @@ class Yields:
     def watched(self, log: PenetrationLog, now: Level) -> PenetrationLog:
         """Return the log after one more window."""
         for pair in self._pairs:
-            # fault: what augmented surfaces overlap by is held against a pressure that is not due to it -> if False: |
+            # fault: an overlap of augmented surfaces is held against a pressure not due to it -> held = False |
             #   coupler/test_penetration
             held = pair.name in self._augmented and not pair.drawn
             if held and not pair.both.size:

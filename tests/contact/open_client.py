@@ -40,7 +40,7 @@ def encode(name, fields):
     for key, a in arrays.items():
         table.append([key, a.dtype.str, list(a.shape), len(body), a.nbytes])
         body += a.tobytes() + bytes(-a.nbytes % 64)
-    head = msgpack.packb({"version": 7, "name": name, "meta": meta, "arrays": table})
+    head = msgpack.packb({"version": 8, "name": name, "meta": meta, "arrays": table})
     front = struct.pack("<4sII", b"SLDW", len(head), zlib.crc32(head)) + head
     return front + bytes(-len(front) % 64) + body
 
@@ -75,7 +75,8 @@ with zenoh.open(config) as session:
     key = f"slideline/{run}/{role}/{instance}/v1/ask"
     i, f = (lambda *v: np.array(v, "<i4")), (lambda *v: np.array(v, "<f8"))
     passes = {"pair": i(0), "slave": i(1), "master": i(0), "weight": f(1), "by_node": i(0), "gap_max": f(1),
-              "eps_N": f(1e9), "eps_T": f(1e9), "mu": f(0), "depth": None, "tied": None}
+              "eps_N": f(1e9), "eps_T": f(1e9), "mu": f(0), "depth": None, "tied": None,
+              "smooth": None}
     _, known = ask(1, "Register", {
         "n_nodes": 4, "edges": np.array([[1, 0], [2, 3]], "<i4"), "edge_surface": i(0, 1), "axisymmetric": False,
         "passes": passes, "stiffness": None, "offset": None, "x": None})

@@ -226,7 +226,7 @@ def test_what_fills_up_between_the_parts_is_zeros():
 
 def test_a_long_header_over_a_link_is_refused_before_it_is_read():
     """16 MB of empty lists took 1.3 GB and 25 s."""
-    header = msgpack.packb({"version": 7, "name": "Project", "meta": {"a": [[]] * 300_000}, "arrays": []})
+    header = msgpack.packb({"version": WIRE_VERSION, "name": "Project", "meta": {"a": [[]] * 300_000}, "arrays": []})
     data = struct.pack("<4sII", b"SLDW", len(header), zlib.crc32(header)) + header
     data += bytes(-len(data) % 64)
     assert decode_record(data)[0] == "Project"  # as a file of our own may have it

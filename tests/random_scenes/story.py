@@ -129,7 +129,7 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                         words += progress.notes
                         if run.state.now.t > levels[-1].t:
                             keep()
-                        work = sum(half.work for half in (run.halves.thermal, run.halves.mechanical))
+                        work = sum(held.half.work for held in (run.halves.thermal, run.halves.mechanical))
                         if number >= most or work > MOST_WORK:
                             raise TooLongError(f"{number + 1} windows tried, {work} solver calls and iterations, "
                                                f"at t = {run.state.now.t:.6g} s")
