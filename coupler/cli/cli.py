@@ -190,6 +190,18 @@ WithinOption = Annotated[str, typer.Option(
     "that they may be off by.")]
 
 
+@app.command("show")
+def show_command(scenario: ScenarioFile,
+                 out: Annotated[Path | None, typer.Option(
+                     "--out", "-o", help="The picture: .png, .svg or .pdf; without it SCENARIO.png, here.")] = None,
+                 sets: SetOption = None, swaps: SwapOption = None) -> None:
+    """Draw a scenario before it runs: bodies, meshes, pairs with their sides, what acts where, probes."""
+    # Here and not above: other commands start without matplotlib.
+    from coupler.report.scene import write_scene
+
+    typer.echo(write_scene(_scenario(scenario, sets, swaps), out or Path(f"{scenario.stem}.png")))
+
+
 @app.command("run")
 def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: SetOption = None,
                 swaps: SwapOption = None,

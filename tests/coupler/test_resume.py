@@ -207,7 +207,7 @@ def rewritten(stopped: Path, origin: dict[str, object], checkpoint: dict[str, ob
 
 def test_the_command_line(whole: Path, stopped: Path, monkeypatch: pytest.MonkeyPatch,
                           capsys: pytest.CaptureFixture[str]) -> None:
-    # Two seconds of casting move a probe by 10 K: the table finds that too little for these windows (4), told 5 K for 0.7.
+    # Two seconds of casting move a probe by 10 K: too little for these windows, says the table (4; 5 K for 0.7).
     assert exit_code(monkeypatch, "resume", str(stopped), "--until", "1.5") in (0, 4)
     shown = capsys.readouterr()
     assert "resuming at t = 1 s of 2 s" in shown.err
