@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 # What one look costs [windows], what is earned for it in every window, more in one in which a probe bends by more than
 # `VISIBLE` of its range, and most by more than `ROUGH`: what is not resolved is to be seen.  And what a run begins
-# with: two looks.  What begins to bend may be looked at on credit.  So a run of 800 smooth windows looks four or five
-# times, one of 120 rough ones three times: 1 to 5 % of its cost, and 4 windows at least.
+# with: two looks.  What begins to bend may be looked at on credit.  So sliding_blocks looks at
+# 11 of its 800 windows, casting_1d at 10 of 407, the sealed container at 5 of 88: 3 to 14 % more windows.
 LOOK, EARNED, EARNED_ROUGH, EARNED_ROUGHEST = 2.0, 0.006, 0.025, 0.2
 AT_FIRST = 2.0 * LOOK
 # The first two windows are looked at: nothing is known yet by which the exchange could be extrapolated, and what begins

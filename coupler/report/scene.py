@@ -66,7 +66,7 @@ def _entries(resolved: Mapping[str, Any], mechanical: str) -> Iterator[tuple[str
         where = entry.get("on", entry.get("at", entry.get("body", "all bodies")))
         keys = {key: value for key, value in entry.items() if key not in ("on", "at", "body", "name")}
         name = f"{entry['name']}: " if "name" in entry else ""
-        yield _place(where), name + "; ".join(f"{key} {_words(value)}" for key, value in keys.items())
+        yield _words(where), name + "; ".join(f"{key} {_words(value)}" for key, value in keys.items())
     for body, motion in (own.get("motion") or {}).items():
         yield body, "moves by " + (", ".join(f"{key} {_words(value)}" for key, value in motion.items()) or "nothing")
     for body, ends in (own.get("held") or {}).items():
@@ -76,12 +76,6 @@ def _entries(resolved: Mapping[str, Any], mechanical: str) -> Iterator[tuple[str
             yield body, f"source {_words(spec['Q_T'])}"
     if own.get("gravity"):
         yield "all bodies", f"gravity {_words(own['gravity'])}"
-
-
-def _place(where: Any) -> str:
-    if isinstance(where, Mapping):
-        return _words(where)
-    return where if isinstance(where, str) else _words(where)
 
 
 def _words(value: Any) -> str:

@@ -29,8 +29,9 @@ from coupler.trust.checks import Check, TrustVerdict, measured
 Array = NDArray[np.float64]
 
 NAME = "estimated error of the probes"
-# Of the range of a probe.  What is told is 1.4 times the true error in the middle and up to 6 times where two looks are
-# all there is (docs/trust.md): these are about 4 %, which is seen in a curve, and 20 %, which no sketch may be off by.
+# Of the range of a probe.  What is told is 1.4 times the true error in the middle, and up to 10 times too much or too
+# little where looks are few or meet a switch of contact (docs/trust.md): these are about 4 %, which is seen in a curve,
+# and 20 %, which no sketch may be off by.
 NOTE_AT, LIMIT = 0.05, 0.3
 # The velocity that errors die out with is the largest of late, which falls by a factor of e in so many windows.
 PATIENCE = 4.0

@@ -207,12 +207,14 @@ def rewritten(stopped: Path, origin: dict[str, object], checkpoint: dict[str, ob
 
 def test_the_command_line(whole: Path, stopped: Path, monkeypatch: pytest.MonkeyPatch,
                           capsys: pytest.CaptureFixture[str]) -> None:
-    # Two seconds of casting move a probe by 10 K: too little for these windows, says the table (4; 5 K for 0.7).
-    assert exit_code(monkeypatch, "resume", str(stopped), "--until", "1.5") in (0, 4)
+    # It ends as the run does that was not stopped.  Two seconds of casting move a probe by 10 K: too little for these
+    # windows, says its table (4; told 5 K for 0.7).
+    ends = 4 if Results(whole).broken else 0
+    assert exit_code(monkeypatch, "resume", str(stopped), "--until", "1.5") == ends
     shown = capsys.readouterr()
     assert "resuming at t = 1 s of 2 s" in shown.err
     assert f"to resume: slideline resume {stopped}" in shown.out
-    assert exit_code(monkeypatch, "resume", str(stopped)) in (0, 4)
+    assert exit_code(monkeypatch, "resume", str(stopped)) == ends
     assert "completed" in (shown := capsys.readouterr()).out
     assert "to go on" not in shown.out
     assert differences(whole, stopped) == []
