@@ -14,24 +14,37 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import njit
-
 F = TypeVar("F", bound=Callable[..., Any])
 
 IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+([\w.]+)", re.MULTILINE)
 
 
+class _Mode:
+    """Whether kernels that are imported from now on stay plain Python."""
+
+    interpreted = False
+
+
+def interpret() -> None:
+    """Leave kernels that are imported from now on as plain Python, with the same numbers.
+
+    For programs that read a scene and solve nothing: numba takes half a second to import, the kernels that look at a
+    scene 12 s to compile, and what they do there is done in less without either.  To be called before any kernel is
+    imported.
+    """
+    _Mode.interpreted = True
+
+
 def kernel(function: F) -> F:
     """The function compiled by numba, and cached until a file it is compiled from changes."""
     # Division as in numpy: checks that could raise cost a tenth, and nothing may raise out of a half's loop.
-    return _cached(function, njit(cache=True, error_model="numpy")(function))
+    return _cached(function, cache=True, error_model="numpy")
 
 
 def inner(function: F) -> F:
     """A kernel that makes no array.  It borrows those of its caller without counting, which costs as much as the work
     of a small kernel, in time and in compiling."""
-    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
-    return _cached(function, njit(**options)(function))
+    return _cached(function, cache=True, error_model="numpy", _nrt=False)
 
 
 def one_of(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
@@ -42,9 +55,8 @@ def one_of(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
     that stands on other functions in a later process): it becomes part of the kernel that calls it.
     """
     first, others = functions[0], functions[1:]
-    options: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
     if not others:
-        return cast(Callable[..., Any], njit(**options)(lambda i, *arguments: first(*arguments)))
+        return _compiled(lambda i, *arguments: first(*arguments), error_model="numpy", _nrt=False)
     rest = one_of(others)
 
     def chosen(i: int, *arguments: Any) -> Any:
@@ -53,10 +65,22 @@ def one_of(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
             return first(*arguments)
         return rest(i - 1, *arguments)
 
-    return cast(Callable[..., Any], njit(**options)(chosen))
+    return _compiled(chosen, error_model="numpy", _nrt=False)
 
 
-def _cached(function: F, dispatcher: Any) -> F:
+def _compiled(function: F, **options: Any) -> F:
+    if _Mode.interpreted:
+        return function
+    # Here and not above: who interprets spares its half second.
+    from numba import njit
+
+    return cast(F, njit(**options)(function))
+
+
+def _cached(function: F, **options: Any) -> F:
+    dispatcher: Any = _compiled(function, **options)
+    if dispatcher is function:
+        return function
     path = Path(function.__code__.co_filename)
     # numba has no public way to say this; test_compiled.py notices if it moves.
     files = dispatcher._cache._cache_file

@@ -77,12 +77,14 @@ def rows_of(n: int, nodes: Ints, blocks: Floats) -> tuple[Ints, Ints, Floats]:
         starts[s + 1] = starts[s] + filled[s]
     packed, values = np.empty(starts[n], dtype=np.int32), np.zeros((starts[n], 2, 2))
     for s in range(n):
-        packed[starts[s]:starts[s + 1]] = columns[room[s]:room[s] + filled[s]]
+        for k in range(filled[s]):  # by numbers: numba takes 2 s to compile one assignment of slices
+            packed[starts[s] + k] = columns[room[s] + k]
     for p in range(n_pieces):
         for i in range(m):
-            row = packed[starts[nodes[p, i]]:starts[nodes[p, i] + 1]]
             for j in range(m):
-                at = starts[nodes[p, i]] + np.searchsorted(row, nodes[p, j])
+                at = starts[nodes[p, i]]
+                while packed[at] < nodes[p, j]:
+                    at += 1
                 for d in range(2):
                     for e in range(2):
                         values[at, d, e] += blocks[p, 2 * i + d, 2 * j + e]

@@ -115,7 +115,9 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
     flux = np.zeros((ne, 2))
     for e in range(ne):
         T0 = T[cells[e, 0]]
+        volume = 0.0
         for q in range(dV.shape[1]):
+            volume += dV[e, q]
             gx = 0.0
             gy = 0.0
             for i in range(1, nn):
@@ -129,7 +131,8 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
             #   thermal_fmu/test_thermal_anisotropy::test_a13_patch_with_skewed_axes
             flux[e, 0] -= dV[e, q] * (xx * gx + xy * gy)
             flux[e, 1] -= dV[e, q] * (xy * gx + yy * gy)
-        flux[e] /= dV[e].sum()
+        flux[e, 0] /= volume
+        flux[e, 1] /= volume
     return flux
 
 

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 import pythonfmu
 
+from contact.compiled import interpret
 from contact.half import entry
 from contact.half.interface import Interface
-from contact.half.layout import layout_of, model_description, standard_variables
+from contact.half.layout import block_table, layout_of, model_description, standard_variables
 from contact.half.model import load_directory
 
 _ENTRY = '''\
@@ -59,11 +60,13 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
     kind = "".join(c if c.isalnum() else "_" for c in str(model.get("half", package)))
     identifier = f"{kind}_half_{guid[:8]}"
     standard = standard_variables(interface, " ".join(f"{k}:{v}" for k, v in packages.items()))
-    xml = model_description(layout_of(half.variables, standard), identifier, guid,
-                            tool=f"PythonFMU {_version(pythonfmu)} (Slideline)", description=f"{kind} half")
+    layout = layout_of(half.variables, standard)
+    xml = model_description(layout, identifier, guid, tool=f"PythonFMU {_version(pythonfmu)} (Slideline)",
+                            description=f"{kind} half").encode()
     script = _ENTRY.format(tag=guid[:8], load=load, packages=packages, identifier=identifier, guid=guid)
     members: dict[str, bytes | Path] = {
-        "modelDescription.xml": xml.encode(),
+        "modelDescription.xml": xml,
+        "resources/blocks.json": json.dumps(block_table(layout, xml)).encode(),
         "resources/slavemodule.txt": identifier.encode(),
         f"resources/{identifier}.py": script.encode(),
         f"resources/half_entry_{guid[:8]}.py": Path(entry.__file__),
@@ -84,6 +87,7 @@ def main(package: str, load: str | Mapping[str, str], uses: Sequence[str] = ()) 
     """
     if len(sys.argv) != 3:
         raise SystemExit(f"usage: python -m {package}.build DIRECTORY OUT.fmu")
+    interpret()
     try:
         build_fmu(Path(sys.argv[1]), Path(sys.argv[2]), package=package, load=load, uses=uses)
     except ValueError as exc:

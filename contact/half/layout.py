@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -228,6 +230,28 @@ def model_description(layout: Layout, identifier: str, guid: str, tool: str, des
         "</ModelStructure>", "</fmiModelDescription>", ""])
 
 
+def block_table(layout: Layout, xml: bytes) -> dict[str, Any]:
+    """What a model description says of arrays, an array a row, for who would else read it scalar by scalar.
+
+    xml : the description itself; its hash says which one the table is of.  Rows are in the order of its variables:
+    name, shape, kind, causality, variability, unit, description, what its rows belong to, first value reference (of
+    the others in turn, last index fastest), start of a scalar as written.
+    """
+    rows = []
+    for v in layout.variables:
+        start = None
+        if not v.shape and (v.causality != "output" or v.variability == "constant"):
+            start = repr(float(np.asarray(v.start))) if v.kind == "Real" else str(v.start)
+        rows.append([v.name, list(v.shape), v.kind, v.causality, _variability(v), v.unit if v.kind == "Real" else "1",
+                     v.description, v.on, layout.first[v.name], start])
+    return {"xml": hashlib.sha256(xml).hexdigest(), "blocks": rows}
+
+
+def _variability(variable: Variable) -> str:
+    return variable.variability or (
+        "fixed" if variable.causality == "parameter" else "continuous" if variable.kind == "Real" else "discrete")
+
+
 def _places(variables: Iterable[Variable]) -> list[str]:
     """The annotation that says what the rows of arrays belong to: FMI 2.0 has shapes, but no word for it."""
     told = [v for v in variables if v.on]
@@ -248,9 +272,7 @@ def scalar_names(variable: Variable) -> Iterator[str]:
 
 def _scalars(variable: Variable, reference: int) -> list[str]:
     constant = variable.variability == "constant"
-    variability = variable.variability or (
-        "fixed" if variable.causality == "parameter" else "continuous" if variable.kind == "Real" else "discrete")
-    middle = f' causality="{variable.causality}" variability="{variability}"'
+    middle = f' causality="{variable.causality}" variability="{_variability(variable)}"'
     if variable.causality != "input":
         calculated = variable.causality == "output" and not constant
         middle += f' initial="{"calculated" if calculated else "exact"}"'

@@ -20,8 +20,10 @@ def outline(*cells: NDArray[np.integer]) -> Indices:
     """
     edges = np.vstack([np.empty((0, 2), np.int32), *(np.column_stack([c.ravel(), np.roll(c, -1, axis=1).ravel()])
                                                      for c in cells)])
-    keys = {(int(a), int(b)) for a, b in edges}
-    return np.array([(a, b) for a, b in edges.tolist() if (b, a) not in keys], dtype=np.intp).reshape(-1, 2)
+    edges = edges.astype(np.intp)
+    n = edges.max(initial=0) + 1
+    # fault: a body's outline has the edges between its cells too -> return edges | mechanical_fmu/test_passing
+    return np.asarray(edges[~np.isin(edges[:, 1] * n + edges[:, 0], edges @ (n, 1))])
 
 
 def thickness(x: Floats, surface: Ints, edges: Indices) -> float:

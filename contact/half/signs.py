@@ -15,8 +15,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from contact.half.functions import table_of
-from contact.half.gradients import shape_gradients
+from contact.half.functions import CellQuadrature, table_of
+from contact.half.gradients import narrow_side, spread_of
 from contact.half.interface import Interface
 
 Floats = NDArray[np.float64]
@@ -53,9 +53,7 @@ def wrong_signs(interface: Interface, k: Mapping[str, Floats], least: float) -> 
         if not len(cells):
             continue
         table, cells = table_of(kind), np.ascontiguousarray(cells)
-        G = np.zeros((len(cells), len(table.w), cells.shape[1], 2))
-        dV, dC = np.zeros(G.shape[:2]), np.zeros(G.shape[:2])
-        shape_gradients(x, cells, table.N, table.dN, table.w, interface.axisymmetric, G, dV, dC)
+        G, dC = conduction_gradients(x, cells, table, interface.axisymmetric)
         tensor = np.array([k[name] for name in interface.parts])[part]
         K = np.einsum("eq,eqia,eab,eqjb->eij", dC, G, tensor, G)
         diagonal += np.bincount(cells.ravel(), np.einsum("eii->ei", K).ravel(), n)
@@ -80,6 +78,41 @@ def wrong_signs(interface: Interface, k: Mapping[str, Floats], least: float) -> 
             out[name] = WrongSign(float(share[worst]), wrong.size, own.size, x[ends[worst]].mean(axis=0), abs(angle),
                                   angle < 0.0)
     return out
+
+
+def conduction_gradients(x: Floats, cells: NDArray[np.integer], table: CellQuadrature, axisymmetric: bool,
+                         ) -> tuple[Floats, Floats]:
+    """Return gradients (ne, nq, nn, 2) [1/m] and volumes (ne, nq) [m3] at the points of conduction; 0 of cells turned
+    inside out.
+
+    What shape_gradients fills, of all cells at once: a look at a scene does not wait for that to be compiled.
+    x : (n, 2) [m].  cells : (ne, nn).
+    """
+    N, dN = table.N, table.dN
+    J = np.einsum("ena,qnb->eqab", x[cells], dN)  # dx_a / dr_b
+    depth = 2.0 * np.pi * (x[cells, 0] @ N.T) if axisymmetric else np.ones(J.shape[:2])
+    right = (np.linalg.det(J) * depth > 0.0).all(axis=1)
+    J[~right], depth[~right] = np.eye(2), 1.0
+    slopes = np.broadcast_to(dN, (len(cells), *dN.shape)).copy()
+    if cells.shape[1] == 4:
+        mean = J.mean(axis=1)
+        long_r = (mean[..., 0] ** 2).sum(axis=1) > (mean[..., 1] ** 2).sum(axis=1)
+        r, s = N[:, 1] + N[:, 2] - 0.5, N[:, 2] + N[:, 3] - 0.5
+        change = 12.0 * (np.where(long_r[:, None], s, r) * depth).mean(axis=1)
+        narrow = narrow_side(change, depth.mean(axis=1)) if axisymmetric else 1.0
+        f = spread_of(mean[:, 0, 0], mean[:, 0, 1], mean[:, 1, 0], mean[:, 1, 1], np.linalg.det(J).min(axis=1), narrow)
+        # Derivatives across the long axis change along it.
+        for across in (0, 1):
+            own = np.flatnonzero((f > 1.0) & (long_r == (across == 1)))
+            out = f[own, None, None]
+            J[own, :, :, across] = (1.0 - out) * mean[own, None, :, across] + out * J[own, :, :, across]
+            slopes[own, ..., across] = (1.0 - out) * dN[..., across].mean(axis=0) + out * dN[..., across]
+            if axisymmetric:
+                way = (r if across else s) * J[own, :, 0, 1 - across]
+                depth[own] -= 2.0 * np.pi * way * (1.0 - 1.0 / out[:, :, 0])
+    G = np.einsum("eqnb,eqba->eqna", slopes, np.linalg.inv(J))
+    G[~right] = 0.0
+    return G, np.where(right[:, None], table.w * np.linalg.det(J) * depth, 0.0)
 
 
 def _widest_angle(corners: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """`python -m coupler.cli`: the command line where no console script is installed."""
 
-from coupler.cli.cli import main
+from coupler.cli.cli import start
 
 if __name__ == "__main__":
-    main()
+    start()

@@ -19,7 +19,8 @@ import tempfile
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -245,8 +246,7 @@ def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
     """
     with ExitStack() as stack:
         scratch = stack.enter_context(scratch_folder())
-        fmus = {role: build_half(scenario.write_half(role, folder), folder)
-                for role, folder in (("thermal", scratch / "thermal"), ("mechanical", scratch / "mechanical"))}
+        fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")})
         # fault: a foreign binary runs in the coupler's own process -> if processes: | coupler/test_foreign_binary
         if processes or any(is_foreign(fmu) for fmu in fmus.values()):
             from coupler.fmu.processes import processes as in_processes  # embedded runs do not load zenoh
@@ -260,6 +260,13 @@ def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
             halves[role] = load_half(fmu, None, role)
             stack.callback(halves[role].close)
         yield Launched(halves["thermal"], halves["mechanical"], scenario.coupling.link)
+
+
+def _built(scenario: Scenario, folders: Mapping[str, Path]) -> dict[str, Path]:
+    """The FMUs of roles, from what is written to their folders; their builders are processes, and run at once."""
+    kinds = [scenario.write_half(role, folder) for role, folder in folders.items()]
+    with ThreadPoolExecutor(len(kinds)) as builders:
+        return dict(zip(folders, builders.map(build_half, kinds, folders.values()), strict=True))
 
 
 def make_folder(folder: Path) -> None:
@@ -277,10 +284,6 @@ def build_halves(scenario: Scenario, folder: Path) -> list[Path]:
     Raises ScenarioError if the folder cannot be made, HalfError if a half cannot be built.
     """
     make_folder(folder)
-    built = []
     with scratch_folder() as scratch:
-        for role in ("thermal", "mechanical"):
-            directory = scratch / role
-            fmu = build_half(scenario.write_half(role, directory), directory)
-            built.append(Path(shutil.copyfile(fmu, folder / f"{role}.fmu")))
-    return built
+        fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")})
+        return [Path(shutil.copyfile(fmu, folder / f"{role}.fmu")) for role, fmu in fmus.items()]

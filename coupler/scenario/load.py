@@ -30,6 +30,7 @@ from coupler.scenario.document import (
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
+from coupler.scenario.plausible import unlikely
 from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, understood_by, wrongs_of
 from coupler.scenario.rule_model import Rule
@@ -87,7 +88,7 @@ class Scenario:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
-        face nothing, laws that do not join, radiation that is missing or counted twice."""
+        face nothing, laws that do not join, radiation that is missing or counted twice, numbers of unlikely size."""
         found = [*self.version_notes, *(start.note for start in self.starts.values())]
         for model in self.models.values():
             for boundary in model.get("boundary", ()):
@@ -102,6 +103,8 @@ class Scenario:
                     kind, self.file.parent) is None:
                 found.append(f"the {role} half {kind} does not say what it reads of a scene ({CONSTANT}, "
                              "docs/write_a_half.md): what it leaves out nobody can tell")
+        if self.stated is not None:
+            found += unlikely(self.stated, self.interface)
         thermal = self.models["thermal"]
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Annotated, Any, Literal
 
-import meshio
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import StrictBool, model_validator
@@ -239,6 +238,9 @@ def _read(path: Path) -> Any:
         )
     if path.stat().st_size > MAX_BYTES:
         raise MeshError(f"{path.name} is larger than {MAX_BYTES} bytes", at=("file", "path"))
+    # Here and not above: a scene of rectangles need not wait for it.
+    import meshio
+
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from coupler.cli.cli import run_demo
+from coupler.cli.running import run_demo
 from coupler.errors import ScenarioError
 from coupler.fmu.launch import build_halves
 from coupler.init.templates import SCENARIO, shipped_scenarios

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from coupler.errors import HalfError
-from coupler.fmu.description import read_description
+from coupler.fmu.description import read_description, unpack
+from coupler.fmu.launch import build_halves
+from coupler.init.templates import shipped_scenarios
+from coupler.scenario import load_scenario
 
 XML = """<fmiModelDescription fmiVersion="{version}" guid="g" generationTool="by hand">
 {cs}<ModelVariables>{variables}</ModelVariables></fmiModelDescription>"""
@@ -76,3 +80,48 @@ def test_what_is_no_fmi2_co_simulation_is_refused(tmp_path, change, match):
 def test_a_directory_without_a_description_is_no_fmu(tmp_path):
     with pytest.raises(HalfError, match="holds no FMU"):
         read_description(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory):
+    """Both FMUs of a scene with contact, conditions and friction, unpacked."""
+    folder = tmp_path_factory.mktemp("fmus")
+    scene = load_scenario(shipped_scenarios() / "hot_upsetting.yaml")
+    return [unpack(fmu, folder / fmu.stem) for fmu in build_halves(scene, folder)]
+
+
+def fresh(extracted):
+    (extracted / "blocks.json").unlink(missing_ok=True)
+    return read_description(extracted)
+
+
+def told_of(description):
+    return [(name, f.block, f.references.tolist(), f.start, f.variability, f.declared, f.conversion)
+            for name, f in description.fields.items()]
+
+
+def test_the_table_of_blocks_says_what_the_description_says(unpacked, tmp_path):
+    for extracted in unpacked:
+        table = extracted / "resources" / "blocks.json"
+        quick = fresh(extracted)
+        kept = table.read_bytes()
+        table.unlink()
+        whole = fresh(extracted)
+        table.write_bytes(kept)
+        assert sum(f.references.size for f in whole.fields.values()) > 1000
+        assert told_of(quick) == told_of(whole)
+        assert replace(quick, fields={}) == replace(whole, fields={})
+
+
+@pytest.mark.parametrize("damage", [b"{", b"[]", b'{"xml": "0", "blocks": []}'])
+def test_a_table_that_is_not_of_the_description_is_not_believed(unpacked, damage):
+    extracted = unpacked[0]
+    right, table = told_of(fresh(extracted)), extracted / "resources" / "blocks.json"
+    kept = table.read_bytes()
+    other = json.loads(kept)
+    other["blocks"][0][0] = "another"
+    for text in (damage, json.dumps({**other, "xml": "0" * 64}).encode(),
+                 json.dumps({**other, "blocks": other["blocks"][1:]}).encode()):
+        table.write_bytes(text)
+        assert told_of(fresh(extracted)) == right
+    table.write_bytes(kept)

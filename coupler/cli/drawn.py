@@ -1,0 +1,49 @@
+"""Verbs that draw: `show` a scenario, `report` a run, `compare` two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from coupler.cli.codes import DIFFER
+from coupler.cli.options import ScenarioFile, SetOption, SwapOption, WithinOption, scenario_of
+from coupler.record.results import Results
+from coupler.report import write_report
+from coupler.report.comparison import short_names, write_comparison
+from coupler.report.scene import write_scene
+from coupler.report.verdict import bounds_of, verdict
+
+
+def show_command(scenario: ScenarioFile,
+                 out: Annotated[Path | None, typer.Option(
+                     "--out", "-o", help="The picture: .png, .svg or .pdf; without it SCENARIO.png, here.")] = None,
+                 sets: SetOption = None, swaps: SwapOption = None) -> None:
+    """Draw a scenario before it runs: bodies, meshes, pairs with their sides, what acts where, probes."""
+    typer.echo(write_scene(scenario_of(scenario, sets, swaps), out or Path(f"{scenario.stem}.png")))
+
+
+def report_command(results: Annotated[Path, typer.Argument(help="A results file, run.h5.", show_default=False)],
+                   out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
+    """Write a self-contained HTML page about a run."""
+    typer.echo(write_report(Results(results), out or results.with_suffix(".html")))
+
+
+def compare_command(first: Annotated[Path, typer.Argument(help="The results file to refer to.", show_default=False)],
+                    second: Annotated[Path, typer.Argument(help="The results file to compare.", show_default=False)],
+                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
+                    within: WithinOption = "") -> None:
+    """Compare two runs: the largest differences on a page, and a verdict.  Code 5: they differ, or are two scenes."""
+    compare(Results(first), Results(second), out, within)
+
+
+def compare(a: Results, b: Results, out: Path | None, within: str) -> None:
+    """Tell the comparison and the verdict, and end with its exit code."""
+    bounds = bounds_of(within)
+    page, text = write_comparison(a, b, out or b.path.with_name(f"{b.path.stem}-against-{a.path.stem}.html"))
+    judged = verdict(a, b, bounds)
+    typer.echo(f"{text}\n  {page}\n{judged.text(short_names(a, b))}")
+    # fault: runs that differ end with 0 -> if False: | coupler/test_verdict
+    if judged.differs or judged.changed:
+        raise typer.Exit(DIFFER)

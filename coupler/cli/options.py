@@ -1,0 +1,53 @@
+"""What several verbs of the command line share: their options, and how they end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from coupler.cli.codes import INTERRUPTED, UNTRUSTED
+from coupler.errors import ScenarioError
+from coupler.record.results import Results
+from coupler.scenario import Scenario, load_scenario, parse_override
+
+ScenarioFile = Annotated[Path, typer.Argument(help="The scenario, a YAML file.", show_default=False)]
+SetOption = Annotated[list[str] | None, typer.Option(
+    "--set", metavar="KEY=VALUE", help="Change a value: coupling.scheme=staggered. May be repeated.")]
+SwapOption = Annotated[list[str] | None, typer.Option(
+    "--swap", metavar="HALF=KIND", help="Use another half: mechanical=rigid. May be repeated.")]
+UntilOption = Annotated[float | None, typer.Option(
+    # fault: an option that the pages name is renamed -> "--til", metavar="SECONDS", help="Stop at the first window end
+    #   at or after this time; `resume` goes on.")] | test_docs::test_commands_and_options_exist
+    "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` goes on.")]
+ProcessesOption = Annotated[bool, typer.Option(
+    "--processes", help="Each half and the contact service in a process of its own.")]
+WithinOption = Annotated[str, typer.Option(
+    "--within", metavar="BOUNDS", help="How far the runs may be apart, T=1K,p=1% (of the range); else what both say "
+    "that they may be off by.")]
+
+
+def overrides_of(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[str, Any]:
+    overrides: dict[str, Any] = dict(parse_override(text) for text in sets or ())
+    for text in swaps or ():
+        half, sep, kind = text.partition("=")
+        if not sep or half not in ("thermal", "mechanical") or not kind:
+            raise ScenarioError("--swap expects thermal=KIND or mechanical=KIND", key="--swap", value=text,
+                                remedy="For example --swap mechanical=rigid")
+        overrides[f"{half}.half"] = kind
+    return overrides
+
+
+def scenario_of(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+    return load_scenario(path, overrides=overrides_of(sets, swaps))
+
+
+def leave(results: Results) -> None:
+    """End with the exit code of a run that was not finished, or is not to be trusted."""
+    if results.outcome == "interrupted":
+        raise typer.Exit(INTERRUPTED)
+    # fault: a run that does not trust itself ends with 0 -> if False: | coupler/test_trust
+    if results.broken:
+        raise typer.Exit(UNTRUSTED)

@@ -1,0 +1,157 @@
+"""Verbs that run a scenario: `run`, `resume`, `demo`, and `build`, which makes its halves alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from coupler.cli.console import ProgressLine, summary
+from coupler.cli.options import (
+    ProcessesOption,
+    ScenarioFile,
+    SetOption,
+    SwapOption,
+    UntilOption,
+    WithinOption,
+    leave,
+    scenario_of,
+)
+from coupler.errors import ScenarioError
+from coupler.experiments.confidence import check_companions
+from coupler.experiments.confidence import confidence as errors_of_probes
+from coupler.experiments.pool import TrialLine
+from coupler.fmu.launch import build_halves, make_folder
+from coupler.init.templates import SCENARIO, shipped_scenarios
+from coupler.record.confidence import write_confidence
+from coupler.record.paths import check_target
+from coupler.record.results import Results
+from coupler.report import write_report
+from coupler.running.progress import Progress
+from coupler.running.run import resume, resumed, run
+from coupler.running.setup import plan_of
+from coupler.scenario import Scenario, load_scenario
+
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results go.")]
+
+
+def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: SetOption = None,
+                swaps: SwapOption = None,
+                processes: ProcessesOption = False, until: UntilOption = None,
+                confidence: Annotated[bool, typer.Option(
+                    "--confidence", help="Run it in windows of 2 and 4 times the size too, for the error of each probe."
+                )] = False,
+                confidence_mesh: Annotated[bool, typer.Option(
+                    "--confidence-mesh", help="The same, and on a mesh of half as many cells along each edge."
+                )] = False,
+                report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False,
+                against: Annotated[bool, typer.Option(
+                    "--compare", help="With --swap: run the scenario's own halves too (OUT-own.h5), and compare."
+                )] = False, within: WithinOption = "") -> None:
+    """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
+    if against and not swaps:
+        raise ScenarioError("there is nothing to compare: no half is swapped", key="--compare",
+                            remedy="Add --swap thermal=KIND or --swap mechanical=KIND")
+    s = scenario_of(scenario, sets, swaps)
+    check_target(out, report=report)
+    judged = confidence or confidence_mesh
+    # Before anything runs: they may not be possible.
+    companions = check_companions(s, mesh=confidence_mesh) if judged else []
+    plan = plan_of(s)
+    count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "adaptive windows"
+    typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
+    for note in s.notes:
+        typer.echo(f"note: {note}", err=True)
+    with ProgressLine(s.temperature_unit) as line:
+        results = run(s, out, processes=processes, until=until, on_window=line)
+    if judged and results.outcome == "completed":
+        with TrialLine() as trials:
+            # fault: the companions of a run are built twice -> found = errors_of_probes(s, results,
+            #   mesh=confidence_mesh, on_trial=trials) | coupler/test_confidence
+            found = errors_of_probes(s, results, mesh=confidence_mesh, companions=companions, on_trial=trials)
+        write_confidence(out, found)
+        results = Results(out)
+    typer.echo(summary(results, printed={*s.notes, *line.printed}))
+    for name, of in results.confidence.items():
+        typer.echo(f"  {name}: {of.failed or f'error {100 * of.share:.2g} % of its range, {of.words}'}")
+    if report:
+        typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
+    else:
+        typer.echo(f"  report: slideline report {out}")
+    if against and results.outcome == "completed":
+        # Here and not above: a run that compares nothing starts without matplotlib.
+        from coupler.cli.drawn import compare
+
+        own, path = scenario_of(scenario, sets, None), out.with_name(f"{out.stem}-own.h5")
+        check_target(path)
+        typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
+        with ProgressLine(own.temperature_unit) as line:
+            compare(run(own, path, processes=processes, on_window=line), results, None, within)
+    leave(results)
+
+
+def resume_command(results: Annotated[Path, typer.Argument(help="The results file of a run that ended early.",
+                                                           show_default=False)],
+                   processes: ProcessesOption = False, until: UntilOption = None) -> None:
+    """Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."""
+    continued = resumed(results, processes=processes)
+    scenario = continued.scenario
+    typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s", err=True)
+    with ProgressLine(scenario.temperature_unit) as line:
+        done = resume(continued, until=until, on_window=line)
+    typer.echo(summary(done))
+    leave(done)
+
+
+def build_command(scenario: ScenarioFile,
+                  out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the FMUs.")] = Path(),
+                  sets: SetOption = None, swaps: SwapOption = None) -> None:
+    """Build the FMUs of a scenario by hand, for use in any FMI 2.0 master."""
+    for path in build_halves(scenario_of(scenario, sets, swaps), out):
+        typer.echo(path)
+
+
+# Coarse and rigid: the probes stay within 3 K of the full scene's, in about a third of its time.
+OVERRIDES = {"mechanical.half": "rigid", "bodies.lower.mesh.rectangle.cells": [12, 12],
+             "bodies.upper.mesh.rectangle.cells": [12, 12]}
+
+
+@dataclass(frozen=True)
+class Demo:
+    """The files of a demo.  scenario : the copy that was run."""
+
+    scenario: Path
+    results: Results
+    page: Path
+
+
+def run_demo(folder: Path, on_start: Callable[[Scenario], AbstractContextManager[Callable[[Progress], Any]]],
+             ) -> Demo:
+    """Copy the sliding blocks to a folder, run them coarse with the rigid half, write the report.
+
+    on_start : called before the run; its context gives what is called after every window.
+    Raises ScenarioError where the folder cannot be made, or holds another scenario of this name.
+    """
+    make_folder(folder)
+    copy, text = folder / SCENARIO, (shipped_scenarios() / SCENARIO).read_bytes()
+    if copy.exists() and copy.read_bytes() != text:
+        raise ScenarioError("another scenario of this name is in this folder already; nothing was written",
+                            file=str(copy), remedy="Give the demo another folder: slideline demo FOLDER")
+    if not copy.exists():
+        copy.write_bytes(text)
+    scenario = load_scenario(copy, overrides=OVERRIDES)
+    with on_start(scenario) as progress:
+        results = run(scenario, folder / "run.h5", on_window=progress)
+    return Demo(copy, results, write_report(results, folder / "run.html"))
+
+
+def demo_command(folder: Annotated[Path, typer.Argument(help="Where the demo goes.")] = Path("slideline-demo")) -> None:
+    """A first look in seconds: the sliding blocks with the rigid half, and their report."""
+    demo = run_demo(folder, on_start=lambda s: ProgressLine(s.temperature_unit))
+    typer.echo(summary(demo.results))
+    typer.echo(f"  the scenario: {demo.scenario}\n  the report:   {demo.page}")
+    leave(demo.results)

@@ -1,0 +1,106 @@
+"""Verbs about scenarios that run none: `check`, `schema`, `migrate`."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from coupler.cli.options import ScenarioFile, SetOption, SwapOption, scenario_of
+from coupler.control.plan import Plan
+from coupler.errors import ScenarioError
+from coupler.record.paths import check_free, new_files
+from coupler.record.results import Results
+from coupler.running.pilot import is_quick
+from coupler.running.pilot import pilot as pilot_run
+from coupler.running.replay import rules_report
+from coupler.running.setup import plan_of
+from coupler.scenario.load import checked_form
+from coupler.scenario.schema import VERSION
+from coupler.scenario.versions import json_schema, migrated, unsaid
+
+
+def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOption = None,
+                  rules: Annotated[Path | None, typer.Option(
+                      "--rules", metavar="RUN", help="Print which rules would have fired in this run.")] = None,
+                  pilot: Annotated[bool, typer.Option(
+                      "--pilot", help="Run a few long windows first, to predict the longest stable ones.")] = False
+                  ) -> None:
+    """Check a scenario and print what it would run, without running it."""
+    s = scenario_of(scenario, sets, swaps)
+    if rules is not None:
+        for line in rules_report(s, Results(rules)):
+            typer.echo(line)
+        return
+    plan = plan_of(s)
+    i, clock = s.interface, plan.schedule.clock
+    sizes = [clock.seconds(b) - clock.seconds(a)
+             for a, b in pairwise(plan.schedule.bounds)]
+    breakpoints = ", ".join(f"{clock.seconds(k):.6g}" for k in sorted(plan.schedule.kinks))
+    pairs = "; ".join(f"{p.name} (slave {p.slave}, master {p.master})" for p in i.pairs) or "none"
+    # Pairs and sources have theirs too; what a user can forget is the name of a condition.
+    named = [n for n, c in s.conditions.items() if c.kind not in ("contact pair", "source")]
+    typer.echo(f"{scenario}: valid\n"
+               f"  {s.title}\n"
+               f"  {s.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
+               f"{len(i.quads)} quads, {len(i.triangles)} triangles\n"
+               f"  contact pairs: {pairs}\n"
+               f"  halves: thermal {s.thermal_half}, mechanical {s.mechanical_half}; scheme {plan.scheme.value}\n"
+               f"  {_sizes(sizes, plan)} to t = {s.coupling.end:g} s; "
+               f"{f'breakpoints at {breakpoints} s' if breakpoints else 'no breakpoints'}\n"
+               f"  probes: {', '.join(s.probes) or 'none'}"
+               + (f"\n  heat and force by name: {', '.join(named)}" if named else ""))
+    for note in (*s.notes, *s.mesh_notes):
+        typer.echo(f"  note: {note}")
+    if pilot or is_quick(s):
+        typer.echo(f"  stable windows, from a pilot run: {pilot_run(s).summary}")
+
+
+def _sizes(sizes: Sequence[float], plan: Plan) -> str:
+    if plan.adaptive is not None:
+        a = plan.adaptive
+        return f"adaptive windows, {a.first:.3g} s at first, {a.least:.3g} to {a.most:.3g} s,"
+    least, most = f"{min(sizes):.3g}", f"{max(sizes):.3g}"
+    return f"{len(sizes)} window{'s' if len(sizes) > 1 else ''} of {least if least == most else f'{least} to {most}'} s"
+
+
+def schema_command(out: Annotated[Path | None, typer.Option("--out", "-o", help="A new file for it.")] = None) -> None:
+    """Write the JSON Schema of a scenario: editors complete and check its keys by it."""
+    text = json.dumps(json_schema(), indent=1) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    check_free(out)
+    with new_files({out: text}):
+        typer.echo(f"{out}: the keys of a scenario of version {VERSION}.\n"
+                   f"  In the first line of a scenario: # yaml-language-server: $schema={out}")
+
+
+def migrate_command(scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.", show_default=False)]
+                    ) -> None:
+    """Write a scenario of an older version as one of the newest, with the same numbers."""
+    document, file = checked_form(scenario)
+    if file.slideline == VERSION:
+        typer.echo(f"{scenario} is of version {VERSION} already.")
+        return
+    said = unsaid(file)
+    _replace(scenario, migrated(document.text, file))
+    typer.echo(f"{scenario}: version {file.slideline} -> {VERSION}")
+    for at, key, value in said:
+        typer.echo(f"  {'.'.join(map(str, at))}: {key}: {value}, as version {file.slideline} had it")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file anew, whole or not at all.  Raises ScenarioError."""
+    aside = path.with_name(f".{path.name}.new")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        os.replace(aside, path)
+    except OSError as exc:
+        aside.unlink(missing_ok=True)
+        raise ScenarioError(f"the file cannot be written ({exc.strerror})", file=str(path)) from exc

@@ -1,0 +1,113 @@
+"""Numbers far from those of engineering: most often a unit other than SI, or degrees for kelvin.
+
+Limits leave room around what materials have (of solids, melts and gases, foams and rubbers to diamond; CRC Handbook of
+Chemistry and Physics, Ashby's charts); what lies outside is told, with the unit that would bring it inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from contact.half.interface import Interface
+from contact.problem.curves import Polynomial, PropertyTable
+from contact.problem.material import Material
+from contact.problem.part import properties_in
+from coupler.scenario.schema import ScenarioFile
+
+
+@dataclass(frozen=True)
+class Usual:
+    """least, most : of the magnitude, in SI; 0 is always usual.  unit : SI.  slips : other unit -> its size in SI."""
+
+    least: float
+    most: float
+    unit: str
+    slips: Mapping[str, float]
+
+    def slip(self, value: float) -> str:
+        """The unit in which the value would be usual, or ""."""
+        return next((name for name, size in self.slips.items() if self.holds(value * size)), "")
+
+    def holds(self, value: float) -> bool:
+        """Whether a value is usual."""
+        return value == 0.0 or self.least <= abs(value) <= self.most
+
+
+STRESS = {"MPa": 1e6, "GPa": 1e9}
+USUAL = {
+    "E": Usual(1e4, 1.3e12, "Pa", {"GPa": 1e9, "MPa": 1e6}),
+    "rho": Usual(0.05, 2.3e4, "kg/m3", {"g/cm3": 1e3, "t/mm3": 1e12}),
+    "c": Usual(80.0, 1.5e4, "J/kgK", {"kJ/kgK": 1e3, "mJ/tK": 1e-6}),
+    "k": Usual(5e-3, 6e3, "W/mK", {"W/mmK": 1e3}),
+    "alpha": Usual(0.0, 1e-3, "1/K", {"1e-6/K": 1e-6}),
+    "latent.L": Usual(500.0, 1e7, "J/kg", {"kJ/kg": 1e3}),
+    "plastic.s_y": Usual(1e3, 1e11, "Pa", STRESS),
+}
+SOLID_RHO = 12.0  # kg/m3; a solid is no lighter
+LENGTH = Usual(1e-6, 10.0, "m", {"mm": 1e-3, "um": 1e-6})
+COLD = (10.0, 60.0)  # K; written so, a temperature at the start is rather in degrees Celsius
+
+
+def unlikely(stated: ScenarioFile, interface: Interface) -> list[str]:
+    """Return a sentence for each material, and one for the bodies, whose numbers are far from those of engineering.
+
+    stated : what the file says, in SI.
+    """
+    used = {part.material for body in stated.bodies.values() for part in body.parts.values()}
+    notes = []
+    for name in sorted(used & stated.materials.keys()):
+        # fault: numbers far from any material's pass without a word -> told: list[str] = [] |
+        #   coupler/test_scenario_plausible
+        told = [_told(*odd) for odd in _odd(stated.materials[name])]
+        if told:
+            notes.append(f"material {name}: {', '.join(told)}; no engineering material is near. All numbers are SI; "
+                         "in a scene in units of its own this may stand")
+    x = interface.nodes
+    for k, body in enumerate(interface.bodies):
+        own = x[interface.node_body == k]
+        size = float((own.max(axis=0) - own.min(axis=0)).max())
+        if not LENGTH.holds(size):
+            slip = LENGTH.slip(size)
+            notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in metres, those of a "
+                         "mesh file times its `scale`" if slip else ""))
+    return notes + _cold(stated)
+
+
+def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
+    """The data of a material that are not usual, the farthest value of each, and what would be."""
+    for key, usual in USUAL.items():
+        if key == "rho" and material.E is not None:
+            usual = replace(usual, least=SOLID_RHO)
+        part, _, name = key.rpartition(".")
+        holder = getattr(material, part) if part else material
+        for _, spec in properties_in(None if holder is None else getattr(holder, name), ()):
+            if isinstance(spec, PropertyTable):
+                values = [v for v in spec.value if v != 0.0]
+            else:
+                # Of a polynomial what it has where its argument is 0.
+                values = [spec.polynomial[0] if isinstance(spec, Polynomial) else float(spec)]
+            # A stray value of a table is a fit's; a unit moves all of them.
+            if values and not any(usual.holds(v) for v in values):
+                yield key, max(values, key=abs), usual
+                break
+
+
+def _told(key: str, value: float, usual: Usual) -> str:
+    slip = usual.slip(value)
+    meant = f" (in {slip} it would be {value * usual.slips[slip]:.4g})" if slip else ""
+    return f"{key} is {value:g} {usual.unit}{meant}"
+
+
+def _cold(stated: ScenarioFile) -> list[str]:
+    """Bodies that start near absolute zero in a file in kelvin."""
+    # fault: 20 in a file in kelvin is taken for what it says -> if True: | coupler/test_scenario_plausible
+    if stated.units.temperature.value != "K":
+        return []
+    starts = {name: float(body.T0) for name, body in stated.bodies.items() if isinstance(body.T0, int | float)}
+    cold = [name for name, T0 in starts.items() if COLD[0] <= T0 <= COLD[1]]
+    if not cold:
+        return []
+    T0 = starts[cold[0]]
+    return [f"bod{'ies' if len(cold) > 1 else 'y'} {', '.join(cold)} start{'s' * (len(cold) == 1)} at {T0:g} K "
+            f"({T0 - 273.15:g} degC): for degrees Celsius write units: {{temperature: degC}}"]

@@ -1,0 +1,68 @@
+"""Units mistaken: numbers far from those of engineering are told, with the unit that was meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from coupler.init.templates import shipped_scenarios, templates
+from coupler.scenario import Scenario, load_scenario
+
+SCENE = """
+slideline: 2
+title: a bar
+units: {{temperature: {unit}}}
+geometry: plane
+materials:
+  steel: {{E: {E}, nu: 0.3, rho: {rho}, c: {c}, k: {k}, alpha: {alpha}, T_ref: 20, plastic: {{s_y: {s_y}}}}}
+bodies:
+  bar: {{material: steel, T0: 20, mesh: {{rectangle: {{origin: [0, 0], size: [{length}, 0.01], cells: [4, 1]}}}}}}
+thermal:
+  boundary: [{{on: bar.left, temperature: 300}}]
+mechanical:
+  half: elastic
+  elastic: {{boundary: [{{on: bar.bottom, u_x: 0, u_y: 0}}]}}
+coupling: {{end: 10}}
+"""
+RIGHT = {"unit": "degC", "E": "2.0e11", "rho": 7850, "c": 460, "k": 45, "alpha": "1.2e-5", "s_y": "250.0e6",
+         "length": 0.1}
+
+
+def scene(folder: Path, **wrong: object) -> Scenario:
+    path = folder / "bar.yaml"
+    path.write_text(SCENE.format(**{**RIGHT, **wrong}))
+    return load_scenario(path)
+
+
+def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
+    assert scene(tmp_path).notes == ()
+
+
+@pytest.mark.parametrize(("wrong", "told"), [
+    ({"E": 200}, "material steel: E is 200 Pa (in GPa it would be 2e+11)"),
+    ({"E": 210000}, ""),  # a gel, a foam: usual, if nothing else is odd
+    ({"rho": 7.85}, "rho is 7.85 kg/m3 (in g/cm3 it would be 7850)"),
+    ({"rho": "7.85e-9"}, "rho is 7.85e-09 kg/m3 (in t/mm3 it would be 7850)"),
+    ({"c": 0.46}, "c is 0.46 J/kgK (in kJ/kgK it would be 460)"),
+    ({"c": "4.6e8"}, "c is 4.6e+08 J/kgK (in mJ/tK it would be 460)"),
+    ({"alpha": 12}, "alpha is 12 1/K (in 1e-6/K it would be 1.2e-05)"),
+    ({"alpha": "{T: [0, 500], value: [12, 14]}"}, "alpha is 14 1/K (in 1e-6/K it would be 1.4e-05)"),
+    ({"s_y": 250}, "plastic.s_y is 250 Pa (in MPa it would be 2.5e+08)"),
+    ({"E": 200, "alpha": 12}, "E is 200 Pa (in GPa it would be 2e+11), alpha is 12 1/K"),
+    ({"length": 100}, "body bar is 100 m long: is mm meant?"),
+    ({"unit": "K"}, "body bar starts at 20 K (-253.15 degC): for degrees Celsius write units: {temperature: degC}"),
+])
+def test_a_unit_mistaken_is_told_with_the_one_meant(tmp_path: Path, wrong: dict[str, object], told: str) -> None:
+    notes = scene(tmp_path, **wrong).notes
+    assert any(told in note for note in notes) if told else notes == ()
+    assert len(notes) == bool(told)
+
+
+OWN = [*shipped_scenarios().glob("*.yaml"), *(template.document.path for template in templates().values())]
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda path: path.stem)
+def test_our_own_scenes_are_usual(path: Path) -> None:
+    told = ("no engineering material", " m long", "for degrees Celsius")
+    assert not [note for note in load_scenario(path).notes if any(words in note for words in told)]
