@@ -115,10 +115,10 @@ def coupled_pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met:
         for k in range(2):
             other = previous[e] if k == 0 else following[e]
             smooth[k] = other >= 0 and shares_normal(normal, e, other)
-        uncut = by_node[i] == 1
-        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
+        nodal = by_node[i] == 1
+        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], nodal, ends, moves)
         of_pair[b] = at[i]
-        couple_piece(here, normal[e, 1:], smooth, uncut, axisymmetric, moves, ends, values, c, doing, p_N, i,
+        couple_piece(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, p_N, i,
                      multipliers, at[i], scratch, out[b])
         b += 1
     return nodes, of_pair, out
@@ -138,12 +138,13 @@ def couple_piece(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymmetri
     d_phi, d_cut, d_xi, d_area = scratch[0:2], scratch[2:4], scratch[4], scratch[5]
     frame_change(x, n, smooth, moves, ends, d_phi, d_cut)
     for q in range(first, first + 2):
-        offset = 0.0 if by_node else 2.0 * (q - first) - 1.0
-        half = 0.0 if by_node else 0.5
-        per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
+        # fault: multipliers of a node that slid off stay where it was -> along = 0.5 if by_node else (2.0 * (q - first)
+        #   - 1.0) * GAUSS | contact/test_nodes_at_ends
+        along = -0.5 if by_node else (2.0 * (q - first) - 1.0) * GAUSS
+        per_cut = points[q, 3] / (ends[1] - ends[0])
         for j in range(2 * NODES):
             spread = d_cut[1, j] - d_cut[0, j]
-            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + offset * GAUSS * spread
+            d_xi[j] = 0.5 * (d_cut[0, j] + d_cut[1, j]) + along * spread
             d_area[j] = per_cut * spread
         rise = 0.0 if by_node else c[q, RISE_S]
         add_stretch(x, points[q, 0], points[q, 3], rise, axisymmetric, d_xi, d_area)

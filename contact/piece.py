@@ -116,7 +116,7 @@ def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymme
     ends : (2,) the cuts [1], and moves : (2,) the node each follows, or FIXED [1].  points : (n_p, >= 4) xi, eta [1],
     gap [m], area [m2], c : (n_p, N_CONSTANTS) [Pa, Pa/m, 1] and doing : (n_p,) state [1], the piece's two points in
     rows first, first + 1.
-    by_node : the points are the edge's ends, uncut.  scratch : (6, 12) [1/m], its last row [m], overwritten.
+    by_node : the point is at the first of its ends.  scratch : (6, 12) [1/m], its last row [m], overwritten.
     """
     force[:] = 0.0
     block[:] = 0.0
@@ -125,12 +125,13 @@ def piece_stiffness(x: Floats, n: Floats, smooth: Flags, by_node: bool, axisymme
     for q in range(first, first + 2):
         if int(doing[q]) == OPEN:
             continue
-        weight = 0.0 if by_node else 2.0 * (q - first) - 1.0
-        half = 0.0 if by_node else 0.5
-        per_cut = 0.0 if by_node else points[q, 3] / (ends[1] - ends[0])
+        # fault: the point of a node that slid off stays where it is -> along = 0.5 if by_node else (2.0 * (q - first) -
+        #   1.0) * GAUSS | contact/test_nodes_at_ends
+        along = -0.5 if by_node else (2.0 * (q - first) - 1.0) * GAUSS
+        per_cut = points[q, 3] / (ends[1] - ends[0])
         for j in range(2 * NODES):
             spread = d_cut[1, j] - d_cut[0, j]
-            d_xi[j] = half * (d_cut[0, j] + d_cut[1, j]) + weight * GAUSS * spread
+            d_xi[j] = 0.5 * (d_cut[0, j] + d_cut[1, j]) + along * spread
             d_area[j] = per_cut * spread
         rise = 0.0 if by_node else c[q, RISE_S]
         add_stretch(x, points[q, 0], points[q, 3], rise, axisymmetric, d_xi, d_area)

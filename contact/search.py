@@ -296,29 +296,59 @@ def drop_neighbours(edges: Ints, e: int, hits: Ints, count: int) -> int:
 
 
 @inner
-def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
-               length_s: float, hits: Ints, count: int, end: int, back: float, ahead: float,
-               axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
-    """Put the point of the slave's node `end`, with half the edge, into row i; row i + 1 repeats it without area.
+def faced_part(cuts: Floats, n_cuts: int, met: Ints, end: int) -> tuple[float, float, int]:
+    """Return from where to where [1] the half of a slave edge at its node `end` faces something, and what is met.
 
-    So a piece has two rows in this form too.  x : (n_s, 2) [m].  edges : (n_edges, 2).  normal : (n_edges, 3, 2) [1].
-    rise : (n_edges,) [m] or None.  hits : (>= count,).  back, ahead : reach [m].  Fills met_edges : (capacity, 2), the
-    master edge, and values : (capacity, 5 or 7).  Returns False where the node faces nothing.
+    cuts : (>= n_cuts,) [1].  met : (>= n_cuts - 1,) master edges, -1: none.  From the place nearest the node, which is
+    the node itself where that faces something, as far as there is no break, to the middle at most.  -1: nothing.
     """
+    node, outer, inner_end, first = float(end), float(end), float(end), -1
+    for k in range(n_cuts - 1):
+        i = k if end == 0 else n_cuts - 2 - k
+        near, far = (cuts[i], cuts[i + 1]) if end == 0 else (cuts[i + 1], cuts[i])
+        if abs(near - node) >= 0.5 or (met[i] < 0 and first >= 0):
+            break
+        if met[i] < 0:
+            continue
+        if first < 0:
+            first, outer = met[i], near
+        inner_end = far if abs(far - node) < 0.5 else 0.5
+    return outer, inner_end, first
+
+
+@inner
+def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame, offset: Floats, bulge: Floats, e: int,
+               length_s: float, hits: Ints, count: int, end: int, cuts: Floats, n_cuts: int, met: Ints, back: float,
+               ahead: float, axisymmetric: bool, met_edges: Ints, values: Floats, i: int) -> bool:
+    """Put the point of the slave's node `end` into row i; row i + 1 is where its part of the edge ends, without area.
+
+    So a piece has two rows in this form too.  The point has what its half of the edge faces for weight, and lies as
+    near to the node as that reaches: at the node, until it slides off an end.  x : (n_s, 2) [m].  edges : (n_edges, 2).
+    normal : (n_edges, 3, 2) [1].  rise : (n_edges,) [m] or None.  hits : (>= count,).  cuts, met : as of faced_part.
+    back, ahead : reach [m].  Fills met_edges : (capacity, 2), the master edge, and values : (capacity, 5 or 7).
+    Returns False where the half faces nothing.
+    """
+    # fault: a node that slides off lets go of all it presses -> outer, inner_end, first = float(end), 0.5, -1 |
+    #   contact/test_nodes_at_ends
+    outer, inner_end, first = faced_part(cuts, n_cuts, met, end)
+    if first < 0:
+        return False
     best, best_m, best_xi = np.inf, -1, 0.0
     for k in range(count):
-        xi_m, g, facing = faced(frame, float(end), x, edges, normal, rise, e, hits[k])
-        g += added(offset, bulge, e, float(end), hits[k], xi_m)
+        xi_m, g, facing = faced(frame, outer, x, edges, normal, rise, e, hits[k])
+        g += added(offset, bulge, e, outer, hits[k], xi_m)
         hit = -END_TOLERANCE <= xi_m <= 1.0 + END_TOLERANCE and facing < -FACING_COS and -back <= g < ahead
         if hit and (best_m < 0 or nearer(g, hits[k], best, best_m, END_TOLERANCE * length_s)):
             best, best_m, best_xi = g, hits[k], min(max(xi_m, 0.0), 1.0)
-    if best_m < 0:
-        return False
+    if best_m < 0 or outer != float(end):
+        xi_m, g, _ = faced(frame, outer, x, edges, normal, rise, e, first)
+        best_m, best_xi = first, min(max(xi_m, 0.0), 1.0)
+        best = g + added(offset, bulge, e, outer, first, best_xi)
     for q in range(2):
         met_edges[i + q, 1] = best_m
-        values[i + q, 0], values[i + q, 1], values[i + q, 2] = float(end), best_xi, best
-        values[i + q, 3] = 0.5 * length_s * ring(frame[0], frame[2], float(end), axisymmetric) if q == 0 else 0.0
-        values[i + q, 4] = values[i + q, 3]
+        values[i + q, 0], values[i + q, 1], values[i + q, 2] = outer if q == 0 else inner_end, best_xi, best
+        part = abs(inner_end - outer) * length_s if q == 0 else 0.0
+        values[i + q, 3] = values[i + q, 4] = part * ring(frame[0], frame[2], outer, axisymmetric)
         if rise is not None:
             values[i + q, 5], values[i + q, 6] = 1.0, 1.0
     return True
@@ -417,18 +447,18 @@ def face_pass(x: Floats, edges: Ints, length: Floats, normal: Floats, rise: Rise
                 if -NODE_TOLERANCE <= xi_m <= 1.0 + NODE_TOLERANCE and facing < -FACING_COS:
                     g += added(offset, bulge, e, float(end), hits[k], xi_m)
                     note_node(near, edges[e, end], g, back, gap_max)
+        meet(x, edges, normal, rise, frame, offset, bulge, e, hits, count, cuts, n_cuts, spans, back, gap_max, met,
+             met_gap)
         if by_node:
             for end in range(2):
                 if n_points + 2 <= values.shape[0]:
                     met_edges[n_points, 0], met_edges[n_points + 1, 0] = e, e
-                    if place_node(x, edges, normal, rise, frame, offset, bulge, e, length[e], hits, count, end, back,
-                                  gap_max, axisymmetric, met_edges, values, n_points):
+                    if place_node(x, edges, normal, rise, frame, offset, bulge, e, length[e], hits, count, end, cuts,
+                                  n_cuts, met, back, gap_max, axisymmetric, met_edges, values, n_points):
                         n_points += 2
                 else:
                     n_points += 2
             continue
-        meet(x, edges, normal, rise, frame, offset, bulge, e, hits, count, cuts, n_cuts, spans, back, gap_max, met,
-             met_gap)
         for i in range(n_cuts - 1):
             if met[i] < 0:
                 continue

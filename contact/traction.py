@@ -388,9 +388,9 @@ def pieces(x: Floats, edges: Ints, previous: Ints, following: Ints, met: Ints, v
         for k in range(2):
             other = previous[e] if k == 0 else following[e]
             smooth[k] = other >= 0 and shares_normal(normal, e, other)
-        uncut = by_node[i] == 1
-        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], uncut, ends, moves)
-        piece_stiffness(here, normal[e, 1:], smooth, uncut, axisymmetric, moves, ends, values, c, doing, i,
+        nodal = by_node[i] == 1
+        piece_cuts(frame_of(x, edges, normal, e), here, values[i, 0], values[i + 1, 0], nodal, ends, moves)
+        piece_stiffness(here, normal[e, 1:], smooth, nodal, axisymmetric, moves, ends, values, c, doing, i,
                         scratch, forces[b], blocks[b])
         b += 1
     return nodes, forces, blocks
@@ -420,18 +420,18 @@ def piece_nodes(edges: Ints, previous: Ints, following: Ints, e: int, m: int, no
 
 
 @kernel
-def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, uncut: bool, ends: Floats, moves: Floats) -> None:
+def piece_cuts(frame: Frame, here: Floats, xi_1: float, xi_2: float, nodal: bool, ends: Floats, moves: Floats) -> None:
     """Fill the cuts of the piece whose Gauss points are xi_1, xi_2, and the node each of them follows.
 
+    nodal : xi_1, xi_2 are the cuts, of a part of half an edge (contact.search.place_node).
     here : (6, 2) coordinates of its nodes [m].  ends : (2,) cuts [1], out.  moves : (2,) nodes or FIXED [1], out.
     """
     half = 0.5 * (xi_2 - xi_1) / (2.0 * GAUSS)
-    ends[0], ends[1] = (0.0, 1.0) if uncut else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)
+    ends[0], ends[1] = (xi_1, xi_2) if nodal else (0.5 * (xi_1 + xi_2) - half, 0.5 * (xi_1 + xi_2) + half)
     moves[:] = FIXED
-    if uncut:
-        return
     for k in range(2):
-        if abs(ends[k] - k) <= CUT_MATCH:
+        # The nodes of the edge, and the middle, where halves meet.
+        if min(ends[k], 1.0 - ends[k]) <= CUT_MATCH or (nodal and ends[k] == 0.5):
             continue
         for node in range(4, NODES):
             first, second = feet(frame, here[node, 0], here[node, 1])

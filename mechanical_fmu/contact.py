@@ -12,7 +12,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from contact.half.contact_client import ContactSurfaces
 from contact.half.model import Value, Variable
 from contact.half.passing import Side, sides_of
-from contact.messages import Tractions
+from contact.messages import Ints, Tractions
 
 Floats = NDArray[np.float64]
 
@@ -72,13 +72,17 @@ class MeshContact(ContactSurfaces):
 
     def matrix(self, tractions: Tractions) -> csr_matrix:
         """Assemble the same on all degrees of freedom of the mesh, (2 n_nodes, 2 n_nodes) [N/m]."""
+        starts, columns = self.places(tractions)
+        size = 2 * len(self.interface.nodes)
+        return bsr_matrix((tractions.blocks, columns, starts), shape=(size, size)).tocsr()
+
+    def places(self, tractions: Tractions) -> tuple[Ints, Ints]:
+        """Return where it has its blocks: starts (n_nodes + 1,) and columns (n_b,), by nodes of the mesh."""
         # Surface nodes ascend: blocks in the order of the surface are in that of the mesh.
-        nodes, n = self.interface.contact_nodes, len(self.interface.nodes)
-        starts = np.zeros(n + 1, dtype=np.int32)
+        nodes = self.interface.contact_nodes
+        starts = np.zeros(len(self.interface.nodes) + 1, dtype=np.int32)
         starts[nodes + 1] = np.diff(tractions.starts)
-        np.cumsum(starts, out=starts)
-        columns = nodes[tractions.columns].astype(np.int32)
-        return bsr_matrix((tractions.blocks, columns, starts), shape=(2 * n, 2 * n)).tocsr()
+        return np.cumsum(starts, out=starts), nodes[tractions.columns].astype(np.int32)
 
 
 def _rows(tractions: Tractions, size: int) -> bsr_matrix:

@@ -21,7 +21,6 @@ from mechanical_fmu.newton import (
     Iterate,
     NoEquilibriumError,
     SolverSettings,
-    jumps_text,
     line_search,
     solve,
     wants_tangent,
@@ -237,14 +236,13 @@ def _text(system: System, settings: SolverSettings, error: Floats, changes: Chan
                   f"(tolerance {settings.tolerance:g})")
         # fault: pressures that stay are said to change -> if False: | mechanical_fmu/test_semi_smooth
         if not any(change.any() for change, _ in changes):
-            return f"no equilibrium after {settings.most} iterations: {forces}{jumps_text(system)}"
+            return f"no equilibrium after {settings.most} iterations: {forces}"
         forces += " and "
     else:
         forces = ""
     how_much, where = unsettled(system, changes)
     return (f"no equilibrium after {settings.most} iterations: {forces}the contact pressures {how_much}, most on "
-            f"{where}; method: uzawa settles them in rounds"
-            f"{jumps_text(system)}")
+            f"{where}; method: uzawa settles them in rounds")
 
 
 # The enforcements by name.

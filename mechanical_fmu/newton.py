@@ -266,17 +266,7 @@ def solve(system: System, loading: Loading, start: ForceBalance, anchor: Stiffne
         search.learn(before, balance, (history[-2], history[-1]))
     body = system.interface.bodies[int(np.argmax(error))]
     raise NoEquilibriumError(f"no equilibrium after {settings.most} iterations: the forces on body {body} "
-                             f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})"
-                             f"{jumps_text(system)}")
-
-
-def jumps_text(system: System) -> str:
-    """Say what may be why, where pairs have one point a node: no equilibrium may lie where a node's force ends."""
-    # fault: a failure does not name one point a node -> pairs = [pair.name for pair in system.interface.pairs if False]
-    #   | mechanical_fmu/test_semi_smooth
-    pairs = [pair.name for pair in system.interface.pairs if pair.by_node]
-    return (f"; in pair {' and '.join(pairs)}, of form: nodes, force jumps where a node slides off an end, and no "
-            "equilibrium may lie between: form: edges has no jump") if pairs else ""
+                             f"are out of balance by {history[-1]:.3g} (tolerance {settings.tolerance:g})")
 
 
 def line_search(system: System, loading: Loading, start: Iterate, d: Floats, floor: Floats,

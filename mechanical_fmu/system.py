@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array
 
 from contact.half.interface import Interface
-from contact.half.linalg import Pattern, Solve, factorise, pattern_of
+from contact.half.linalg import JoinedPattern, Pattern, Solve, factorise, joined, pattern_of
 from contact.half.start import start_temperature
 from contact.messages import Tractions
 from contact.problem.mechanical import Element, State
@@ -34,6 +34,8 @@ Floats = NDArray[np.float64]
 FORCE_FLOOR = 1e-4
 # Round-off of internal forces as a share of (bulk modulus) L; matters near nu = 1/2, where the bulk modulus dwarfs E.
 ROUND_OFF = 2e-15
+# Patterns of the tangent that are kept: bodies with what they touch by.
+MAX_PATTERNS = 4
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,28 @@ class System:
         # Where all bodies are rigid there is no cell at all.
         dofs = [cells.dofs for cells in self.volume.kinds] or [np.empty((0, 1), np.int64)]
         return pattern_of(2 * self.volume.n_nodes, *dofs)
+
+    @cached_property
+    def _with_contact(self) -> list[JoinedPattern]:
+        """The last patterns of bodies and contact: points open and close to and fro."""
+        return []
+
+    def tangent_matrix(self, entries: Floats, tractions: Tractions | None) -> csr_matrix:
+        """Assemble the stiffness (2 n_nodes, 2 n_nodes) [N/m] of bodies and contact.
+
+        entries : (n_entries,) [N/m] of the bodies.  tractions : of contact, whose stiffness counts; None: none.
+        """
+        if tractions is None or not len(tractions.blocks):
+            return self.pattern.matrix(entries)
+        starts, columns = self.contact.places(tractions)
+        # fault: contact is put where it was before -> found = next(iter(self._with_contact), None) |
+        #   mechanical_fmu/test_elastic_contact mechanical_fmu/test_contact_newton
+        found = next((p for p in self._with_contact if p.is_of(starts, columns)), None)
+        found = found or joined(self.pattern, starts, columns)
+        self._with_contact[:] = [found, *(p for p in self._with_contact if p is not found)][:MAX_PATTERNS]
+        # fault: contact stiffness left out of the fresh tangent -> return self.pattern.matrix(entries) |
+        #   mechanical_fmu/test_elastic_contact
+        return found.matrix(entries, tractions.blocks)
 
     def start_history(self) -> Floats:
         """Return (n_history,) of virgin points, for the PointStep of a first Loading."""

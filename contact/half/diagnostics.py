@@ -45,7 +45,6 @@ def start_notes(interface: Interface, stiffness: Mapping[str, float]) -> list[st
     for pair, points in zip(interface.pairs, met, strict=True):
         notes += [] if points else [nothing_faced(interface, pair, interface.nodes)]
         notes += folding(interface, pair) + stiff_penalty(interface, pair, stiffness)
-        notes += jumps(pair, stiffness)
     return notes
 
 
@@ -92,17 +91,6 @@ def stiff_penalty(interface: Interface, pair: Pair, stiffness: Mapping[str, floa
     return [f"pair {pair.name}: the penalty of {pair.eps_N:.3g} Pa/m is {pair.eps_N * h / E:.2g} times E/h (E of "
             f"{body}, h = {h:.3g} m): equations lose so many digits, and Newton's method may fail; 10 to 100 times E/h "
             f"({10 * E / h:.2g} to {100 * E / h:.2g} Pa/m), or `augmented`, would do"]
-
-
-def jumps(pair: Pair, stiffness: Mapping[str, float]) -> list[str]:
-    """Note one point a node on a body that deforms: its force comes and goes as a whole."""
-    # fault: one point a node not said to jump -> if True or not stiffness.keys() & {name.split(".")[0] for name in
-    #   (pair.slave, pair.master)}: | contact/test_notes
-    if not pair.by_node or not stiffness.keys() & {name.split(".")[0] for name in (pair.slave, pair.master)}:
-        return []
-    return [f"pair {pair.name}: with form: nodes a slave node that slides off an end of {pair.master} lets go of all "
-            "its force at once, and Newton's method may find no equilibrium on either side of the jump; form: edges "
-            "has none"]
 
 
 def edge_lengths(interface: Interface, surface: str) -> Floats:

@@ -29,12 +29,13 @@ def gap_areas(interface: Interface, edges: Ints, facing: Facing, x: Floats) -> t
     if interface.axisymmetric or any(by_node):
         on_s = _on_edges(x[edges[facing.slave_edge]], facing.xi_s)
         on_m = _on_edges(x[edges[facing.master_edge]], facing.xi_m)
+        nodal = np.flatnonzero(np.array(by_node)[facing.pair[::2]])
+        on_s[2 * nodal + 1] = on_s[2 * nodal]  # where the part of a node ends nothing is faced
         if interface.axisymmetric:
             R_s, R_m = _of_pieces(on_s[:, 0]), _of_pieces(on_m[:, 0])
             # fault: gaps do not widen around the axis -> r_2 = 1.0 * r_2 | thermal_fmu/test_thermal_gap_area
             r_2 = np.divide(R_m, R_s, out=r_2, where=(R_s > 0.0) & (R_m > 0.0))
             r_1 /= r_2
-        nodal = np.flatnonzero(np.array(by_node)[facing.pair[::2]])
         r_1[nodal] = _stretch_at_nodes(facing, 2 * nodal, on_s[2 * nodal], on_m[2 * nodal])
     # fault: heat across a gap by the area of the slave alone -> mean = np.ones(r_1.size) |
     #   thermal_fmu/test_thermal_gap_area

@@ -13,7 +13,8 @@ pair is held against an interference as drawn alone.
 
 Of a pair with one point a slave node (`form: nodes`) nothing is felt between these: a node of the master there, or one
 of the slave beside the master's end, sinks in as far as the bodies let it.  Such a pair, augmented or not, is held by
-the deepest node of either side.
+the deepest node of either side.  Where it sinks in and nothing of the pair presses, all of the pressure is missing, and
+the run is not to be trusted.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ Indices = NDArray[np.intp]
 
 SHARES = (0.01, np.inf)  # noted; how much of a pressure it spoils hangs on what presses, so it breaks nothing
 SHARE = "penetration against what bodies yield"
+UNPRESSED = 1e-4  # of the slave's mean part of a node: less is round-off, or the touch that a window ended at
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,8 @@ class PenetrationLog:
     """share : the largest penetration over what matters, of `pair` at t [s]; depth : that penetration [m].
 
     drawn : whether what matters there was the interference as drawn.  between : whether it is that of one node, where
-    no point of the slave presses.
+    no point of the slave presses.  unpressed : the deepest node [m] of a pair of which nothing pressed, of
+    `unpressed_pair` at unpressed_t [s].
     """
 
     share: float = 0.0
@@ -50,6 +53,9 @@ class PenetrationLog:
     depth: float = 0.0
     drawn: bool = False
     between: bool = False
+    unpressed: float = 0.0
+    unpressed_pair: str = ""
+    unpressed_t: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -92,11 +98,14 @@ class Yields:
                 continue
             p = np.maximum(-now.t_N[pair.at], 0.0)
             load = p * pair.reach * now.covered[pair.at]
-            if not load.sum() > 0.0:
-                continue
-            depth = 0.0 if held else float(load @ np.maximum(-now.gap[pair.at], 0.0) / load.sum())
             # fault: of points at nodes what lies between them is not told -> deepest = 0.0 | coupler/test_penetration
             deepest = float(np.fmax.reduce(-now.gap[pair.both], initial=0.0))
+            if not load.sum() > 0.0:
+                # fault: what sinks in where nothing presses is passed over -> if False: | coupler/test_penetration
+                if deepest > max(UNPRESSED * float(pair.reach.mean()), log.unpressed):
+                    log = replace(log, unpressed=deepest, unpressed_pair=pair.name, unpressed_t=now.t)
+                continue
+            depth = 0.0 if held else float(load @ np.maximum(-now.gap[pair.at], 0.0) / load.sum())
             width = float((pair.reach * now.covered[pair.at])[load > 0.0].sum())
             gives = float(load @ (p * pair.softness) / load.sum()) * min(width, pair.thick)
             # fault: penetration held against a metre -> matters = 1.0 + pair.drawn + gives | coupler/test_penetration
@@ -141,6 +150,11 @@ def check(log: PenetrationLog, yields: Yields, prescribed: bool) -> Check:
     """Return the check at the end.  prescribed : bodies move as the scenario says, whatever they press."""
     if prescribed or not yields:
         return Check(SHARE, TrustVerdict.UNCHECKED, what="no pair is of two bodies that deform")
+    if log.unpressed > 0.0:
+        return Check(SHARE, TrustVerdict.BROKEN, 1.0, SHARES[0], t=log.unpressed_t,
+                     what=f"pair {log.unpressed_pair}: a node lies {log.unpressed:.3g} m deep and nothing presses, at "
+                          f"t = {log.unpressed_t:.6g} s: with form: nodes only the slave's nodes press",
+                     remedy="form: edges presses between nodes too; a slave with shorter edges has a node there")
     by = "the interference as drawn" if log.drawn else "what the bodies yield over the contact zone"
     if log.between:
         return measured(SHARE, log.share, SHARES, t=log.t,

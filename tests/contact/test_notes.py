@@ -114,10 +114,3 @@ def test_behind_a_corner() -> None:
     depth, beside = behind(edges, np.array([[0.5, 0.1], [0.5, -0.1], [0.9, -0.5], [-0.2, -0.1], [1.1, -1.5]]))
     assert depth == pytest.approx([-0.1, 0.1, 0.1, 0.1, -0.1])
     assert beside.tolist() == [False, False, False, True, True]
-
-
-def test_one_point_a_node_is_said_to_jump_where_a_body_deforms() -> None:
-    assert start_notes(strips(by_node=True), {}) == []
-    note, = start_notes(strips(by_node=True), {"lower": E})
-    assert "pair p: with form: nodes a slave node that slides off an end of lower.top lets go of all its force" in note
-    assert start_notes(strips(), {"lower": E}) == []

@@ -9,7 +9,7 @@ import pytest
 from scipy.sparse import csr_matrix
 
 from contact.half import linalg
-from contact.half.linalg import SingularMatrixError, factorise, pattern_of
+from contact.half.linalg import SingularMatrixError, factorise, joined, pattern_of
 
 rng = np.random.default_rng(3)
 
@@ -178,3 +178,22 @@ def test_an_unknown_solver_is_told(monkeypatch):
     monkeypatch.setenv("SLIDELINE_SOLVER", "cramer")
     with pytest.raises(ValueError, match="known: superlu, pardiso"):
         linalg.factorise(plate(2))
+
+
+def test_blocks_of_nodes_are_joined_to_a_pattern() -> None:
+    """Cells and contact blocks, some where cells are and some between others: the sum of both matrices."""
+    rng = np.random.default_rng(4)
+    cells = np.array([[0, 1, 2, 3], [2, 3, 4, 5], [8, 9, 10, 11]])
+    pattern, entries = pattern_of(14, cells), rng.normal(size=3 * 16)
+    starts, columns = np.array([0, 3, 3, 5, 5, 8, 8, 8], dtype=np.int32), np.array([0, 4, 2, 2, 0, 5, 4, 0], np.int32)
+    blocks = rng.normal(size=(8, 2, 2))
+    other = np.zeros((14, 14))
+    for b, (node, column) in enumerate(zip(np.repeat(np.arange(7), np.diff(starts)), columns, strict=True)):
+        other[2 * node : 2 * node + 2, 2 * column : 2 * column + 2] = blocks[b]
+    both = joined(pattern, starts, columns)
+    for factor in (1.0, 2.0):
+        K = both.matrix(factor * entries, blocks)
+        assert K.has_sorted_indices
+        np.testing.assert_allclose(K.toarray(), factor * pattern.matrix(entries).toarray() + other, rtol=1e-14)
+    assert both.is_of(starts.copy(), columns.copy())
+    assert not both.is_of(starts, columns[::-1])

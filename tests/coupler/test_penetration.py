@@ -70,6 +70,24 @@ def test_of_points_at_nodes_the_deepest_of_either_side_is_told(augmented: tuple[
     assert "form: nodes" in shares["nodes"].what
 
 
+@pytest.mark.parametrize("augmented", [(), ("face",)])
+def test_a_node_that_sinks_in_where_nothing_presses_breaks_trust(augmented: tuple[str, ...], tmp_path: Path) -> None:
+    """No pressure explains its depth: what is missing is all of it.  A touch that a window ended at is none."""
+    found = {}
+    for form, deep in (("nodes", 2e-3), ("nodes", 1e-6), ("edges", 2e-3)):
+        interface = load_text(tmp_path, GOOD, {"contact.face.form": form}).interface
+        other = interface.side_of("face", "lower.top").at
+        t_N, gap = np.zeros(len(interface.pair_nodes)), np.full(len(interface.pair_nodes), np.nan)
+        gap[other.start + 1] = -deep
+        now = Level(1.0, np.full(len(interface.nodes), 300.0), interface.nodes, t_N, gap, np.zeros(len(gap)))
+        yields = Yields(interface, augmented)
+        found[form, deep] = check(yields.watched(PenetrationLog(), now), yields, False)
+    told_deep = found["nodes", 2e-3]
+    assert (told_deep.verdict, told_deep.number) == ("broken", 1.0)
+    assert "a node lies 0.002 m deep and nothing presses, at t = 1 s" in told_deep.what
+    assert found["nodes", 1e-6].verdict == found["edges", 2e-3].verdict == "holds"
+
+
 def test_an_augmented_pair_has_its_pressure_whatever_its_corners_overlap(tmp_path: Path) -> None:
     """What is drawn into each other must still be driven out of each other."""
     gives = P * 2.0 / M * THICK

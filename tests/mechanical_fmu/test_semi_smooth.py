@@ -177,7 +177,8 @@ def test_pressures_that_do_not_settle_are_named():
                       r"(\d+) of upper\.bottom \(at the start at (\S+), (\S+) m\); method: uzawa", answer.message)
     assert found, answer.message
     assert 0.0 < float(found[2]) < float(found[3])
-    assert (half.system.interface.nodes[int(found[4]) - 1] == [float(found[5]), float(found[6])]).all()
+    told = [float(found[5]), float(found[6])]  # with six digits; of two nodes as bad round-off takes one
+    np.testing.assert_allclose(told, half.system.interface.nodes[int(found[4]) - 1], rtol=1e-5)
     assert float(found[6]) == 1.0, "a node of the upper block's bottom"
 
 
@@ -190,22 +191,6 @@ def test_pressures_that_stay_are_not_said_to_change():
     assert "pressure" not in said
     assert "pressures still change by 3 Pa" in _text(half.system, half.settings, np.array([0.5, 0.1]),
                                                      ((np.full(n, 3.0), 4.0),))
-
-
-@pytest.mark.parametrize("by_node", [True, False])
-@pytest.mark.parametrize("method", ["newton", "semi_smooth"])
-def test_a_failure_of_one_point_a_node_says_so(method, by_node):
-    """Where nodes slide off an end, force jumps: the user is told which pair, and what has no jump."""
-    half = squeezed("semi_smooth", 1e-6, cuts=0, by_node=by_node) if method == "semi_smooth" else elastic(
-        replace(blocks(4, 5), pairs=tuple(replace(p, by_node=by_node) for p in blocks(4, 5).pairs)),
-        [hold("lower.bottom", 0), hold("lower.bottom", 1), hold("upper.top", 0),
-         hold("upper.top", 1, {"t": [0, 1], "value": [0, -0.1]})], cuts=0)
-    half.settings = replace(half.settings, max_iterations=1, adopt=-1.0)
-    with closing(open_link("direct")) as link:
-        state, _ = half.start(inputs_of(half), 0.0, link)
-        answer = half.step(state, inputs_of(half), 0.0, 1.0, link)
-    assert isinstance(answer, Discard)
-    assert ("in pair interface, of form: nodes, force jumps" in answer.message) == by_node, answer.message
 
 
 def test_the_state_carries_the_pressures_and_survives_its_bytes():

@@ -1,0 +1,87 @@
+"""One point a slave node at an end of the master: what a node presses goes on where its edge still faces something."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from contact_scenes import EPS, ask, flat, passes, push
+from test_coupling import answer
+from test_coupling import dense as couplings
+from test_traction import dense, differences
+
+from contact.messages import Floats, Register
+
+MESHES = [(1, 1), (3, 4), (7, 5), (1, 9), (2, 7)]
+
+
+def nodal(register: Register, mu: float = 0.0) -> Register:
+    return replace(register, passes=passes((0, 1), mu=mu, by_node=True))
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_force_and_area_are_those_of_what_is_faced_at_every_place(mesh: tuple[int, int]) -> None:
+    """A block that slides off on either side, a hair and almost wholly: no force is let go of at once."""
+    for slide in np.concatenate([np.linspace(-0.98, 0.98, 57), [1e-9, -1e-9, 1e-6, -1e-6]]):
+        register, x = flat(*mesh, slide=float(slide), gap=-1e-4)
+        register = nodal(register)
+        w = 1.0 - abs(slide)
+        assert ask(register, x).area.sum() == pytest.approx(w, abs=1e-12)
+        force = push(register, x).force
+        assert force[: mesh[0] + 1, 1].sum() == pytest.approx(1e-4 * EPS * w, abs=1e-4 * EPS * 1e-9)
+        assert np.abs(force.sum(axis=0)).max() <= 1e-12 * np.abs(force).sum()
+
+
+def test_a_narrow_master_between_two_slave_nodes_is_pressed() -> None:
+    """Neither of its nodes, nor of the slave's, faces a node: both halves of the one edge press where it ends."""
+    register, x = flat(1, 2, gap=-1e-4)
+    x[2:, 0] = 0.4 + 0.3 * x[2:, 0]
+    reply = push(nodal(register), x)
+    assert reply.force[:2, 1].sum() == pytest.approx(0.3 * 1e-4 * EPS, rel=1e-9)
+    assert (reply.t_N[:2] < 0.0).all()
+    middle = x[:2, 0] @ reply.force[:2, 1] / reply.force[:2, 1].sum()
+    assert 0.4 < middle < 0.7
+
+
+def beside(slide: float, axisymmetric: bool) -> tuple[Register, Floats]:
+    """A slave of two edges on a master of one that begins and ends beside its nodes; nothing is parallel."""
+    register, x = flat(2, 1, gap=-0.02, axisymmetric=axisymmetric)
+    x[:3, 0] = [0.0, 0.45, 1.1]
+    x[3:, 0] = [0.97, 0.07]
+    x[:, 0] += 2.0 + np.where(np.arange(5) < 3, slide, 0.0)
+    x[:, 1] += 0.02 * np.sin(3.0 * x[:, 0])
+    return register, x
+
+
+@pytest.mark.parametrize("slide", [0.0, 0.12, -0.1])
+@pytest.mark.parametrize("axisymmetric", [False, True])
+@pytest.mark.parametrize("mu", [0.0, 0.05, 10.0])
+def test_the_stiffness_is_the_derivative(slide: float, axisymmetric: bool, mu: float) -> None:
+    """The point moves with the end of the master, and its share with it; sticking, slipping and smooth."""
+    register, x = beside(slide, axisymmetric)
+    register = nodal(register, mu)
+    before, mobilised = x.copy(), np.where(np.arange(5) < 3, 0.04 if mu else 0.0, 0.0)
+    before[:3] += [3e-3, 1e-3]
+    reply = push(register, x, x_before=before, mobilised=mobilised)
+    assert (reply.force[:3, 1] > 0.0).all()
+    K, B = differences(register, x, 1e-7, before, mobilised), dense(reply, len(x))
+    assert abs(B - K).max() <= 2e-7 * abs(K).max()
+
+
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_multipliers_follow_too(axisymmetric: bool) -> None:
+    register, x = beside(0.0, axisymmetric)
+    register = nodal(register)
+    multipliers = np.where(np.arange(5) < 3, -1e5 * np.array([1.0, 2.0, 3.0, 0.0, 0.0]), 0.0)
+    _, C, _ = couplings(answer(register, x, multipliers, x))
+    h, wanted = 1e-7, np.zeros_like(C)
+    for k in range(x.size):
+        step = h * np.eye(x.size)[k].reshape(x.shape)
+        more, less = (answer(register, at, multipliers, x).residual for at in (x + step, x - step))
+        wanted[:, k] = (more - less) / (2.0 * h)
+    assert np.abs(C[:3] - wanted[:3]).max() <= 1e-6 * np.abs(C).max()
