@@ -74,7 +74,7 @@ class _HeatSum:
         self.magnitude += float(np.abs(power).sum())
 
     def leave(self, term: str, nodes: Ints, flow: Floats) -> None:
-        """Add flow : (n, 2) [W] that leaves nodes : (n, 2)."""
+        """Add flow : (n,) [W] that leaves nodes : (n,)."""
         self.f -= at_nodes(nodes, flow, self.f.size)
         out = float(flow.sum())
         self.terms[term] -= out
@@ -166,11 +166,11 @@ def _source(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Float
 def _add_surroundings(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
     for film, levels in zip(substep.films, loads.films, strict=True):
         flow, slope = film_flow(film, levels.h, levels.Te, T)
-        total.leave("convection", film.points.nodes, flow)
+        total.leave("convection", film.points.node, flow)
         total.places.append((film.points.slots, slope))
     for radiator, around in zip(substep.radiators, loads.radiators, strict=True):
         flow, slope = surroundings_radiation_flow(radiator, substep.sigma_SB, around.factor, around.T_inf, T)
-        total.leave("radiation", radiator.points.nodes, flow)
+        total.leave("radiation", radiator.points.node, flow)
         total.places.append((radiator.points.slots, slope))
 
 
@@ -193,7 +193,7 @@ def demand_limits(substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
     Raises BadPropertyError naming the value that was met.
     """
     for radiator, levels in zip(substep.radiators, loads.radiators, strict=True):
-        T_a = (radiator.points.N * T[radiator.points.nodes]).sum(axis=1)
+        T_a = T[radiator.points.node]
         where = f"surface {radiator.radiator.where.surface}"
         _demand_kelvin(T_a, where)
         T_inf = np.min(resolve(levels.T_inf, radiator.T_inf))
@@ -213,7 +213,7 @@ def demand_limits(substep: SubstepData, loads: ThermalLoads, T: Floats) -> None:
             raise BadPropertyError(f"the film coefficient of surface {film.film.where.surface} is negative "
                                    f"({np.min(resolve(film_levels.h, film.h)):.6g}) at a place of it")
         if film.film.h_factor is not None:
-            T_a = (film.points.N * T[film.points.nodes]).sum(axis=1)
+            T_a = T[film.points.node]
             factor = film.film.h_factor(T_a)
             if (factor < 0.0).any():
                 raise BadPropertyError(f"the h_factor of surface {film.film.where.surface} is {factor.min():.6g} "

@@ -158,6 +158,7 @@ class ThermalState:
     damped.  stored : enthalpy gained since the start [J].  anchor : the matrix whose factors the next solve starts
     from, anchor_S : likewise of the entropy part.  controller : of adaptive inner steps.
     given : heat since the start, by condition.  known : the data of bodies so far; None: as they are.
+    rate : (n,) at which s moved in the last (inner) step [K/s]; None: in none yet.
     """
 
     s: Floats
@@ -170,6 +171,7 @@ class ThermalState:
     controller: StepController = NO_STEPS_YET
     given: HeatSoFar = NOTHING_COUNTED
     known: KnownRange | None = None
+    rate: Floats | None = None
 
 
 class ThermalHalf:
@@ -251,7 +253,10 @@ class ThermalHalf:
         load = factors_of(scene.model, inputs)
         # fault: E_M as power -> context = StepContext(scene, substep, load, self._calendar, substep.E_M, self._factors)
         #   | thermal_fmu/test_thermal_nonlinear
-        context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors, state.known)
+        # fault: how nodes moved before is forgotten -> rate = None |
+        #   thermal_fmu/test_thermal_limits::test_a_node_follows_a_contact_that_shrinks
+        rate = None if state.rate is None else np.array(state.rate)
+        context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors, state.known, rate)
         event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_jump(context, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
@@ -278,7 +283,7 @@ class ThermalHalf:
         # fault: anchor not part of the state -> new = ThermalState(done.s, state.X, event, result.damped, stored, None,
         #   anchor_S, controller, given, | thermal_fmu/test_thermal_solver
         new = ThermalState(done.s, state.X, event, result.damped, stored, done.anchor, anchor_S, controller, given,
-                           known)
+                           known, result.rate)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
         # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, substep.shapes, new.s,

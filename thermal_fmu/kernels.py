@@ -1,4 +1,4 @@
-"""Compiled loops over cells: conduction, cell means and rotations.
+"""Compiled loops over cells: conduction, cell means and rotations; and over rows of a sparse matrix.
 
 They work for any table of nn nodes and nq quadrature points; sums run in the order of the cells.
 Arrays of all of them: cells (ne, nn) node numbers; N (nq, nn) and dN (nq, nn, 2) shape functions and their derivatives
@@ -134,6 +134,69 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
         flux[e, 0] /= volume
         flux[e, 1] /= volume
     return flux
+
+
+@njit(cache=True)
+def times(indptr: Ints, indices: Ints, data: Floats, x: Floats) -> Floats:
+    """Return A x : (n,) of a CSR matrix: indptr (n + 1,), indices and data (nnz,); x : (n,)."""
+    out = np.empty(indptr.size - 1)
+    for i in range(out.size):
+        total = 0.0
+        for at in range(indptr[i], indptr[i + 1]):
+            total += data[at] * x[indices[at]]
+        out[i] = total
+    return out
+
+
+@njit(cache=True)
+def with_blocks(indptr: Ints, indices: Ints, data: Floats, nodes: Ints, values: Floats,
+                fixed: NDArray[np.bool_]) -> tuple[Ints, Ints, Floats]:
+    """Add blocks to a CSR matrix, but for rows and columns that are fixed : (n,); columns stay in order.
+
+    indptr (n + 1,), indices and data (nnz,), as returned.  nodes : (m, k) rows and columns of each block.  values :
+    (m, k, k).
+    """
+    n, (m, k) = indptr.size - 1, nodes.shape
+    first = np.zeros(n + 1, np.int64)  # of the blocks' rows, sorted by row
+    for p in range(m):
+        for i in range(k):
+            first[nodes[p, i] + 1] += 1
+    for row in range(n):
+        first[row + 1] += first[row]
+    rows, filled = np.empty((m * k, 2), np.int64), first[:-1].copy()
+    for p in range(m):
+        for i in range(k):
+            at = filled[nodes[p, i]]
+            rows[at, 0], rows[at, 1] = p, i
+            filled[nodes[p, i]] += 1
+    new_indptr = np.zeros(n + 1, np.int32)
+    new_indices = np.empty(indices.size + m * k * k, np.int32)
+    new_data = np.empty(new_indices.size)
+    end = 0
+    for row in range(n):
+        begin = end
+        for at in range(indptr[row], indptr[row + 1]):
+            new_indices[end], new_data[end] = indices[at], data[at]
+            end += 1
+        for at in range(first[row], first[row + 1] if not fixed[row] else first[row]):
+            p, i = rows[at]
+            for j in range(k):
+                column = nodes[p, j]
+                if fixed[column]:
+                    continue
+                place = begin
+                while place < end and new_indices[place] < column:
+                    place += 1
+                if place == end or new_indices[place] != column:
+                    for later in range(end, place, -1):
+                        new_indices[later], new_data[later] = new_indices[later - 1], new_data[later - 1]
+                    new_indices[place], new_data[place] = column, 0.0
+                    end += 1
+                # fault: a block's value replaces what was there -> new_data[place] = values[p, i, j] |
+                #   thermal_fmu/test_thermal_solver::test_blocks_are_added_to_a_matrix
+                new_data[place] += values[p, i, j]
+        new_indptr[row + 1] = end
+    return new_indptr, new_indices[:end].copy(), new_data[:end].copy()
 
 
 @njit(cache=True)

@@ -48,16 +48,16 @@ class KnownRange:
 class DataRange:
     """The data of a step.  low, high : (n,) [K] those of each node's body and of what exchanges heat with it.
 
-    bodies : the same, of bodies.  component : (n,) a number of the bodies that exchange heat, -1 in no body.
-    of_body : (n_bodies,) that of each body.  fixed : (n,) True at nodes whose temperature is prescribed: they do not
-    leave what is prescribed.
+    bodies : the same, of bodies.  of_body : (n_bodies,) a number of the bodies that exchange heat, the same for all of
+    them.  to_node : (n,) the body of each node, -1 in none.  fixed : (n,) True at nodes whose temperature is
+    prescribed: they do not leave what is prescribed.
     """
 
     low: Floats
     high: Floats
     bodies: KnownRange
-    component: NDArray[np.int64]
     of_body: NDArray[np.int64]
+    to_node: NDArray[np.int32]
     fixed: NDArray[np.bool_]
 
     def left_by(self, T: Floats) -> Signs:
@@ -75,8 +75,9 @@ class DataRange:
         """
         if not given.any():
             return self.bodies
-        heated = np.isin(self.component, self.component[given != 0.0])
-        return widened(self.bodies, _by_component(self.of_body, self.component[heated], T[heated], T[heated]))
+        component = np.append(self.of_body, -1)[self.to_node]
+        heated = np.isin(component, component[given != 0.0])
+        return widened(self.bodies, _by_component(self.of_body, component[heated], T[heated], T[heated]))
 
 
 def least_seen(T: Floats) -> float:
@@ -97,16 +98,16 @@ def widened(one: KnownRange, other: KnownRange) -> KnownRange:
 def data_range(scene: ThermalScene, substep: SubstepData, known: KnownRange, around: KnownRange) -> DataRange:
     """Collect the data of a step.
 
-    known : those of bodies before it.  around : of nodes, what they are held at or exchange heat with beside bodies.
+    known : those of bodies before it.  around : of bodies, and of nodes of none, what they are held at or exchange heat
+    with beside bodies.
     """
     of_body, to_node = _exchanging(scene, substep), scene.interface.node_body
-    # fault: what a body was is no datum of it -> component, known = np.append(of_body, -1)[to_node],
-    #   KnownRange.nothing(of_body.size) | thermal_fmu/test_thermal_monotone
-    component = np.append(of_body, -1)[to_node]
-    bodies = _by_component(of_body, np.append(component, of_body), np.append(around.low, known.low),
-                           np.append(around.high, known.high))
+    # fault: what a body was is no datum of it -> own = KnownRange(around.low[:-1], around.high[:-1]) |
+    #   thermal_fmu/test_thermal_monotone
+    own = widened(KnownRange(around.low[:-1], around.high[:-1]), known)
+    bodies = _by_component(of_body, of_body, own.low, own.high)
     return DataRange(np.append(bodies.low, -np.inf)[to_node], np.append(bodies.high, np.inf)[to_node], bodies,
-                     component, of_body, scene.fixed)
+                     of_body, to_node, scene.fixed)
 
 
 def _exchanging(scene: ThermalScene, substep: SubstepData) -> NDArray[np.int64]:

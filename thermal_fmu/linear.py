@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
+from thermal_fmu.kernels import times
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -84,7 +85,7 @@ def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, 
         if float(np.abs(b).sum()) <= round_off:
             return LinearSolution(factors.of(anchor)(b), anchor)
         x = _gmres(A, b, target / np.sqrt(b.size), factors.of(anchor))
-        if x is not None and float(np.abs(b - A @ x).sum()) <= target:
+        if x is not None and float(np.abs(b - times(A.indptr, A.indices, A.data, x)).sum()) <= target:
             return LinearSolution(x, anchor)
     fresh = AnchorMatrix(A.indptr, A.indices, A.data)
     return LinearSolution(factors.of(fresh)(b), fresh)
@@ -106,7 +107,7 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
     turns: list[tuple[float, float]] = []  # cosine and sine of each rotation
     for j in range(MAX_KRYLOV):
         Z[j] = precondition(V[j])
-        w = A @ Z[j]
+        w = times(A.indptr, A.indices, A.data, Z[j])
         h = np.zeros(j + 1)
         for _ in range(2):  # the second pass keeps V orthogonal to round-off
             part = V[: j + 1] @ w

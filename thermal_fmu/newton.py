@@ -14,12 +14,14 @@ from scipy.sparse import csr_matrix
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import BoundaryHeat, boundary_flow, demand_limits, with_source
 from thermal_fmu.cells import BadPropertyError, MatrixEntries
+from thermal_fmu.kernels import with_blocks
 from thermal_fmu.linear import AnchorMatrix, Factors, solve
 from thermal_fmu.methods import Stage
 from thermal_fmu.phase_change import temperature
 from thermal_fmu.scene import SubstepData, ThermalScene
 from thermal_fmu.settled import STAGE_TOLERANCE, STALLED, is_solved
 from thermal_fmu.sources import ThermalLoads
+from thermal_fmu.surface_terms import at_nodes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -155,16 +157,16 @@ def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Float
     if not boundary.across:
         return A, pull
     nodes = np.concatenate([nodes for nodes, _ in boundary.across])
-    rows, cols = np.repeat(nodes, 4, axis=1).ravel(), np.tile(nodes, (1, 4)).ravel()
-    values = slope * np.concatenate([values.ravel() for _, values in boundary.across])
+    values = slope * np.concatenate([values for _, values in boundary.across])
     if dT is not None:
         # fault: contact of a melting node unscaled -> values *= 1.0 |
         #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
-        values *= dT[cols]
+        values *= dT[nodes][:, None, :]
     if pull is not None:
-        pull += np.bincount(rows, weights=values * lifted[cols], minlength=lifted.size)
-    free = ~(scene.fixed[rows] | scene.fixed[cols])
-    return A + csr_matrix((values[free], (rows[free], cols[free])), shape=A.shape), pull
+        pull += at_nodes(nodes, (values * lifted[nodes][:, None, :]).sum(axis=2), lifted.size)
+    # In place of a sum of matrices, which sorts and checks all places again: a third of the time of all of this.
+    A.indptr, A.indices, A.data = with_blocks(pattern.indptr, pattern.indices, data, nodes, values, scene.fixed)
+    return A, pull
 
 
 # Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactSurfaces
 from contact.half.functions import Level, resolve
 from contact.half.interface import Interface
+from contact.half.linalg import Pattern
 from contact.half.start import start_temperature, start_temperatures
 from thermal_fmu.cells import (
     CellGeometry,
@@ -68,13 +69,13 @@ class ThermalScene:
 
     @cached_property
     def film_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """(n_edges, 2, 2) places in the matrix data of the edges of every film."""
-        return tuple(edge_slots(self.volume.pattern, film.where.edges) for film in self.model.films)
+        """(n_edges, 2) places in the matrix data of the diagonals of the nodes of every film's edges."""
+        return tuple(_diagonals(self.volume.pattern, film.where.edges) for film in self.model.films)
 
     @cached_property
     def radiator_slots(self) -> tuple[NDArray[np.int64], ...]:
-        """(n_edges, 2, 2) places in the matrix data of the edges of every radiating surface."""
-        return tuple(edge_slots(self.volume.pattern, r.where.edges) for r in self.model.radiators)
+        """(n_edges, 2) places in the matrix data of the diagonals of the nodes of every radiating surface's edges."""
+        return tuple(_diagonals(self.volume.pattern, r.where.edges) for r in self.model.radiators)
 
     @cached_property
     def fixed(self) -> NDArray[np.bool_]:
@@ -170,6 +171,10 @@ class ThermalScene:
     def masses(self, X: Floats) -> tuple[ReferenceCells, ...]:
         """Compute the mass of every block at its nodes on reference coordinates X : (n, 2) [m]."""
         return reference_cells(self.volume, self.model.parts, X)
+
+
+def _diagonals(pattern: Pattern, edges: NDArray[np.int32]) -> NDArray[np.int64]:
+    return np.einsum("eii->ei", edge_slots(pattern, edges))
 
 
 # Data frozen through a substep

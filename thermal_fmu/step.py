@@ -58,7 +58,7 @@ class StepContext:
     """What every step of a substep needs beside time and state.
 
     power_M : (n,) [W], E_M spread evenly over the substep.  known : the data of bodies before the step; None: what they
-    are at its start.
+    are at its start.  rate : (n,) at which s moved in the step before [K/s]; None: nothing is known of it.
     """
 
     scene: ThermalScene
@@ -68,6 +68,7 @@ class StepContext:
     power_M: Floats
     factors: Factors
     known: KnownRange | None = None
+    rate: Floats | None = None
 
 
 MOST_RETAKEN = 8  # times a step is taken again without wrong signs,
@@ -107,7 +108,7 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
         moved += weight * dt * one.balance.flow
         inside += weight * dt * one.balance.inside
     over = method.damped is not None and (done.rings or went_beyond(
-        end_of(scene, done.substep, stage, s_n, done.last, dt), stage.theta))
+        end_of(scene, done.substep, stage, s_n, done.last, dt, context.rate), stage.theta))
     return ThermalStep(done.last.s, _heat(scene, method, done.stages, dt), done.iterations,
                        max(one.residual for one in done.stages), done.last.anchor, moved, inside, done.substep,
                        done.known, over)
@@ -194,17 +195,19 @@ def _stages(context: StepContext, method: TimeMethod, of_stages: Sequence[Therma
 
 
 def _around(scene: ThermalScene, substep: SubstepData, loads: ThermalLoads, T: Floats) -> KnownRange:
-    """Return for each node the range of what it is held at, T : (n,) [K], and of what films and rays lead to."""
-    around = KnownRange.nothing(T.size)
-    # fault: prescribed temperatures are no data -> around.add(np.flatnonzero(scene.fixed)[:0], T[:0]) |
+    """Return for each body, and for nodes of none, the range of what it is held at, T : (n,) [K], and of what films and
+    rays lead to.
+    """
+    around, body = KnownRange.nothing(len(scene.interface.bodies) + 1), scene.interface.node_body
+    # fault: prescribed temperatures are no data -> around.add(body[scene.fixed][:0], T[:0]) |
     #   thermal_fmu/test_thermal_monotone
-    around.add(np.flatnonzero(scene.fixed), T[scene.fixed])
+    around.add(body[scene.fixed], T[scene.fixed])
     films = [(film.points, resolve(now.Te, film.Te)) for now, film in zip(loads.films, substep.films, strict=True)]
     rays = [(one.points, resolve(now.T_inf, one.T_inf))
             for now, one in zip(loads.radiators, substep.radiators, strict=True)]
     # fault: surroundings are no data -> for points, T_e in (): | thermal_fmu/test_thermal_monotone
     for points, T_e in (*films, *rays):
-        around.add(points.nodes.ravel(), T_e if np.ndim(T_e) == 0 else np.repeat(T_e, 2))
+        around.add(body[points.node], T_e)
     return around
 
 

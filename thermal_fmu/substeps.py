@@ -122,7 +122,8 @@ class LeastStepError(ArithmeticError):
 class SubstepProgress:
     """A substep part of the way.
 
-    s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.
+    s : (n,) [K].  damped : inner steps still to be damped.  done : all steps so far as one.  rate : (n,) of the last
+    one [K/s].
     substeps, rejected : inner steps that passed, and that did not.
     """
 
@@ -131,6 +132,7 @@ class SubstepProgress:
     controller: StepController
     damped: int
     done: ThermalStep | None = None
+    rate: Floats | None = None
     substeps: int = 0
     rejected: int = 0
 
@@ -232,7 +234,7 @@ def _inner_step(plan: SubstepPlan, progress: SubstepProgress, point: StepPoint, 
         attempt = _attempt(plan, progress, anchor, point, end if size == remaining else point.t + size)
         if isinstance(attempt, SolvedStep) and attempt.measure.passes:
             controller = after_step(progress.controller, size, attempt.measure, rejected > 0)
-            return _advanced(progress, attempt.done, controller, rejected), attempt.there
+            return _advanced(progress, attempt.done, size, controller, rejected), attempt.there
         if size <= plan.least:
             raise LeastStepError(f"an inner step of {size:.3g} s at {point.t:.9g} s {_why(attempt)}; "
                                  f"{_cure(plan)}", plan.least)
@@ -246,7 +248,7 @@ def _attempt(plan: SubstepPlan, progress: SubstepProgress, anchor: AnchorMatrix 
     method, context, h = plan.method, plan.context, stop - point.t
     # fault: an inner step knows of the data at the start of all alone -> if False: | thermal_fmu/test_thermal_monotone
     if progress.done is not None:
-        context = replace(context, known=progress.done.known)
+        context = replace(context, known=progress.done.known, rate=progress.rate)
     # fault: inner steps not damped after a jump -> take = take_step | thermal_fmu/test_thermal_adaptive
     take = damped_step if progress.damped > 0 else limited_step
     try:
@@ -268,13 +270,13 @@ def _error(plan: SubstepPlan, point: StepPoint, done: ThermalStep, stop: float, 
     return error / plan.adaptive.tolerance, StepPoint(stop, end)
 
 
-def _advanced(progress: SubstepProgress, done: ThermalStep, controller: StepController,
+def _advanced(progress: SubstepProgress, done: ThermalStep, h: float, controller: StepController,
               rejected: int) -> SubstepProgress:
     # After a damped step another method goes on, whose error has nothing to do with this one's.
     controller = replace(controller, error=1.0) if progress.damped > 0 else controller
     total = done if progress.done is None else progress.done.then(done)
-    return SubstepProgress(done.s, done.anchor, controller, max(progress.damped - 1, 0), total, progress.substeps + 1,
-                           progress.rejected + rejected)
+    return SubstepProgress(done.s, done.anchor, controller, max(progress.damped - 1, 0), total,
+                           (done.s - progress.s) / h, progress.substeps + 1, progress.rejected + rejected)
 
 
 def _why(attempt: SolvedStep | str) -> str:
@@ -391,11 +393,14 @@ class SubstepStart:
 
 @dataclass(frozen=True)
 class SubstepResult:
-    """The substep as one step, steps still to be damped, the controller; inner steps that passed, and that did not."""
+    """The substep as one step, steps still to be damped, the controller, (n,) the rate of the last (inner) step [K/s];
+    inner steps that passed, and that did not.
+    """
 
     done: ThermalStep
     damped: int
     controller: StepController
+    rate: Floats | None
     substeps: int = 1
     rejected: int = 0
 
@@ -425,16 +430,16 @@ def advance(context: StepContext, stated: ThermalProblem, method: TimeMethod, be
     still_damped = max(begin.damped - 1, 0)
     if not method.stores:
         done = steady_by_increments(context, stated.increments or 1, begin.s, begin.anchor, t, h)
-        return SubstepResult(done, still_damped, begin.controller)
+        return SubstepResult(done, still_damped, begin.controller, None)
     if stated.adaptive is not None:
         damped = DAMPED_SUBSTEPS if held_value_jumps(context, begin.s, t, h) else begin.damped
         start = SubstepProgress(begin.s, begin.anchor, begin.controller, damped)
         end = inner_steps(context, method, stated.adaptive, start, t, h)
         assert end.done is not None
-        return SubstepResult(end.done, end.damped, end.controller, end.substeps, end.rejected)
+        return SubstepResult(end.done, end.damped, end.controller, end.rate, end.substeps, end.rejected)
     # fault: jumps of own signals not seen -> jumps = held_value_jumps(context, begin.s, t, h) |
     #   thermal_fmu/test_thermal_time
     jumps = context.calendar.jump_within(t, h) or held_value_jumps(context, begin.s, t, h)
     damped = DAMPED_SUBSTEPS if jumps else begin.damped
     done = (damped_step if damped > 0 else limited_step)(context, method, begin.s, begin.anchor, t, h)
-    return SubstepResult(done, max(damped - 1, 0), begin.controller)
+    return SubstepResult(done, max(damped - 1, 0), begin.controller, (done.s - begin.s) / h)

@@ -30,20 +30,20 @@ Ints = NDArray[np.int32]
 class ExposedPoints:
     """Quadrature points of a surface open to its surroundings, each twice: its heat is that of the edge's two nodes.
 
-    nodes : (n, 2) of the edge.  N : (n, 2) 1 at the node whose temperature counts, else 0.  at : (n, 2) shape functions
-    where the point lies [1].  area : (n,) weighted with kappa and the node's shape function [m2].
-    slots : (n, 2, 2) in the matrix data.
+    node : (n,) whose temperature counts.  area : (n,) weighted with kappa and the node's shape function [m2].
+    slots : (n,) of the node's diagonal in the matrix data.  edges : (n/2, 2) nodes of each point's edge, at : (n/2, 2)
+    shape functions where it lies [1].
     """
 
-    nodes: Ints
-    N: Floats
-    at: Floats
+    node: Ints
     area: Floats
     slots: NDArray[np.int64]
+    edges: Ints
+    at: Floats
 
     def places(self, x: Floats) -> Floats:
         """Return (n, 2) coordinates of the points [m], of nodes at x : (n_nodes, 2) [m]."""
-        return np.einsum("pi,pij->pj", self.at, x[self.nodes])
+        return np.repeat(np.einsum("pi,pij->pj", self.at, x[self.edges]), 2, axis=0)
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,9 @@ class SurfaceGeometry:
 
 
 def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> ExposedPoints:
-    """Place the points of a surface open to its surroundings.  slots : (n_edges, 2, 2) of its edges in the matrix data.
+    """Place the points of a surface open to its surroundings.
+
+    slots : (n_edges, 2) of the diagonals of its edges' nodes in the matrix data.
 
     The whole edge counts with kappa = 1, less its facing pieces, plus kappa(gap) times those pieces, on either side.
     """
@@ -77,12 +79,10 @@ def exposed_points(where: Exposed, slots: NDArray[np.int64], geometry: SurfaceGe
     # At the nodes, as storage: shared between neighbours a film would couple them with the wrong sign, and beside a
     # cell Biot number of 100 they would leave their data by 1.4 %.  What the film depends on is taken in place.
     edge, N, area = (np.concatenate([getattr(part, name) for part in parts]) for name in ("edge", "N", "area"))
-    both = np.repeat(edge, 2)
-    # fault: each node of an edge takes half of it -> weight = np.full(2 * area.size, 0.5) |
-    #   thermal_fmu/test_thermal_space
-    weight = N.ravel()
-    return ExposedPoints(where.edges[both], np.tile(np.eye(2), (edge.size, 1)), np.repeat(N, 2, axis=0),
-                         np.repeat(area, 2) * weight, slots[both])
+    # fault: each node of an edge takes half of it -> weight = np.full(N.shape, 0.5) | thermal_fmu/test_thermal_space
+    weight = N
+    edges = where.edges[edge]
+    return ExposedPoints(edges.ravel(), (area[:, None] * weight).ravel(), slots[edge].ravel(), edges, N)
 
 
 def _pieces(edge: NDArray[np.integer], N: Floats, area: Floats, n_edges: int) -> EdgePoints:
@@ -105,7 +105,7 @@ class FrozenRadiator:
 
 
 def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenRadiator:
-    """Place a radiating surface where it is open.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
+    """Place a radiating surface where it is open.  slots : as exposed_points has them."""
     points = exposed_points(radiator.where, slots, geometry)
     uniform = radiator.T_inf.is_uniform
     return FrozenRadiator(radiator, points, None if uniform else radiator.T_inf.shapes(points.places(geometry.x)))
@@ -113,23 +113,23 @@ def freeze_radiator(radiator: Radiator, slots: NDArray[np.int64], geometry: Surf
 
 def surroundings_radiation_flow(frozen: FrozenRadiator, sigma: float, factor: float, T_inf: Level,
                                 T: Floats) -> tuple[Floats, Floats]:
-    """Return (n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+    """Return (n,) heat that leaves each point's node [W] at T : (n_nodes,) [K], and (n,) its derivative [W/K].
 
     sigma : [W/m2K4].  factor : of the flow [1].  T_inf : level of the surroundings [K].
     Eq. (12): factor sigma eps(T) (T^4 - T_inf^4).
     """
     points = frozen.points
-    T_a = (points.N * T[points.nodes]).sum(axis=1)
+    T_a = T[points.node]
     around = resolve(T_inf, frozen.T_inf)
     eps, deps = emissivity_at(frozen.radiator.emissivity, T_a)
     strength = factor * sigma * points.area
     # fault: radiation to 0 K whatever surrounds -> excess = fourth(T_a) | thermal_fmu/test_thermal_radiation
     excess = fourth(T_a) - fourth(around)
-    flow = (strength * eps * excess)[:, None] * points.N
+    flow = strength * eps * excess
     # fault: derivative of far radiation -> dq = strength * (deps * excess + 3.0 * eps * np.abs(T_a) ** 3) |
     #   thermal_fmu/test_thermal_fields
     dq = strength * (deps * excess + 4.0 * eps * np.abs(T_a) ** 3)
-    return flow, dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
+    return flow, dq
 
 
 def fourth(T: float | Floats) -> Floats:
@@ -156,7 +156,7 @@ class FrozenFilm:
 
 
 def freeze_film(film: Film, slots: NDArray[np.int64], geometry: SurfaceGeometry) -> FrozenFilm:
-    """Place a film where it acts.  slots : (n_edges, 2, 2) of its edges in the matrix data."""
+    """Place a film where it acts.  slots : as exposed_points has them."""
     points = exposed_points(film.where, slots, geometry)
     if film.h.is_uniform and film.Te.is_uniform:
         return FrozenFilm(film, points, None, None)
@@ -165,13 +165,13 @@ def freeze_film(film: Film, slots: NDArray[np.int64], geometry: SurfaceGeometry)
 
 
 def film_flow(frozen: FrozenFilm, h: Level, Te: Level, T: Floats) -> tuple[Floats, Floats]:
-    """Return (n, 2) heat that leaves each point's nodes [W] at T : (n_nodes,) [K], and (n, 2, 2) its derivative [W/K].
+    """Return (n,) heat that leaves each point's node [W] at T : (n_nodes,) [K], and (n,) its derivative [W/K].
 
     h, Te : levels of the coefficient [W/m2K^(1 + exponent)] and of the ambient [K].
     Eq. (5): h h_factor(T) |T - Te|^a (T - Te), odd in T - Te.
     """
     film, points = frozen.film, frozen.points
-    T_a = (points.N * T[points.nodes]).sum(axis=1)
+    T_a = T[points.node]
     dT = T_a - resolve(Te, frozen.Te)
     strength = resolve(h, frozen.h) * points.area
     if film.exponent != 0.0:
@@ -187,9 +187,7 @@ def film_flow(frozen: FrozenFilm, h: Level, Te: Level, T: Floats) -> tuple[Float
         #   thermal_fmu/test_thermal_fields
         strength = film.h_factor(T_a) * strength
         dq = (1.0 + film.exponent) * strength + grows
-    flow = (strength * dT)[:, None] * points.N
-    slope = dq[:, None, None] * points.N[:, :, None] * points.N[:, None, :]
-    return flow, slope
+    return strength * dT, dq
 
 
 # Sums at nodes

@@ -16,6 +16,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import Box, Ran, run, scene, spec
 
 from contact.half.interface import Interface, Pair
+from contact.rpc.link import DirectLink
+from contact.service import ContactService
 from thermal_fmu.exchange import between_nodes
 
 PRESSED = -1e6
@@ -122,3 +124,20 @@ def test_a_conductance_of_temperature_stays_within_too(meshes: Any) -> None:
     ran = solved(blocks(a, b, shift), 0.0, WALL, 0.1 * H**2, 6, law=law)
     assert ran.T.min() >= -1e-8
     assert ran.T.max() <= 1.0 + 1e-8
+
+
+@pytest.mark.parametrize(("cells", "low", "high"), [((3, 4), 0.014, 0.018), ((4, 3), 0.007, 0.010)])
+@pytest.mark.parametrize("h", [1.0, 1e4])
+def test_one_point_a_node_fails_it_by_what_check_says(cells: tuple[int, int], low: float, high: float,
+                                                      h: float) -> None:
+    """Of the span, in the uniform flow between edges of 3 and 4 cells that points of edges pass on exactly."""
+    a, b = cells
+    mesh = scene(Box(0, 1, 0, 1, a, a), Box(0, 1, -1, 0, b, b),
+                 pairs=(Pair("p", "a.bottom", "b.top", gap_max=1.0, eps_N=1.0, by_node=True),))
+    model = spec([{"on": "a.top", "temperature": 9.0}, {"on": "b.bottom", "temperature": 0.0}], method="steady",
+                 pairs={"p": {"conduction": {"closed": {"law": "constant", "h": h}, "open": None}}})
+    model["bodies"]["b"] = {"material": "m", "T0": 0.0}
+    ran = run(mesh, model, 1.0, 1, DirectLink(ContactService().handle), t_N=np.full(len(mesh.pair_nodes), PRESSED))
+    y, q = mesh.nodes[:, 1], 9.0 / (2.0 + 1.0 / h)
+    exact = np.where(np.array(mesh.node_body) == 0, 9.0 - q * (1.0 - y), q * (1.0 + y))
+    assert low < np.abs(ran.T[-1] - exact).max() / 9.0 < high

@@ -154,6 +154,47 @@ def test_what_went_beyond() -> None:
     assert beyond(-0.1, s=400.1)
 
 
+def test_a_node_that_rings_does_not_go_on() -> None:
+    """It moves back, or less than half of what it did, or had not moved; outside all temperatures none may go on."""
+    def beyond(before: float, s: float = 350.0) -> bool:
+        one = np.ones(3)
+        return went_beyond(NodesAtEnd(np.array([300.0, 300.0, 400.0]), np.array([s, 300.0, 400.0]), one > 0,
+                                      np.array([-100.0, 0.0, 0.0]), one, 10.0 * one, np.array([before, 0.0, 0.0])), 0.5)
+
+    assert not beyond(30.0)
+    assert not beyond(13.0)
+    assert not beyond(99.0)
+    assert beyond(12.0)
+    assert beyond(101.0)
+    assert beyond(0.0)
+    assert beyond(-50.0)
+    assert beyond(60.0, s=401.0)
+
+
+def slide_off(windows: int) -> tuple[np.ndarray, np.ndarray]:
+    """(windows,) ends and (windows, nodes) temperatures of a hot block that slides off a cold one in 40 s."""
+    found = story({
+        "materials": {"st": STEEL}, "bodies": {"a": {"material": "st", "T0": 500}, "b": {"material": "st", "T0": 300}},
+        "contact": {"p": {"slave": "a.bottom", "master": "b.top", "gap_max": 0.02,
+                          "conduction": {"closed": {"law": "constant", "h": 2e4}, "open": None}}},
+        "thermal": {"half": "thermal", "boundary": [{"on": "a.top", "temperature": 500},
+                                                    {"on": "b.bottom", "temperature": 300}]},
+        "mechanical": {"half": "rigid", "rigid": {"pressure": {"p": 1e6}, "motion": {
+            "a": {"u_x": {"t": [0, 2, 44], "value": [0, 0, 0.01]}}}}},
+        "coupling": {"end": 44, "scheme": "extrapolated", "windows": [{"until": 44, "size": 44 / windows}]}},
+        a={"patch": [[0, 0], [0.01, 0], [0.01, 0.01], [0, 0.01]], "cells": [4, 4]},
+        b={"patch": [[0, -0.01], [0.01, -0.01], [0.01, 0], [0, 0]], "cells": [4, 4]})
+    return np.array([level.t for level in found.levels]), found.T
+
+
+def test_a_node_follows_a_contact_that_shrinks() -> None:
+    """15.9 of 200 K off at the last touch before, when nodes were held to the balance of the middle of each window."""
+    t, T = slide_off(22)
+    fine_t, fine = slide_off(8 * 22)
+    off = np.abs(T - fine[np.searchsorted(fine_t, t - 1e-9)]).max(axis=1)
+    assert off[2:].max() <= 0.03 * 200.0
+
+
 @pytest.mark.parametrize("inner", [0.0, 0.01, 1.0])
 @pytest.mark.parametrize("aspect", [0.05, 0.3, 0.7, 1.0, 1.5, 3.0, 20.0])
 @pytest.mark.parametrize("geometry", ["plane", "axisymmetric"])

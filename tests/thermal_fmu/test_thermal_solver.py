@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
 
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import Box, FlatContact, imbalance, inputs_of, scene, spec
@@ -15,6 +17,7 @@ from contact.half.interface import Pair
 from contact.half.state import from_bytes, to_bytes
 from thermal_fmu import linear
 from thermal_fmu.half import load
+from thermal_fmu.kernels import times, with_blocks
 
 
 def blocks(k=30.0):
@@ -91,3 +94,22 @@ def test_gmres_solves_or_says_that_it_takes_too_long():
     assert np.linalg.norm(b - A @ x) < 2e-12
     assert linear._gmres(A, b, 1e-12, lambda v: v) is None
     assert not linear._gmres(A, 0.0 * b, 1e-12, near).any()
+
+
+def test_blocks_are_added_to_a_matrix() -> None:
+    """As a dense matrix would have it, but for fixed rows and columns; columns stay in order, each once."""
+    rng = np.random.default_rng(1)
+    n = 30
+    dense = np.where(rng.random((n, n)) < 0.1, rng.normal(size=(n, n)), 0.0) + np.eye(n)
+    A = csr_matrix(dense)
+    nodes, fixed = rng.integers(0, n, (20, 4)).astype(np.int32), rng.random(n) < 0.2
+    values = rng.normal(size=(20, 4, 4))
+    for block, at in zip(values, nodes, strict=True):
+        for i, row in enumerate(at):
+            for j, column in enumerate(at):
+                dense[row, column] += 0.0 if fixed[row] or fixed[column] else block[i, j]
+    indptr, indices, data = with_blocks(A.indptr, A.indices, A.data, nodes, values, fixed)
+    assert np.abs(csr_matrix((data, indices, indptr), shape=A.shape).toarray() - dense).max() < 1e-14
+    assert all((np.diff(indices[a:b]) > 0).all() for a, b in pairwise(indptr))
+    x = rng.normal(size=n)
+    assert np.abs(times(indptr, indices, data, x) - dense @ x).max() < 1e-14

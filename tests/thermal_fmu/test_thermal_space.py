@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import EXPECTED, Box, run, scene, spec
 
 from contact.half.functions import table_of
+from thermal_fmu.half import load
+from thermal_fmu.scene import freeze
 
 SIDES = ("left", "right", "bottom", "top")
 
@@ -124,3 +126,16 @@ def test_a14_manufactured(method, triangles):
     for i in range(5):
         state = half.step(state, inputs_of(mesh, half), 0.1 * i, 0.1, FlatContact()).state
     assert np.abs(state.s - u0 - 1.2 * t_end).max() < EXPECTED["A14"]["tolerance"]
+
+
+def test_a_film_around_the_axis_takes_the_area_of_each_node():
+    """Over an edge from r_a to r_b the shape function of the inner node holds 2 pi L (r_a / 3 + r_b / 6)."""
+    mesh = scene(Box(0.0, 0.3, 0.0, 0.1, 3, 1), geometry="axisymmetric")
+    half = load(mesh, spec([{"on": "a.top", "convection": {"h": 1.0, "T": 0.0}}]))
+    sc = half._scene
+    points = freeze(sc, sc.masses(mesh.nodes), mesh.nodes, np.zeros(3), None).films[0].points
+    r, area = mesh.nodes[:, 0], np.zeros(len(mesh.nodes))
+    for a, b in mesh.surfaces["a.top"]:
+        for near, far in ((a, b), (b, a)):
+            area[near] += 2.0 * np.pi * abs(r[b] - r[a]) * (r[near] / 3.0 + r[far] / 6.0)
+    assert np.bincount(points.node, points.area, len(area)) == pytest.approx(area, rel=1e-13)

@@ -304,12 +304,15 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: Newton
 
 @dataclass(frozen=True)
 class StationContext:
-    """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep."""
+    """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep.  rate : (n,) at
+    which s moved in the substep before [K/s]; None: nothing is known of it.
+    """
 
     substep: StationSubstep
     load_factors: LoadFactors
     calendar: Calendar
     power_M: Floats
+    rate: Floats | None = None
 
     @property
     def scene(self) -> StationScene:
@@ -399,21 +402,23 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
         problem = StationProblem(context.substep, loads, stage, dt, s_n, context.power_M, earlier)
         guess = _with_prescribed(context, held_T, solved[-1].s if solved else s_n)
         solved.append(solve_stations(problem, guess, model.stated.tolerance))
-    over = method.damped is not None and _overshoots(context.substep, method.stages[-1], s_n, solved[-1], dt)
+    over = method.damped is not None and _overshoots(context, method.stages[-1], s_n, solved[-1], dt)
     return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
                        max(s.balance.relative_residual for s in solved), over)
 
 
-def _overshoots(substep: StationSubstep, stage: Stage, s_n: Floats, last: SolvedStations, dt: float) -> bool:
+def _overshoots(context: StationContext, stage: Stage, s_n: Floats, last: SolvedStations, dt: float) -> bool:
     """Return whether a station went beyond what pulls it (thermal_fmu/limiter.py)."""
-    scene, weight = substep.scene, stage.a * dt
+    scene, substep, weight = context.scene, context.substep, stage.a * dt
     M = np.zeros(s_n.size)
     for body, own in zip(scene.model.bodies, scene.stations.own, strict=True):
         M[own] = _at_stations(body, body.material.rho * substep.first.volume[own], s_n[own], last.s[own])[1]
     band, ds = last.balance.band, last.s - s_n
     conducted = scene.stations.times(band, np.where(scene.fixed, 0.0, ds)) + last.balance.pull - M * ds
     into = weight * last.balance.flow - (1.0 - stage.theta) / stage.theta * conducted
-    return went_beyond(NodesAtEnd(s_n, last.s, ~scene.fixed, into, M, band[2 * scene.stations.width]), stage.theta)
+    before = None if context.rate is None else dt * context.rate
+    end = NodesAtEnd(s_n, last.s, ~scene.fixed, into, M, band[2 * scene.stations.width], before)
+    return went_beyond(end, stage.theta)
 
 
 def _with_prescribed(context: StationContext, loads: ThermalLoads, s: Floats) -> Floats:

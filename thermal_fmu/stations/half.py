@@ -44,7 +44,8 @@ class StationState:
 
     s : (n,) [K] of the stations, T itself in bodies that do not melt.  X : (n_nodes, 2) reference coordinates [m], the
     first x: they set the mass.  event : the last count of control.event.  damped : how many substeps are still to be
-    damped.  stored : enthalpy gained since the start [J].  given : heat since the start by condition.
+    damped.  stored : enthalpy gained since the start [J].  given : heat since the start by condition.  rate : (n,) at
+    which s moved in the last substep [K/s]; None: in none yet.
     """
 
     s: Floats
@@ -53,6 +54,7 @@ class StationState:
     damped: int
     stored: float
     given: HeatSoFar
+    rate: Floats | None = None
 
 
 class StationHalf:
@@ -115,15 +117,18 @@ class StationHalf:
         # fault: mass of a rod from where it is -> substep = StationSubstep(scene, shape, shape, data) |
         #   thermal_fmu/test_thermal_rod
         substep = StationSubstep(scene, shape, self._shape_of(state.X), data)
-        context = StationContext(substep, factors_of(scene.model, inputs), self._calendar, data.E_M / h)
+        rate = None if state.rate is None else np.array(state.rate)
+        context = StationContext(substep, factors_of(scene.model, inputs), self._calendar, data.E_M / h, rate)
         event = whole(inputs, "control.event")
         damped = DAMPED_SUBSTEPS if event != state.event else state.damped
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_stations(context, scene.mesh.spread(E_S, shape), s, t) if E_S.any() else None
-        done, damped = advance_stations(context, method, s if jump is None else jump.s, damped, t, h)
+        begin = s if jump is None else jump.s
+        done, damped = advance_stations(context, method, begin, damped, t, h)
+        rate = (done.s - begin) / h
         done = done if jump is None else jump.then(done)
         new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()),
-                           state.given.plus(done.heat.each))
+                           state.given.plus(done.heat.each), rate)
         return Done(new, self._outputs(new, done.heat, data.touching, done, phase_change.temperature(scene.melting, s)))
 
     def _shape_of(self, X: Floats) -> StationGeometry:

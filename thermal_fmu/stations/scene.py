@@ -126,13 +126,12 @@ def stations_with_friction(substep: SubstepData, scene: StationScene, points: Co
 
 
 def _no_slots(where: Exposed) -> NDArray[np.int64]:
-    return np.zeros((len(where.edges), 2, 2), dtype=np.int64)
+    return np.zeros((len(where.edges), 2), dtype=np.int64)
 
 
 def _moved(scene: StationScene, points: ExposedPoints) -> ExposedPoints:
-    nodes = scene.mapped(points.nodes)
-    slots = scene.stations.slots(nodes[:, :, None].astype(np.intp), nodes[:, None, :].astype(np.intp))
-    return replace(points, nodes=nodes, slots=slots)
+    node = scene.mapped(points.node)
+    return replace(points, node=node, slots=scene.stations.slots(node.astype(np.intp), node.astype(np.intp)))
 
 
 def _areas(scene: StationScene, edges: NDArray[np.int32], x: Floats) -> Floats:
