@@ -18,7 +18,7 @@ import numpy as np
 import pythonfmu
 
 from contact.compiled import interpret
-from contact.half import entry
+from contact.half import entry, papers
 from contact.half.interface import Interface
 from contact.half.layout import block_table, layout_of, model_description, standard_variables
 from contact.half.model import load_directory
@@ -60,12 +60,15 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
     kind = "".join(c if c.isalnum() else "_" for c in str(model.get("half", package)))
     identifier = f"{kind}_half_{guid[:8]}"
     standard = standard_variables(interface, " ".join(f"{k}:{v}" for k, v in packages.items()))
-    layout = layout_of(half.variables, standard)
+    layout, origin = layout_of(half.variables, standard), papers.origin_of(package)
     xml = model_description(layout, identifier, guid, tool=f"PythonFMU {_version(pythonfmu)} (Slideline)",
-                            description=f"{kind} half").encode()
+                            description=f"{kind} half", version=origin.version, rights=origin.license).encode()
+    needs = papers.requirements({name: package_directory(name) for name in packages}, {*packages, "pythonfmu"})
     script = _ENTRY.format(tag=guid[:8], load=load, packages=packages, identifier=identifier, guid=guid)
     members: dict[str, bytes | Path] = {
         "modelDescription.xml": xml,
+        "documentation/index.html": papers.page(layout, f"{kind} half", origin, needs).encode(),
+        "resources/requirements.txt": "".join(f"{need}\n" for need in needs).encode(),
         "resources/blocks.json": json.dumps(block_table(layout, xml)).encode(),
         "resources/slavemodule.txt": identifier.encode(),
         f"resources/{identifier}.py": script.encode(),

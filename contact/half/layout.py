@@ -191,9 +191,11 @@ def base_exponents(unit: str) -> dict[str, int]:
 VENDOR = "slideline"  # the name of the annotation of a modelDescription.xml that says what arrays are on
 
 
-def model_description(layout: Layout, identifier: str, guid: str, tool: str, description: str) -> str:
+def model_description(layout: Layout, identifier: str, guid: str, tool: str, description: str, version: str = "",
+                      rights: str = "") -> str:
     """The XML text.  identifier : name of model and binary.  tool : generationTool.
 
+    version, rights : of the half, and its license; "" where they are not known.
     Raises ValueError for a unit that is not SI or a name that is not a structured one.
     """
     variables = layout.variables
@@ -209,10 +211,12 @@ def model_description(layout: Layout, identifier: str, guid: str, tool: str, des
             if variable.variability != "constant":
                 unknown.extend(numbers)
     units = sorted({v.unit for v in layout.reals})
+    # fault: an FMU says nothing of its version and license -> known = "" | contact/test_papers
+    known = "".join(f"{name}={quoteattr(text)} " for name, text in (("version", version), ("license", rights)) if text)
     return "\n".join([
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<fmiModelDescription fmiVersion="2.0" modelName={quoteattr(identifier)} guid={quoteattr(guid)} '
-        f'description={quoteattr(description)} generationTool={quoteattr(tool)} '
+        f'description={quoteattr(description)} generationTool={quoteattr(tool)} {known}'
         'variableNamingConvention="structured">',
         f'<CoSimulation modelIdentifier={quoteattr(identifier)} needsExecutionTool="true" '
         'canHandleVariableCommunicationStepSize="true" canInterpolateInputs="false" '
@@ -233,7 +237,7 @@ def model_description(layout: Layout, identifier: str, guid: str, tool: str, des
 def block_table(layout: Layout, xml: bytes) -> dict[str, Any]:
     """What a model description says of arrays, an array a row, for who would else read it scalar by scalar.
 
-    xml : the description itself; its hash says which one the table is of.  Rows are in the order of its variables:
+    xml : the description itself; the hash of its variables says which one the table is of.  Rows are in their order:
     name, shape, kind, causality, variability, unit, description, what its rows belong to, first value reference (of
     the others in turn, last index fastest), start of a scalar as written.
     """
@@ -244,7 +248,12 @@ def block_table(layout: Layout, xml: bytes) -> dict[str, Any]:
             start = repr(float(np.asarray(v.start))) if v.kind == "Real" else str(v.start)
         rows.append([v.name, list(v.shape), v.kind, v.causality, _variability(v), v.unit if v.kind == "Real" else "1",
                      v.description, v.on, layout.first[v.name], start])
-    return {"xml": hashlib.sha256(xml).hexdigest(), "blocks": rows}
+    return {"variables": variables_hash(xml), "blocks": rows}
+
+
+def variables_hash(xml: bytes) -> str:
+    """Return the hash of what a model description says of its variables; the rest of it may say more later on."""
+    return hashlib.sha256(xml.partition(b"<ModelVariables>")[2].partition(b"</ModelVariables>")[0]).hexdigest()
 
 
 def _variability(variable: Variable) -> str:

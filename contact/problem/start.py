@@ -25,6 +25,18 @@ class FromFrames(Part):
         return path_given(self)
 
 
+class Replay(Part):
+    """What the half `replay` plays."""
+
+    path: Annotated[Text, Entry("results file of a run of this scene, relative to the scenario file: the half gives "
+                                "out what stands in its frames, on straight lines between them", kind="path")] = Field(
+        alias="from")
+
+    @model_validator(mode="after")
+    def _has_a_path(self) -> Replay:
+        return path_given(self)
+
+
 def path_given(part: Any) -> Any:
     """Refuse a `from` that names no file.  Raises PydanticCustomError."""
     if not PurePath(part.path).name or "\0" in part.path:

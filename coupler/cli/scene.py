@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,7 @@ import typer
 from coupler.cli.options import ScenarioFile, SetOption, SwapOption, scenario_of
 from coupler.control.plan import Plan
 from coupler.errors import ScenarioError
+from coupler.fmu.bind import check_bindings
 from coupler.record.paths import check_free, new_files
 from coupler.record.results import Results
 from coupler.running.pilot import is_quick
@@ -37,6 +39,8 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
         for line in rules_report(s, Results(rules)):
             typer.echo(line)
         return
+    with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
+        check_bindings(s, Path(scratch))
     plan = plan_of(s)
     i, clock = s.interface, plan.schedule.clock
     sizes = [clock.seconds(b) - clock.seconds(a)

@@ -31,8 +31,9 @@ from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
 from contact.half.model import load_directory
 from coupler.errors import HalfError, ScenarioError
+from coupler.fmu.bind import bind
 from coupler.fmu.children import python
-from coupler.fmu.description import SAFE_WORDS, is_safe, read_description, unpack
+from coupler.fmu.description import SAFE_WORDS, is_safe, read_description, unpack, with_description
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
 from coupler.fmu.scratch import scratch_folder
@@ -263,10 +264,14 @@ def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
 
 
 def _built(scenario: Scenario, folders: Mapping[str, Path]) -> dict[str, Path]:
-    """The FMUs of roles, from what is written to their folders; their builders are processes, and run at once."""
-    kinds = [scenario.write_half(role, folder) for role, folder in folders.items()]
-    with ThreadPoolExecutor(len(kinds)) as builders:
-        return dict(zip(folders, builders.map(build_half, kinds, folders.values()), strict=True))
+    """The FMUs of roles, in the cache, with the names of the border.
+
+    folders : where what they are built from is written.  Builders are processes of their own, and run at once.
+    """
+    kinds = {role: scenario.write_half(role, folder) for role, folder in folders.items()}
+    bound = [str(bind(scenario, role, Path(kind), folders[role] / "bound.fmu")) for role, kind in kinds.items()]
+    with ThreadPoolExecutor(len(bound)) as builders:
+        return dict(zip(folders, builders.map(build_half, bound, folders.values()), strict=True))
 
 
 def make_folder(folder: Path) -> None:
@@ -279,11 +284,25 @@ def make_folder(folder: Path) -> None:
 
 
 def build_halves(scenario: Scenario, folder: Path) -> list[Path]:
-    """Build both FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu.
+    """Build both FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu, ours with its times in them.
 
     Raises ScenarioError if the folder cannot be made, HalfError if a half cannot be built.
     """
     make_folder(folder)
     with scratch_folder() as scratch:
         fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")})
-        return [Path(shutil.copyfile(fmu, folder / f"{role}.fmu")) for role, fmu in fmus.items()]
+        return [_with_experiment(fmu, folder / f"{role}.fmu", scenario) for role, fmu in fmus.items()]
+
+
+def _with_experiment(fmu: Path, out: Path, scenario: Scenario) -> Path:
+    """A copy of an FMU whose description says from when to when the scenario runs, and its first window.
+
+    An FMU in the cache serves scenarios of any time; one of another tool is copied as it is.
+    """
+    if is_foreign(fmu):
+        return Path(shutil.copyfile(fmu, out))
+    c = scenario.coupling
+    step = c.adaptive.first if c.adaptive is not None else min(c.windows[0].first, c.end)
+    experiment = f'<DefaultExperiment startTime="0" stopTime="{c.end!r}" stepSize="{step!r}"/>'
+    return with_description(fmu, lambda xml: xml.replace(b"</LogCategories>",
+                                                          b"</LogCategories>" + experiment.encode(), 1), out)

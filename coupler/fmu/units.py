@@ -71,7 +71,7 @@ def conversion_of(unit: str, to: str, declared: Mapping[str, DeclaredUnit]) -> C
     own = declared.get(unit)
     if own is None:
         return named
-    if own.exponents != base_exponents(to.replace(".", "")):
+    if own.exponents != ({} if to == "1" else base_exponents(to.replace(".", ""))):
         return None
     return own.conversion if named is None or _alike(named, own.conversion) else None
 

@@ -26,6 +26,7 @@ from coupler.record.tables import (
     ERROR_FIELDS,
     ESTIMATE_FIELDS,
     EXCHANGED,
+    EXCHANGED_IN_PAIRS,
     FIELDS,
     FORMAT,
     FORMAT_VERSION,
@@ -192,14 +193,16 @@ def _array(half: str, name: str, known: Mapping[tuple[str, str], OutputField], a
 
 @dataclass
 class LooseArrays:
-    """Outputs without a place on the mesh, frame after frame.
+    """Outputs without a place on the mesh, and what is exchanged of pair nodes, frame after frame.
 
     fields : what they are.  t [s] : of the frames.  values : half and label -> the arrays of the frames.
+    exchange : name -> arrays (n_q,) of pair nodes, which a field at nodes does not hold: pairs may share a node.
     """
 
     fields: Mapping[tuple[str, str], OutputField]
     t: list[float] = field(default_factory=list)
     values: dict[tuple[str, str], list[NDArray[Any]]] = field(default_factory=dict)
+    exchange: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
 
     def taken_from(self, frames: Iterable[JournalRecord]) -> Iterator[JournalRecord]:
         """The frames, unchanged, after their arrays were taken."""
@@ -208,7 +211,18 @@ class LooseArrays:
             for (half, label), about in self.fields.items():
                 if about.on in (On.BODIES, On.NOTHING):
                     self.values.setdefault((half, label), []).append(frame.arrays[f"{half}/{label}"])
+            for name, array in _of_pair_nodes(self.fields, frame.arrays):
+                self.exchange.setdefault(name, []).append(array)
             yield frame
+
+
+def _of_pair_nodes(fields: Mapping[tuple[str, str], OutputField], arrays: Arrays) -> Iterator[tuple[str, NDArray[Any]]]:
+    """What a frame holds of the exchange at pair nodes, by its name at the border; nothing of earlier versions."""
+    for name in EXCHANGED_IN_PAIRS:
+        if name in arrays:
+            yield name, arrays[name]
+        elif (about := fields.get(("mechanical", name))) is not None and about.on is On.PAIR_NODES:
+            yield name, arrays[f"mechanical/{name}"]
 
 
 HDF5_ROOM = 500_000  # bytes that results files take beyond what they hold
@@ -260,6 +274,7 @@ def _make(journal: Path, path: Path) -> bool:
             _write_mesh(f, arrays)
             _write_contact(f, meta, arrays, told)
             _write_outputs(f, meta["field_files"], loose)
+            _write_exchange(f, loose)
             _write_end(f, arrays, told)
             close_texts(f)
         for file in (*parts, part):
@@ -370,6 +385,14 @@ def _write_outputs(f: h5py.File, files: Mapping[str, str], loose: LooseArrays) -
         else:
             place = "CellData" if about.on is On.CELLS else "PointData"
             group[name] = h5py.ExternalLink(files[half], f"/VTKHDF/{place}/{label}")
+
+
+def _write_exchange(f: h5py.File, loose: LooseArrays) -> None:
+    """What the thermal half was told of contact at the frames, (n_t, n_q) a name, to be played again."""
+    group = f.create_group("exchange", track_order=True)
+    for name, arrays in loose.exchange.items():
+        if len(arrays) == len(loose.t):
+            put(group, name, np.array(arrays)).attrs["unit"] = EXCHANGED_IN_PAIRS[name]
 
 
 def _write_rows(group: h5py.Group, rows: list[Mapping[str, float]], prefix: str, missing: float) -> None:

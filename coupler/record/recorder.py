@@ -142,7 +142,8 @@ class Recorder:
         p, gap = (contact_field(name, level, every, self._interface) for name in ("p", "gap"))
         p[np.isnan(p)] = 0.0
         self._journal.write("frame", {"t_now": level.t}, {
-            "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap, **more})
+            "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap,
+            "contact.t_N": level.t_N, "contact.gap": level.gap, **more})
         self._seconds += time.perf_counter() - started
 
     def end(self, outcome: str, message: str, totals: Mapping[str, Any], t: float = 0.0,

@@ -104,6 +104,10 @@ EXCHANGED: Mapping[str, tuple[FileField, ...]] = {
     "thermal": (FileField("T", "K"),),
     "mechanical": (FileField("u", "m", 2), FileField("p", "Pa"), FileField("gap", "m"))}
 
+# What the mechanical half tells of pair nodes, and its unit; kept as it is, for pairs may share a node.
+EXCHANGED_IN_PAIRS: Mapping[str, str] = {
+    "contact.t_N": "Pa", "contact.gap": "m", "contact.covered": "1", "contact.E_friction": "J"}
+
 # Tables of a results file: their names, columns and types.
 
 FORMAT, FORMAT_VERSION = "slideline.run", 3

@@ -35,6 +35,7 @@ COLUMN = 62  # letters of such a line
 FINE = 6000  # cells: more leave no room between their lines
 NUMBER = {"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": INK, "linewidth": 0.8}
 SUFFIXES = (".png", ".svg", ".pdf")
+MECHANICS = ("elastic", "rigid", "rod")  # keys of `mechanical` that say what acts
 
 
 @dataclass(frozen=True)
@@ -53,15 +54,25 @@ class Acting:
 def acting(scenario: Scenario) -> list[Acting]:
     """Return what the thermal and the mechanical half are told to do at each place, in the order of the scenario."""
     said: dict[str, list[str]] = {}
-    for where, words in _entries(scenario.resolved, scenario.models["mechanical"]["half"]):
+    for where, words in _entries(scenario.resolved, _told_mechanics(scenario)):
         said.setdefault(where, []).append(words)
     return [_placed(scenario.interface, where, tuple(words)) for where, words in said.items()]
 
 
-def _entries(resolved: Mapping[str, Any], mechanical: str) -> Iterator[tuple[str, str]]:
-    """Yield (place, words) of every entry."""
-    parts = resolved.get("mechanical") or {}
-    own = parts.get(mechanical.removeprefix("mechanical_")) or {}
+def _told_mechanics(scenario: Scenario) -> Mapping[str, Any]:
+    """Return the mapping of the scenario that its mechanical half is told.
+
+    A half of another package, and one that plays a record, is told those of `elastic`, or of what there is instead.
+    """
+    parts, kind = scenario.resolved.get("mechanical") or {}, scenario.mechanical_half.removeprefix("mechanical_")
+    own = (kind,) if kind in MECHANICS else MECHANICS
+    # fault: what a foreign half is told is left out of the picture -> return parts.get(kind) or {} |
+    #   coupler/test_scene_picture
+    return next((parts[name] for name in own if parts.get(name)), {})
+
+
+def _entries(resolved: Mapping[str, Any], own: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield (place, words) of every entry.  own : what the mechanical half is told."""
     for entry in [*((resolved.get("thermal") or {}).get("boundary") or ()), *(own.get("boundary") or ())]:
         where = entry.get("on", entry.get("at", entry.get("body", "all bodies")))
         keys = {key: value for key, value in entry.items() if key not in ("on", "at", "body", "name")}

@@ -392,6 +392,7 @@ class Run:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
+                "made": {n: a.made for n, a in self.state.accounts.items()},
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
                 "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.everything)],
                 "probe_errors": self._trust_watch.probe_errors(self._trust),

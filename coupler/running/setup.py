@@ -91,19 +91,26 @@ def first_state(launched: Launched, halves: Halves, interface: Interface, end: f
     """
     thermal, mechanical = launched.thermal, launched.mechanical
     n_q = len(interface.pair_nodes)
-    link = {"contact.link": launched.link}
     own = {side: {n: np.array(v) for n, v in (loads or {}).get(side, {}).items()} for side in ("thermal", "mechanical")}
-    first = thermal.initialise(0.0, end, link, {"x": start_coordinates(interface)} | own["thermal"], [
+    x = {"x": start_coordinates(interface)}
+    first = thermal.initialise(0.0, end, _parameters(thermal, launched.link), x | own["thermal"], [
         "T", *(n for n in ("f_s",) if n in halves.thermal_outputs)])
     given = {n: v for n, v in first.items() if n in mechanical.blocks}
-    # fault: a half starts under all of a driven load -> out = mechanical.initialise(0.0, end, link, given, [ |
-    #   scenarios/test_superplastic_bulge
-    out = mechanical.initialise(0.0, end, link, given | own["mechanical"], [
+    # fault: a half starts under all of a driven load -> out = mechanical.initialise(0.0, end, _parameters(mechanical,
+    #   launched.link), given, [ | scenarios/test_superplastic_bulge
+    out = mechanical.initialise(0.0, end, _parameters(mechanical, launched.link), given | own["mechanical"], [
         n for n in halves.mechanical_outputs if n in ("x", "contact.t_N", "contact.gap", "contact.covered")])
     now = Level(0.0, first["T"], out["x"], out.get("contact.t_N", np.zeros(n_q)),
                 out.get("contact.gap", np.full(n_q, np.nan)), out.get("contact.covered", np.zeros(n_q)),
                 first.get("f_s"))
     return CoupledState(now, (), 0, accounts_of(mechanical, len(interface.quads) + len(interface.triangles)))
+
+
+def _parameters(half: Half, link: str) -> dict[str, str]:
+    """How a half reaches contact; one of another tool may have no use for it."""
+    # fault: a half without a link to contact cannot start -> return {"contact.link": link} |
+    #   coupler/test_bind::test_it_runs_as_its_own_law_says_in_units_of_ours
+    return {"contact.link": link} if "contact.link" in half.blocks else {}
 
 
 def heat_of_the_start(mechanical: Half) -> list[str]:

@@ -32,7 +32,18 @@ from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
 from coupler.scenario.plausible import unlikely
 from coupler.scenario.probes import Probe, probes_of
-from coupler.scenario.problems import NEAREST, OWN, Stated, check_kind, fmu_path, problem_of, understood_by, wrongs_of
+from coupler.scenario.problems import (
+    NEAREST,
+    OWN,
+    REPLAY,
+    Stated,
+    check_kind,
+    fmu_path,
+    problem_of,
+    understood_by,
+    wrongs_of,
+)
+from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
 from coupler.scenario.scene import Context, Scene, scene_of
@@ -44,7 +55,7 @@ from coupler.scenario.understood import CONSTANT
 from coupler.scenario.versions import notice, with_old_defaults
 from coupler.scenario.warm import TakenMechanics
 
-Taken = TakenStart | TakenCourse | TakenMechanics
+Taken = TakenStart | TakenCourse | TakenMechanics | TakenRecording
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +70,7 @@ class Scenario:
     conditions : by name, those whose heat or force a half of this package gives out.
     starts : what bodies took over from other runs.
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
+    recordings : role -> what a half `replay` plays.
     """
 
     file: Path
@@ -79,6 +91,7 @@ class Scenario:
     starts: Mapping[str, Taken] = field(default_factory=dict)
     stated: ScenarioFile | None = None
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
+    recordings: Mapping[str, TakenRecording] = field(default_factory=dict)
 
     @property
     def geometry(self) -> str:
@@ -135,7 +148,7 @@ class Scenario:
         role : "thermal" or "mechanical".  directory : made where it does not exist.
         """
         directory.mkdir(parents=True, exist_ok=True)
-        write_interface(self.interface, directory / "interface.h5")
+        write_interface(with_recording(self.interface, self.recordings.get(role)), directory / "interface.h5")
         model = json.dumps(self.models[role], indent=1, allow_nan=False)
         (directory / "model.json").write_text(model + "\n", encoding="utf-8")
         return str(self.models[role]["half"])
@@ -225,6 +238,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
     context = Context(document, stated, convert, scene, found)
     problems = problems_of(context)
     written = {role: problem.plain() for role, problem in problems.items()}
+    recordings = recordings_of(document, file, scene.interface, found)
     coupling, output = None, None
     with found.each():
         coupling = coupling_of(document, file.coupling, written)
@@ -241,7 +255,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         text=document.text,
         resolved=document.tree,
         overrides=dict(overrides),
-        hash=_hash(document, file, _taken(scene)),
+        hash=_hash(document, file, _taken(scene) | recordings),
         title=file.title or document.path.stem,
         temperature_unit=file.units.temperature.value,
         interface=scene.interface,
@@ -253,8 +267,9 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         rules=rules,
         output=output,
         version_notes=tuple(notes),
-        starts=_taken(scene),
+        starts=_taken(scene) | recordings,
         stated=stated,
+        recordings=recordings,
     )
 
 
@@ -272,7 +287,8 @@ def _signals(document: Document, file: ScenarioFile, found: DocumentErrors) -> d
 
 def in_si(file: ScenarioFile, convert: ToSI) -> ScenarioFile:
     """What a file says of bodies, contact and halves, in SI; materials and halves not used stay as they are."""
-    foreign = {role for role in ("thermal", "mechanical") if getattr(file, role).half not in OWN[role]}
+    own = {role: OWN[role].keys() - {REPLAY} for role in OWN}  # what is told all of a scene needs it in SI
+    foreign = {role for role in ("thermal", "mechanical") if getattr(file, role).half not in own[role]}
     used = set(file.materials) if foreign else {part.material for body in file.bodies.values()
                                                      for part in body.parts.values()}
     kind = file.mechanical.half

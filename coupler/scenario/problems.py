@@ -57,10 +57,11 @@ from coupler.scenario.understood import declared_by, declared_in, left_out
 # Which halves there are: our own, those of other packages (entry points `slideline.halves`), prebuilt FMUs.
 
 GROUP = "slideline.halves"
+REPLAY = "replay"  # in either role: what another run recorded
 # role -> word of the scenario -> entry point, which is also the `half` of model.json.  A rod is one in either role.
 OWN: dict[str, dict[str, str]] = {
-    "thermal": {"thermal": "thermal", "lumped": "lumped", "rod": "thermal_rod"},
-    "mechanical": {"elastic": "elastic", "rigid": "rigid", "rod": "mechanical_rod"},
+    "thermal": {"thermal": "thermal", "lumped": "lumped", "rod": "thermal_rod", REPLAY: "thermal_replay"},
+    "mechanical": {"elastic": "elastic", "rigid": "rigid", "rod": "mechanical_rod", REPLAY: "mechanical_replay"},
 }
 
 
@@ -352,7 +353,9 @@ def _rod(s: Stated, half: str) -> RodProblem:
 
 _MAKERS: Mapping[str, Callable[[Stated, str], Part]] = {
     "thermal": _thermal, "lumped": _thermal, "thermal_rod": _thermal,
-    "elastic": _elastic, "rigid": _rigid, "mechanical_rod": _rod}
+    "elastic": _elastic, "rigid": _rigid, "mechanical_rod": _rod,
+    # Told all, so that windows end where those of the run that it plays do.
+    "thermal_replay": _foreign_thermal, "mechanical_replay": _foreign_mechanical}
 
 
 # What is wrong
@@ -434,6 +437,8 @@ def _of_thermal(s: Stated, problems: Problems) -> Iterator[Wrong]:
         yield from _ignored(s, "thermal", _foreign_thermal(s, thermal.half), thermal.half, thermal.ignore)
         return
     yield from _options_of_own("thermal", thermal.options)
+    if thermal.half == REPLAY:
+        return
     yield from _stated_courses(s)
     yield from checks.thermal_wrongs(problem, s.interface)
     yield from checks.thermal_start_wrongs(problem, s.interface)
@@ -481,6 +486,8 @@ def _of_mechanical(s: Stated, problems: Problems) -> Iterator[Wrong]:
                             mechanical.ignore)
         return
     yield from _options_of_own("mechanical", mechanical.options)
+    if mechanical.half == REPLAY:
+        return
     if isinstance(problem, ElasticProblem):
         yield from _of_elastic(s, problem)
     elif isinstance(problem, RigidProblem):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
@@ -12,6 +12,7 @@ from contact.problem.material import Material
 from contact.problem.mechanical import Elastic, Rigid, Rod
 from contact.problem.pairs import ContactPair
 from contact.problem.part import Entry, Part, exactly_one
+from contact.problem.start import Replay
 from contact.problem.thermal import ThermalSettings
 from contact.problem.values import DottedName, Name, NotNegative, Number, Text, Whole, problem
 from coupler.scenario.bodies import MeshedBody
@@ -44,26 +45,45 @@ class Units(Part):
         "unit of every temperature in the file; differences are not converted")]
 
 
+class Binding(Part):
+    """Which variables of an FMU are a block of the border, and how their numbers become SI.
+
+    SI value = sign * (value in SI) + offset.
+    """
+
+    name: Annotated[Text, Entry("pattern of their names: `{i}` is the row from 1, `{i0}` from 0, `{j}`, `{j0}` the "
+                                "column, `{xy}`, `{XY}` the column as a letter", kind="pattern")]
+    unit: Annotated[Text | None, Entry("what their numbers are in", default="what the FMU declares")] = None
+    sign: Annotated[Literal[1, -1], Entry("-1: they have the other sign, as pressures for `contact.t_N`")] = 1
+    offset: Annotated[Number, Entry("added, in SI")] = 0.0
+
+
 class Thermal(ThermalSettings):
     """Which half solves for heat, and how."""
 
     half: Annotated[Text, Entry("in the plane; one temperature a body; conduction along x of rectangles "
-                              "([halves.md](halves.md)); or a kind that another package adds, or the path of an FMU "
+                              "([halves.md](halves.md)); what another run recorded; or a kind that another package "
+                              "adds, or the path of an FMU "
                               "ending in `.fmu` ([write_a_half.md](write_a_half.md))",
-                              kind="`thermal`, `lumped`, `rod`")] = (
+                              kind="`thermal`, `lumped`, `rod`, `replay`")] = (
         "thermal")
     options: Annotated[dict[str, Any], Entry("for a half of another package, passed on unchanged in its model.json",
                                            kind="mapping", default="none")] = Field(default_factory=dict)
     ignore: Annotated[tuple[Text, ...], Entry(
         "conditions of the scene that a half of another package may leave out, as `check` names them "
         "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
+    replay: Annotated[Replay | None, Entry("of the half `replay`")] = None
+    bind: Annotated[dict[Text, Binding], Entry(
+        "names of an FMU's own, for a half that is the path of an FMU ([halves.md](halves.md)): "
+        "`T: {name: \"wall_{i}\", unit: degC}`", kind="name at the border -> binding", default="none")] = Field(
+        default_factory=dict)
 
 
 class Mechanical(Part):
     """Which half solves for displacements; the settings of the kinds not chosen stay, so that a swap is one word."""
 
     half: Annotated[Text, Entry("`--swap mechanical=rigid` changes just this",
-                                kind="`elastic`, `rigid`, `rod`, or one that "
+                                kind="`elastic`, `rigid`, `rod`, `replay`, or one that "
                               "another package adds, or the path of an FMU")]
     elastic: Annotated[Elastic | None, Entry("of the half `elastic`")] = None
     rigid: Annotated[Rigid | None, Entry("of the half `rigid`")] = None
@@ -73,6 +93,11 @@ class Mechanical(Part):
     ignore: Annotated[tuple[Text, ...], Entry(
         "conditions of the scene that a half of another package may leave out, as `check` names them "
         "([write_a_half.md](write_a_half.md))", default="none", kind="list of paths")] = ()
+    replay: Annotated[Replay | None, Entry("of the half `replay`")] = None
+    bind: Annotated[dict[Text, Binding], Entry(
+        "names of an FMU's own, for a half that is the path of an FMU ([halves.md](halves.md)): "
+        "`T: {name: \"wall_{i}\", unit: degC}`", kind="name at the border -> binding", default="none")] = Field(
+        default_factory=dict)
 
 
 class Place(Part):

@@ -221,6 +221,40 @@ CHANGED = 1e-6  # of the largest change: less is none
 ALMOST = 0.9  # of a change: as much
 
 
+def answers_pressure(bench: Bench, check: str) -> Finding:
+    """Check that a thermal half lets more heat through a pair that is pressed than through one that is pulled.
+
+    The difference of temperature between the sides of a pair after one substep, under 10 MPa either way: conductance
+    does not fall with pressure, and t_N is a pressure where it is below 0.
+    """
+    t_N = bench.starts.get("contact.t_N")
+    if bench.scene is None or role_of(bench.blocks) != THERMAL or t_N is None:
+        return not_applicable(check, "no scene is known, or it takes no contact.t_N", "give one with --scenario")
+    i, first = bench.scene.interface, _first(bench)["T"]
+    sides = [(np.unique(i.surfaces[pair.slave]), np.unique(i.surfaces[pair.master])) for pair in i.pairs]
+    left: list[Array] = []
+    # fault: verify-half: pressure is offered with one sign alone -> for sign in (-1.0, -1.0): |
+    #   coupler/test_broken_halves
+    for sign in (-1.0, 1.0):
+        with bench.half() as half:
+            inputs = {**bench.starts, "contact.t_N": np.full(t_N.shape, sign * PRESSED)}
+            done = half.advance(0.0, bench.h, inputs, bench.outputs)
+        T = first if done.status is not Status.OK else done.outputs["T"]  # it may refuse a pull
+        left.append(np.array([abs(T[a].mean() - T[b].mean()) for a, b in sides]))
+    begun = np.array([abs(first[a].mean() - first[b].mean()) for a, b in sides])
+    off = np.where(begun > 1.0, left[0] - left[1], 0.0)
+    if not off.size or np.abs(off).max() <= CHANGED * max(float(begun.max()), 1.0):
+        return not_applicable(check, "nothing that faces each other at the start answers to pressure", "")
+    k = int(np.argmax(off))
+    if off[k] > CHANGED * begun[k]:
+        return failed(check, f"pair {i.pairs[k].name}: pressed by {PRESSED:g} Pa its sides are {left[0][k]:.6g} K "
+                      f"apart after a substep, pulled as much {left[1][k]:.6g} K", "t_N is <= 0 where sides press: p = -t_N")
+    return passed(check)
+
+
+PRESSED = 1e7  # Pa
+
+
 def reading(bench: Bench, check: str) -> Finding:
     """Check that a half that is read again and again ends where one ends that is not read at all."""
     with bench.half() as read, bench.half() as unread:
@@ -364,6 +398,7 @@ def heat_balance(bench: Bench, check: str) -> Finding:
 
 CHECKS: Mapping[str, Check] = {
     "starts as the scene": scene_start, "numbers that can be": possible, "time passes": takes_time,
+    "answers to pressure": answers_pressure,
     "same inputs, same bits": same_twice, "reading has no side effect": reading,
     "save and restore to the bit": restoring, "inputs are part of the state": remembers_inputs,
     "hot and cold caches, same bits": caches, "a bad substep is discarded": discards,

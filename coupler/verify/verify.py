@@ -13,6 +13,7 @@ from rich.console import Console
 
 from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
+from coupler.fmu.bind import bind
 from coupler.fmu.bounds import BorderScene, border_scene
 from coupler.fmu.launch import build_half, known_halves
 from coupler.init.templates import shipped_scenarios, templates
@@ -67,13 +68,22 @@ def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
         path = Path(half)
         if not path.is_file():
             raise ScenarioError("there is no such FMU", key="HALF", value=half, remedy="Check the path")
-        return FoundHalf(path, None if scenario is None else _border(load_scenario(scenario)))
+        return FoundHalf(path, None) if scenario is None else _in_scene(path, load_scenario(scenario), scratch)
     installed = known_halves()
     if half not in installed:
         raise ScenarioError("this is neither an FMU (a path that ends in .fmu) nor the name of an installed half",
                             key="HALF", value=half, remedy=did_you_mean(half, installed))
     use = _scene_with(half, scenario)
     return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), _border(use.scene))
+
+
+def _in_scene(fmu: Path, scene: Scenario, scratch: Path) -> FoundHalf:
+    """An FMU that lies ready, in a scene: with the names that the scene binds, where it is a half of it."""
+    for role, kind in (("thermal", scene.thermal_half), ("mechanical", scene.mechanical_half)):
+        if kind == str(fmu.resolve()):
+            fmu = bind(scene, role, fmu, scratch / "bound.fmu")
+            break
+    return FoundHalf(fmu, _border(scene))
 
 
 def _border(scene: Scenario) -> BorderScene:

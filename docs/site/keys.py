@@ -57,6 +57,7 @@ TABLES = {
     "file": Table(mesh.MeshFile),
     "contact": Table(pairs.ContactPair),
     "thermal": Table(schema.Thermal),
+    "bind": Table(schema.Binding, "bind.NAME."),
     "thermal_boundary": Table(thermal.ThermalBoundary),
     "mechanical": Table(schema.Mechanical),
     "elastic_boundary": Table(mechanical.ElasticBoundary, third="place"),

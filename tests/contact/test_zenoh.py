@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -328,21 +327,3 @@ def test_a_child_outlives_ctrl_c_but_not_its_parent(service, link):
     assert isinstance(link.ask(register()), Registered)
     service.end()
     assert service.process.returncode == 1
-
-
-def test_a_program_with_nothing_of_ours_but_the_secret_is_answered():
-    """docs/threat_model.md shows what it signs, and how."""
-    with subprocess.Popen([sys.executable, "-m", "contact.rpc.serve", "--run", "r", "--child"], stdin=subprocess.PIPE,
-                          stdout=subprocess.PIPE) as process:
-        tell_secret(process)
-        assert process.stdout is not None
-        endpoint = process.stdout.readline().decode().split()[1]
-        done = [subprocess.run([sys.executable, str(Path(__file__).parent / "open_client.py"), endpoint, "r"],
-                               input=secret.hex(), text=True, capture_output=True, timeout=LONG, check=False)
-                for secret in (SECRET, bytes(32))]
-        process.kill()
-    said = json.loads(done[0].stdout)
-    np.testing.assert_allclose(said["gap"], 0.1, rtol=1e-12)
-    assert said["again"] == "nobody who has the secret answered"  # its second message was a replay
-    assert done[1].returncode == 1
-    assert "not enough values to unpack" in done[1].stderr  # it finds nobody of its own

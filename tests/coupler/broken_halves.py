@@ -41,6 +41,10 @@ probes: {T: {T: {mean: lower}}}
 """
 
 
+def as_told(name: str, value: Any) -> Any:
+    return value
+
+
 def the_step(h: float) -> float:
     return h
 
@@ -57,6 +61,7 @@ class Broken:
     made: int = 0
     takes: Callable[[float], float] = the_step
     random: Any = field(default_factory=np.random.default_rng)
+    hears: Callable[[str, Any], Any] = as_told
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.half, name)
@@ -66,7 +71,8 @@ class Broken:
         return self.rule(self, self.half.initialise(t_start, t_end, parameters, inputs, outputs), 0.0)
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Any], outputs: Sequence[str]) -> Advance:
-        done = self.half.advance(t, self.takes(h), inputs, outputs)
+        heard = {name: self.hears(name, value) for name, value in inputs.items()}
+        done = self.half.advance(t, self.takes(h), heard, outputs)
         if done.status is not Status.OK:
             return done
         self.made += 1
@@ -98,7 +104,7 @@ def holed(half: Broken, T: np.ndarray) -> np.ndarray:
 class Case:
     """role : of the broken half.  rule : what is wrong.  says : of a run, "" where a run cannot see it.
 
-    check : the row of verify-half that fails.  takes : the step it takes for h.
+    check : the row of verify-half that fails.  takes : the step it takes for h.  hears : what it takes an input for.
     """
 
     role: str
@@ -106,6 +112,7 @@ class Case:
     says: str
     check: str
     takes: Callable[[float], float] = the_step
+    hears: Callable[[str, Any], Any] = as_told
 
 
 def as_it_is(half: Broken, got: Values, h: float) -> Values:
@@ -122,6 +129,8 @@ CASES = {
     "runs away": Case("thermal", on("T", lambda half, T: T * 10.0 ** min(half.made, 30)),
                       r"thermal: T\[\d+\] is .*e\+\d+ K.*below 100000 K", NUMBERS),
     "ignores h": Case("thermal", as_it_is, "", "time passes", lambda h: 1.0),
+    "wrong sign of pressure": Case("thermal", as_it_is, "", "answers to pressure",
+                                   hears=lambda name, value: -value if name == "contact.t_N" else value),
     "random after step 8": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.random.random(T.shape)
                                               if half.made > 8 else T), "", "same inputs, same bits"),
     "hidden state": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.made), "", "save and restore to the bit"),

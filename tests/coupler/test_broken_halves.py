@@ -37,7 +37,8 @@ class Built:
 
     def broken(self, case: Case) -> Callable[[], Half]:
         def make() -> Half:
-            half = Broken(load_half(self.fmus[case.role], None, case.role), case.rule, takes=case.takes)
+            half = Broken(load_half(self.fmus[case.role], None, case.role), case.rule, takes=case.takes,
+                          hears=case.hears)
             half.X = self.scenario.interface.nodes
             return half
         return make
@@ -87,7 +88,9 @@ def test_a_half_that_is_right_passes_all_of_it(role: str, built: Built) -> None:
     right = Case(role, lambda half, got, h: got, "", "")
     findings = list(verify_half(built.broken(right), 1.0, built.border))
     assert [f.check for f in findings if f.verdict is CheckVerdict.FAIL] == []
-    assert {f.check: f.verdict for f in findings}["starts as the scene"] is CheckVerdict.PASS
+    verdicts = {f.check: f.verdict for f in findings}
+    assert verdicts["starts as the scene"] is CheckVerdict.PASS
+    assert verdicts["answers to pressure"] is (CheckVerdict.PASS if role == "thermal" else CheckVerdict.NOT_APPLICABLE)
 
 
 def test_a_run_of_halves_that_are_right_is_the_same_run(built: Built, tmp_path: Path,

@@ -113,14 +113,14 @@ def test_the_table_of_blocks_says_what_the_description_says(unpacked, tmp_path):
         assert replace(quick, fields={}) == replace(whole, fields={})
 
 
-@pytest.mark.parametrize("damage", [b"{", b"[]", b'{"xml": "0", "blocks": []}'])
+@pytest.mark.parametrize("damage", [b"{", b"[]", b'{"variables": "0", "blocks": []}'])
 def test_a_table_that_is_not_of_the_description_is_not_believed(unpacked, damage):
     extracted = unpacked[0]
     right, table = told_of(fresh(extracted)), extracted / "resources" / "blocks.json"
     kept = table.read_bytes()
     other = json.loads(kept)
     other["blocks"][0][0] = "another"
-    for text in (damage, json.dumps({**other, "xml": "0" * 64}).encode(),
+    for text in (damage, json.dumps({**other, "variables": "0" * 64}).encode(),
                  json.dumps({**other, "blocks": other["blocks"][1:]}).encode()):
         table.write_bytes(text)
         assert told_of(fresh(extracted)) == right

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 from coupler import load_scenario
 from coupler.errors import ScenarioError
 from coupler.report.scene import acting, scene_figure, write_scene
+
+sys.path.insert(0, str(Path(__file__).parent))
+from foreign_scenes import scenes
 
 SCENARIOS = sorted((Path(__file__).resolve().parents[2] / "scenarios").glob("*.yaml"))
 BLOCKS = next(path for path in SCENARIOS if path.stem == "sliding_blocks")
@@ -50,6 +54,18 @@ def test_what_acts_is_told_in_the_words_of_the_file():
     told = words_of(scene_figure(load_scenario(BLOCKS)))
     for words in ("upper.top: temperature 1000", "u_y stroke", "temperatures in degC", "looks 0.1 m far"):
         assert words in told
+
+
+@pytest.mark.parametrize("half", ["mine", "my.fmu"])
+def test_what_a_half_of_another_package_is_told_is_there_too(tmp_path, monkeypatch, half):
+    """It is told the conditions of `elastic`; so its picture has them."""
+    own, other = scenes(tmp_path, "mechanical", monkeypatch)
+    if half.endswith(".fmu"):
+        (tmp_path / half).write_bytes(b"")
+        other = load_scenario(tmp_path / "s.yaml", overrides={"mechanical.half": half})
+    assert other.mechanical_half.endswith(half)
+    assert [(p.where, p.words) for p in acting(other)] == [(p.where, p.words) for p in acting(own)]
+    assert any(p.where == "upper.top" and any("u_y" in words for words in p.words) for p in acting(other))
 
 
 def test_a_picture_of_no_known_kind_is_refused(tmp_path):

@@ -1,0 +1,102 @@
+"""What an FMU carries for its reader: a page about it, and what Python packages it needs.
+
+The wrapper of a Python FMU brings neither Python nor packages: whoever loads it must have both.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from html import escape
+from importlib.metadata import PackageNotFoundError, entry_points, metadata, packages_distributions
+from pathlib import Path
+
+from contact.half.layout import Layout
+
+GROUP = "slideline.halves"
+UNNAMED = frozenset({"", "UNKNOWN"})
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Of the distribution that a half is from: name, version and license, "" where it does not say."""
+
+    name: str = ""
+    version: str = ""
+    license: str = ""
+
+
+def origin_of(package: str) -> Origin:
+    """Return what the distribution of an import package says of itself; nothing where it is not installed as one."""
+    # First by its entry point: what is installed to be edited lists no packages.
+    found = [entry.dist.name for entry in entry_points(group=GROUP)
+             if entry.module.partition(".")[0] == package and entry.dist is not None]
+    found += packages_distributions().get(package, [])
+    if not found:
+        return Origin()
+    about = metadata(found[0])
+    told = next((about[key] for key in ("License-Expression", "License") if key in about), "")
+    return Origin(found[0], about["Version"], "" if told in UNNAMED else " ".join(told.split())[:80])
+
+
+def requirements(packages: Mapping[str, Path], travels: Collection[str]) -> list[str]:
+    """Return `name==version` of every distribution that packages import, as it is installed here.
+
+    packages : import package -> its folder.  travels : what the FMU brings itself.
+    """
+    names: set[str] = set()
+    for folder in packages.values():
+        for path in sorted(folder.rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    names |= {alias.name.partition(".")[0] for alias in node.names}
+                elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                    names.add(node.module.partition(".")[0])
+    known, found = packages_distributions(), set()
+    for name in names - sys.stdlib_module_names - set(travels):
+        for distribution in known.get(name, [])[:1]:
+            try:
+                found.add(f"{distribution}=={metadata(distribution)['Version']}")
+            except PackageNotFoundError:
+                continue  # half removed: it cannot be what this build imported
+    return sorted(found, key=str.lower)
+
+
+def page(layout: Layout, title: str, origin: Origin, needs: Collection[str]) -> str:
+    """Return documentation/index.html: what the FMU is, what it needs, its variables block by block."""
+    rows = "\n".join(
+        f"<tr><td><code>{escape(v.name)}{_shape(v.shape)}</code></td><td>{v.causality}</td><td>"
+        f"{escape(v.unit) if v.kind == 'Real' else v.kind}</td><td>{escape(v.description)}</td></tr>"
+        for v in layout.variables)
+    made = f" It is of {escape(origin.name)} {escape(origin.version)}." if origin.name else ""
+    python = ".".join(map(str, sys.version_info[:2]))
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>
+<style>body {{ font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto }} td, th {{ text-align: left;
+padding-right: 1.5em; vertical-align: top }}</style></head><body>
+<h1>{escape(title)}</h1>
+<p>A half of a thermomechanical contact problem, for FMI 2.0 co-simulation.{made}</p>
+<h2>What it needs</h2>
+<p>The binary is a wrapper around Python: the process that loads it must have Python {python} or newer, and these
+packages (<code>resources/requirements.txt</code>). Its own sources travel with it.</p>
+<ul>{''.join(f'<li>{escape(need)}</li>' for need in needs)}</ul>
+<h2>What a master must know</h2>
+<ul>
+<li>A step may be discarded (fmi2Discard): restore a saved state and take a shorter one; <code>status.message</code>
+says why, <code>status.dt_suggest</code> which step is worth trying.</li>
+<li>All units are SI, temperatures kelvin. Arrays are scalars with 1-based indices, their value references
+consecutive.</li>
+<li>Inputs hold through a step. A state has the inputs in it.</li>
+<li>One thread calls one instance.</li>
+</ul>
+<h2>Variables</h2>
+<table><tr><th>block</th><th>causality</th><th>unit</th><th>meaning</th></tr>
+{rows}
+</table></body></html>
+"""
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return f"[{','.join(f'1..{n}' for n in shape)}]" if shape else ""

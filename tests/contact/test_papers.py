@@ -1,0 +1,102 @@
+"""What an FMU of ours carries for a master of others: times, version, license, a page, and what it needs."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib.metadata import version
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from contact.half.papers import origin_of
+from coupler import load_scenario
+from coupler.fmu.launch import build_halves
+
+ROOT = Path(__file__).resolve().parents[2]
+BARS = ROOT / "scenarios/heated_bars.yaml"
+PAGE = ROOT / "docs/other_masters.md"
+ROLES = ("thermal", "mechanical")
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("fmus")
+    return dict(zip(ROLES, build_halves(load_scenario(BARS), folder), strict=True))
+
+
+def inside(fmu: Path, name: str) -> str:
+    with zipfile.ZipFile(fmu) as archive:
+        return archive.read(name).decode()
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_the_description_says_times_version_and_license_and_is_valid(fmus: dict[str, Path], role: str) -> None:
+    """heated_bars runs to 2000 s, from windows of 1 s."""
+    root = ElementTree.fromstring(inside(fmus[role], "modelDescription.xml"))
+    assert root.get("version") == version("slideline")
+    assert root.get("license") == "BSD-3-Clause"
+    experiment = root.find("DefaultExperiment")
+    assert experiment is not None
+    told = {k: float(v) for k, v in experiment.attrib.items()}
+    assert told == {"startTime": 0.0, "stopTime": 2000.0, "stepSize": 1.0}
+    said = subprocess.run([sys.executable, "-c", "import sys; from fmpy.validation import validate_fmu; "
+                           "print(validate_fmu(sys.argv[1]))", str(fmus[role])], capture_output=True, text=True,
+                          check=True, timeout=120)
+    assert said.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_what_it_needs_is_told_and_is_what_is_installed(fmus: dict[str, Path], role: str) -> None:
+    needs = dict(line.split("==") for line in inside(fmus[role], "resources/requirements.txt").splitlines())
+    assert {"numpy", "scipy", "numba", "h5py", "pydantic", "msgpack"} <= needs.keys()
+    assert not needs.keys() & {"slideline", "pythonfmu", "fmpy", "typer"}  # it travels, or is the coupler's
+    assert needs["numpy"] == version("numpy")
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_its_page_names_every_block(fmus: dict[str, Path], role: str) -> None:
+    text = inside(fmus[role], "documentation/index.html")
+    ElementTree.fromstring(text.replace("<!DOCTYPE html>", "").replace('<meta charset="utf-8">', ""))
+    xml = inside(fmus[role], "modelDescription.xml")
+    names = {re.sub(r"\[[\d,]+\]$", "", n) for n in re.findall(r'<ScalarVariable name="([^"]*)"', xml)}
+    assert names == {re.sub(r"\[.*", "", n) for n in re.findall(r"<tr><td><code>([^<]*)</code>", text)}
+    assert "fmi2Discard" in text
+
+
+def test_of_a_package_that_is_not_installed_nothing_is_said() -> None:
+    assert origin_of("nobody_has_this").version == ""
+    assert origin_of("numpy").version == version("numpy")
+
+
+@pytest.mark.skipif(shutil.which("cc") is None or sys.platform != "linux", reason="needs a C compiler")
+def test_the_c_host_of_the_page_runs_the_thermal_half(fmus: dict[str, Path], tmp_path: Path) -> None:
+    """As docs/other_masters.md says: libpython and the packages are the host's to bring."""
+    source = re.search(r"<!-- file: host.c -->\n```c\n(.*?)```", PAGE.read_text(), re.S)
+    assert source
+    (tmp_path / "host.c").write_text(source[1])
+    subprocess.run(["cc", "host.c", "-ldl", "-o", "host"], cwd=tmp_path, check=True, timeout=60)
+    with zipfile.ZipFile(fmus["thermal"]) as archive:
+        archive.extractall(tmp_path / "fmu")
+    root = ElementTree.parse(tmp_path / "fmu/modelDescription.xml").getroot()
+    identifier, first = root.find("CoSimulation").get("modelIdentifier"), root.find(".//ScalarVariable[@name='T[1]']")
+    library = subprocess.run([sys.executable, "-c", "import sysconfig as s; print(s.get_config_var('LIBDIR') + '/' + "
+                              "s.get_config_var('INSTSONAME'))"], capture_output=True, text=True, check=True)
+    if not Path(library.stdout.strip()).is_file():
+        pytest.skip("this Python has no shared library")
+    packages = [p for p in sys.path if "site-packages" in p]
+    done = subprocess.run(
+        [str(tmp_path / "host"), str(tmp_path / f"fmu/binaries/linux64/{identifier}.so"), root.get("guid"),
+         (tmp_path / "fmu/resources").as_uri(), first.get("valueReference"), "10"],
+        capture_output=True, text=True, timeout=300, check=False, env=os.environ | {
+            "LD_PRELOAD": library.stdout.strip(), "PYTHONPATH": os.pathsep.join(packages),
+            "PYTHONHOME": sys.base_prefix})
+    assert done.returncode == 0, done.stderr
+    courses = [float(line.split()[1]) for line in done.stdout.splitlines()]
+    assert len(courses) == 10
+    assert courses[-1] == pytest.approx(500.0)  # the foot of the hot bar is held at 500 K, and starts at 300 K
