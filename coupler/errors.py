@@ -71,10 +71,15 @@ def together(errors: Sequence[ScenarioError]) -> ScenarioError:
 
 
 class HalfError(SlidelineError):
-    """A half died, is stuck, or refused a call.  half : its name.  log : its tail, may be empty."""
+    """A half died, is stuck, or refused a call.
+
+    half : its name.  log : its tail, may be empty.  went_back : both halves are again where the window began that this
+    ended, as far as they themselves say.
+    """
 
     def __init__(self, message: str, *, half: str = "", log: str = "") -> None:
         super().__init__(message)
+        self.went_back = False
         self.message = message
         self.half = half
         self.log = log

@@ -46,6 +46,8 @@ VERBS = {
         "Run a scenario; results go to run.h5 and one .vtkhdf a half."),
     "resume": Verb("coupler.cli.running:resume_command", solves=True, about=
         "Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."),
+    "status": Verb("coupler.cli.results:status_command", about=
+        "Tell how far a run is, from another terminal, or what became of it."),
     "report": Verb("coupler.cli.drawn:report_command", about=
         "Write a self-contained HTML page about a run."),
     "compare": Verb("coupler.cli.drawn:compare_command", about=
@@ -58,6 +60,8 @@ VERBS = {
         "Build the FMUs of a scenario by hand, for use in any FMI 2.0 master."),
     "verify-half": Verb("coupler.verify.verify:verify_half_command", solves=True, about=
         "Check a half against the interface specification: names, units, state, discards, substeps."),
+    "host": Verb("coupler.cli.hosting:host_command", about=
+        "Serve runs of other machines as one of their roles; with --init-tls make the certificates that this needs."),
     "schema": Verb("coupler.cli.scene:schema_command", about=
         "Write the JSON Schema of a scenario: editors complete and check its keys by it."),
     "migrate": Verb("coupler.cli.scene:migrate_command", about=

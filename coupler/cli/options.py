@@ -24,6 +24,10 @@ UntilOption = Annotated[float | None, typer.Option(
     "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` goes on.")]
 ProcessesOption = Annotated[bool, typer.Option(
     "--processes", help="Each half and the contact service in a process of its own.")]
+HostsOption = Annotated[Path | None, typer.Option(
+    "--hosts", metavar="FILE", help="Each half and the contact service on the machine that this file names.")]
+LogOption = Annotated[Path | None, typer.Option(
+    "--log", metavar="FILE", help="Append a line of JSON a window to this file.")]
 WithinOption = Annotated[str, typer.Option(
     "--within", metavar="BOUNDS", help="How far the runs may be apart, T=1K,p=1% (of the range); else what both say "
     "that they may be off by.")]

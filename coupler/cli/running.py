@@ -12,6 +12,8 @@ import typer
 
 from coupler.cli.console import ProgressLine, summary
 from coupler.cli.options import (
+    HostsOption,
+    LogOption,
     ProcessesOption,
     ScenarioFile,
     SetOption,
@@ -33,6 +35,7 @@ from coupler.record.results import Results
 from coupler.report import write_report
 from coupler.running.progress import Progress
 from coupler.running.run import resume, resumed, run
+from coupler.running.runlog import RunLog
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario, load_scenario
 
@@ -41,7 +44,8 @@ OutOption = Annotated[Path, typer.Option("--out", "-o", help="Where the results 
 
 def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: SetOption = None,
                 swaps: SwapOption = None,
-                processes: ProcessesOption = False, until: UntilOption = None,
+                processes: ProcessesOption = False, hosts: HostsOption = None, until: UntilOption = None,
+                log: LogOption = None,
                 confidence: Annotated[bool, typer.Option(
                     "--confidence", help="Run it in windows of 2 and 4 times the size too, for the error of each probe."
                 )] = False,
@@ -66,8 +70,8 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
     for note in s.notes:
         typer.echo(f"note: {note}", err=True)
-    with ProgressLine(s.temperature_unit) as line:
-        results = run(s, out, processes=processes, until=until, on_window=line)
+    with ProgressLine(s.temperature_unit) as line, RunLog(log, out) as written:
+        results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written))
     if judged and results.outcome == "completed":
         with TrialLine() as trials:
             # fault: the companions of a run are built twice -> found = errors_of_probes(s, results,
@@ -90,21 +94,31 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         check_target(path)
         typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
         with ProgressLine(own.temperature_unit) as line:
-            compare(run(own, path, processes=processes, on_window=line), results, None, within)
+            compare(run(own, path, processes=processes, hosts=hosts, on_window=line), results, None, within)
     leave(results)
 
 
 def resume_command(results: Annotated[Path, typer.Argument(help="The results file of a run that ended early.",
                                                            show_default=False)],
-                   processes: ProcessesOption = False, until: UntilOption = None) -> None:
+                   processes: ProcessesOption = False, hosts: HostsOption = None, until: UntilOption = None,
+                   log: LogOption = None) -> None:
     """Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."""
-    continued = resumed(results, processes=processes)
+    continued = resumed(results, processes=processes, hosts=hosts)
     scenario = continued.scenario
     typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s", err=True)
-    with ProgressLine(scenario.temperature_unit) as line:
-        done = resume(continued, until=until, on_window=line)
+    with ProgressLine(scenario.temperature_unit) as line, RunLog(log, results) as written:
+        done = resume(continued, until=until, on_window=_each(line, written))
     typer.echo(summary(done))
     leave(done)
+
+
+def _each(*told: Callable[[Progress], None]) -> Callable[[Progress], None]:
+    """Return what tells each of these of a window."""
+    def tell(progress: Progress) -> None:
+        for one in told:
+            one(progress)
+
+    return tell
 
 
 def build_command(scenario: ScenarioFile,

@@ -7,7 +7,7 @@ import selectors
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import contact
 LOG_LINES = 20  # of a dead child's log, quoted in the error
 LOG_BYTES = 8192
 LOG_MOST = 16 << 20  # bytes of a log
+WATCH_PERIOD = 0.25  # s
 END_PATIENCE = 2.0  # s a child has to end by itself after its input was closed
 ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -36,6 +37,11 @@ class Child:
     name: str
     process: subprocess.Popen[bytes]
     log: Path
+
+    @property
+    def pid(self) -> int:
+        """Of its process."""
+        return self.process.pid
 
     def tell(self, line: str) -> None:
         """One line to the child.  A dead one does not mind: `ready_line` or the watch will tell."""
@@ -98,15 +104,20 @@ def start(name: str, command: Sequence[str], directory: Path) -> Child:
     return Child(name, process, log)
 
 
-def ready_line(child: Child, until: float) -> str:
-    """The first line a child says.  until : as time.monotonic().  Raises ChildError if it dies or is late."""
+def ready_line(child: Child, until: float, watch: Callable[[], None] = lambda: None) -> str:
+    """The first line a child says.  Raises ChildError if it dies or is late.
+
+    until : as time.monotonic().  watch : called every quarter of a second meanwhile.
+    """
     assert child.process.stdout is not None
     line = b""
     with selectors.DefaultSelector() as selector:
         selector.register(child.process.stdout, selectors.EVENT_READ)
         while not line.endswith(b"\n"):
-            if not selector.select(max(0.0, until - time.monotonic())):
-                raise ChildError("it was not ready in time", child.name, child.log_tail())
+            while not selector.select(min(WATCH_PERIOD, max(0.0, until - time.monotonic()))):
+                if time.monotonic() >= until:
+                    raise ChildError("it was not ready in time", child.name, child.log_tail())
+                watch()
             chunk = os.read(child.process.stdout.fileno(), 4096)
             if not chunk:
                 _wait(child, 1.0)

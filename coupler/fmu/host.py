@@ -72,7 +72,7 @@ def main(load: Load, arguments: list[str] | None = None) -> None:
     hosted = Hosted(half)
     with Server(session, seal, role_of(options.name), VERBS, one_owner=True) as server:
         parent.say(f"ready {session.listen[0]} {server.instance}")
-        server.work(lambda verb: _answer_or_stop(hosted, verb, server))
+        server.work(lambda verb: answer_or_stop(hosted, verb, server))
     close_all_sessions()
     _end(0, "")
 
@@ -146,7 +146,7 @@ class Hosted:
         return Token(token)
 
 
-def _answer_or_stop(hosted: Hosted, verb: Verb, server: Server) -> Any:
+def answer_or_stop(hosted: Hosted, verb: Verb, server: Server) -> Any:
     if isinstance(verb, Close):
         server.stop()
     return hosted.answer(verb)

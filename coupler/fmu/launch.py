@@ -19,7 +19,7 @@ import tempfile
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -36,6 +36,7 @@ from coupler.fmu.children import python
 from coupler.fmu.description import SAFE_WORDS, is_safe, read_description, unpack, with_description
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
+from coupler.fmu.replayed import Place
 from coupler.fmu.scratch import scratch_folder
 from coupler.scenario import Scenario
 from coupler.scenario.problems import OWN
@@ -79,8 +80,18 @@ def _ready(fmu: Path, cache: Path) -> Path:
         raise HalfError(f"{fmu} cannot be read ({exc.strerror})") from exc
     if not zipfile.is_zipfile(io.BytesIO(content)):  # told by its own path, not by that of a copy
         raise HalfError(f"{fmu} cannot be unpacked: an FMU is a zip archive, this is none")
-    place = cache / f"ready-{hashlib.sha256(content).hexdigest()[:32]}"
-    return _cached(place, lambda new: new.write_bytes(content))
+    return put_ready(content, cache)
+
+
+def put_ready(content: bytes, cache: Path) -> Path:
+    """Return the place in the cache of an FMU that lies ready, put there if it is not yet."""
+    return _cached(ready_place(hashlib.sha256(content).hexdigest(), cache),
+                   lambda new: new.write_bytes(content))
+
+
+def ready_place(digest: str, cache: Path) -> Path:
+    """Return the folder in the cache of an FMU that lies ready.  digest : SHA-256 of it, in hexadecimal digits."""
+    return cache / f"ready-{digest[:32]}"
 
 
 def _cached(place: Path, make: Callable[[Path], object]) -> Path:
@@ -224,13 +235,17 @@ class Launched:
     """The two halves, loaded but not initialised.
 
     link : how they reach contact (parameter contact.link).  asked : what a contact service in a process of its own was
-    asked so far, by verb.
+    asked so far, by verb.  restarts : whose process was started anew, in words.  places : where halves in processes
+    stand, by role; none of one that cannot be brought there again.  recover : brings them to such places.
     """
 
     thermal: Half
     mechanical: Half
     link: str
     asked: Callable[[], dict[str, Any]] = dict
+    restarts: Sequence[str] = ()
+    places: Callable[[], dict[str, Place]] = dict
+    recover: Callable[[Mapping[str, Place]], None] | None = None
 
 
 def is_foreign(fmu: Path) -> bool:
@@ -240,21 +255,26 @@ def is_foreign(fmu: Path) -> bool:
 
 
 @contextmanager
-def launch(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
+def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None) -> Iterator[Launched]:
     """Build and load both halves; close them, and end their processes, on the way out.
 
+    hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).
     Raises HalfError naming the half that cannot be built or loaded.
     """
     with ExitStack() as stack:
         scratch = stack.enter_context(scratch_folder())
         fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")})
         # fault: a foreign binary runs in the coupler's own process -> if processes: | coupler/test_foreign_binary
-        if processes or any(is_foreign(fmu) for fmu in fmus.values()):
+        if processes or hosts is not None or any(is_foreign(fmu) for fmu in fmus.values()):
+            from coupler.fmu.hosts import read_hosts
             from coupler.fmu.processes import processes as in_processes  # embedded runs do not load zenoh
 
-            hosted = stack.enter_context(in_processes(fmus, step_deadlines=scenario.coupling.deadlines))
-            yield Launched(hosted.halves["thermal"], hosted.halves["mechanical"], hosted.contact_link,
-                           hosted.asked)
+            hosted = stack.enter_context(in_processes(fmus, step_deadlines=scenario.coupling.deadlines,
+                                                      restarts=scenario.coupling.restart,
+                                                      hosts=None if hosts is None else read_hosts(hosts)))
+            remote = hosted.halves
+            yield Launched(remote["thermal"], remote["mechanical"], hosted.contact_link, hosted.asked, hosted.restarts,
+                           lambda: {n: half.at for n, half in remote.items() if half.at is not None}, hosted.recover)
             return
         halves = {}
         for role, fmu in fmus.items():

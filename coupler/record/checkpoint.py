@@ -13,6 +13,7 @@ import hashlib
 import json
 import os
 import platform
+import shlex
 import struct
 import time
 from collections.abc import Mapping, Sequence
@@ -185,10 +186,13 @@ PACKAGES = ("slideline", "numpy", "scipy", "fmpy", "pythonfmu", "eclipse-zenoh",
 class Keeper:
     """Writes checkpoints beside the results file.
 
-    every : least wall time between two [s]; None: there are none.  halves : by role.
+    every : least wall time between two [s]; None: there are none.  halves : by role.  options : of the command
+    line that say where they run, for the remedy.
     """
 
-    def __init__(self, scenario: Scenario, recorder: Recorder, halves: Mapping[str, Half]) -> None:
+    def __init__(self, scenario: Scenario, recorder: Recorder, halves: Mapping[str, Half],
+                 options: str = "") -> None:
+        self._resume = f"slideline resume {shlex.quote(str(recorder.out))}{options}"
         every = scenario.output.checkpoint
         self._every = every if all(half.can_serialise for half in halves.values()) else None
         self._recorder = recorder
@@ -204,7 +208,7 @@ class Keeper:
         """How this run, if it ends early, is gone on with; empty where it cannot be."""
         if self._kept is None:
             return ""
-        return f"`slideline resume {self._recorder.out}` goes on from t = {self._kept:.9g} s"
+        return f"`{self._resume}` goes on from t = {self._kept:.9g} s"
 
     @property
     def on(self) -> bool:

@@ -164,7 +164,8 @@ class Results:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know though it is no error: of the scenario, then of what happened in the run."""
-        return tuple(map(str, (*self.header.get("notes", ()), *self.totals.get("notes", ()))))
+        return tuple(map(str, (*self.header.get("notes", ()), *self.totals.get("notes", ()),
+                               *self.totals.get("restarts", ()))))
 
     @property
     def trust(self) -> tuple[Check, ...]:

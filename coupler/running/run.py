@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import sys
 import threading
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from contact.rpc.calls import LinkError
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
 from coupler.errors import CouplingError, HalfError, ResultsError
@@ -32,6 +34,7 @@ from coupler.record.checkpoint import (
     memory_of,
     put_back,
     read_checkpoint,
+    state_of,
     versions,
 )
 from coupler.record.journal import being_written, check_mark, read_journal
@@ -100,6 +103,7 @@ class Run:
 
     scenario : a checked Scenario.  out : the results file; made when the block is left, however it is left.
     processes : each half and the contact service in a process of its own.
+    hosts : a file that says on which machines the halves and contact run (docs/hosts.md).
     since : the checkpoint to go on from (coupler.running.run.resumed finds it).
     Ctrl-C ends the run after the current window; a second one at once.
 
@@ -108,16 +112,18 @@ class Run:
     """
 
     def __init__(self, scenario: Scenario, out: str | Path, *, processes: bool = False,
-                 since: Checkpoint | None = None) -> None:
+                 since: Checkpoint | None = None, hosts: str | Path | None = None) -> None:
         self.scenario = scenario
         self.out = Path(out)
         self.processes = processes
+        self.hosts = None if hosts is None else Path(hosts)
         self.notes: list[str] = list(scenario.notes)
         self.noticed: list[str] = []
         self.ledger = Ledger()
         self._stack = ExitStack()
         self._interrupts = Interrupts()
         self._begun = self._finished = False
+        self._broken: BaseException | None = None
         self._time_to_go = RemainingTime()
         self._tried: Tried | None = None
         self._framed = -1.0  # s, the time of the last frame
@@ -131,7 +137,8 @@ class Run:
         self._started = started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(self._interrupts)
-            launched = held_halves(stack.enter_context(launch(self.scenario, processes=self.processes)), self.scenario)
+            loaded = stack.enter_context(launch(self.scenario, processes=self.processes, hosts=self.hosts))
+            self._launched = launched = held_halves(loaded, self.scenario)
             # As in processes of their own: BLAS rounds otherwise on more threads, and on matrices of this size waits
             # for them more than it gains.  After the launch, for it holds for libraries that are loaded.
             # fault: halves in the caller's process run on as many threads of BLAS as there are -> pass |
@@ -167,8 +174,9 @@ class Run:
             self._recorder = Recorder(self.out, header, interface,
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0
-            self._keeper = Keeper(self.scenario, self._recorder, both)
-            self._committed = self._at, self._run_record()
+            self._keeper = Keeper(self.scenario, self._recorder, both, _places_option(self.processes, self.hosts))
+            self._restarts: list[str] = []
+            self._stand()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
         self._started = time.perf_counter()
@@ -176,7 +184,7 @@ class Run:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        outcome, message = ("failed", str(error)) if error is not None else ("completed", self._at.control.stop)
+        outcome, message = ("failed", _in_full(error)) if error is not None else ("completed", self._at.control.stop)
         if kind is KeyboardInterrupt or (error is None and self._interrupts.asked):
             outcome, message = "interrupted", f"stopped at t = {self.state.now.t:.9g} s on request"
         elif error is None and not self._finished and self.state.now.t >= self._until:
@@ -185,13 +193,16 @@ class Run:
             outcome, message = "stopped", f"left at t = {self.state.now.t:.9g} s by its caller"
         memory: Mapping[str, Array] = {}
         try:
-            if error is None or isinstance(error, CouplingError):
+            at_end = error is None or isinstance(error, CouplingError)
+            if at_end or self._recovered(error):
                 # fault: a run that ends early leaves the checkpoint it had written last, not one of its end -> if
                 #   False: | coupler/test_resume::test_ctrl_c_and_resume
                 if not self._finished and self._keeper.on:
                     self._keeper.keep(*self._committed)
-                self._frame()  # where the run stopped; both halves are at the end of the last accepted window
-                memory = self._memory()
+                if at_end or error is self._broken:
+                    self._frame()  # where the run stopped; both halves are at the end of the last accepted window
+                    memory = self._memory()
+            self._restarted()
             self._recorder.end(outcome, message, self._totals(), self.state.now.t, memory)
             if error is not None and self._keeper.remedy:
                 error.add_note(self._keeper.remedy)
@@ -224,8 +235,8 @@ class Run:
             self._frame()
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
-            tried = self._tried = step(self.halves, self._at, self.plan)
-            notes = tried.notes
+            tried = self._tried = self._step()
+            notes = (*tried.notes, *self._restarted())
             if tried.accepted:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
                          *self._damping.after(self.state.now.t, tried.solved.monitors))
@@ -272,7 +283,7 @@ class Run:
         texts = ", ".join(f"{n} {getattr(v, 'value', v)}" for n, v in changes.items() if n != "rules")
         self.noticed.append(f"changed at t = {self.state.now.t:.9g} s by its caller: "
                             + "; ".join(x for x in (texts, "rules" if "rules" in changes else "") if x))
-        self._committed = self._at, self._run_record()
+        self._stand()
 
     def keep(self) -> Snapshot:
         """Take a snapshot to go back to: both halves and the state of the control.
@@ -297,7 +308,7 @@ class Run:
         self._recorder.rewind(to.t, record.rows)
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
-        self._committed = self._at, self._run_record()
+        self._stand()
 
     def _record(self, tried: Tried) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
@@ -324,9 +335,47 @@ class Run:
     def _total(self) -> int:
         return len(self.plan.schedule.bounds) - 1 if self.plan.adaptive is None else 0
 
+    def _step(self) -> Tried:
+        """Try one window.  An error that ends it is marked as one from which there is a way back."""
+        try:
+            return step(self.halves, self._at, self.plan)
+        except (HalfError, LinkError) as exc:
+            self._broken = exc
+            raise
+
+    def _recovered(self, error: BaseException | None) -> bool:
+        """Bring both halves back to the end of the last accepted window, as far as that can be, and keep it."""
+        if not isinstance(error, (HalfError, LinkError)) or not self._keeper.on:
+            return False
+        if self._launched.recover is None:
+            # Only of a failure inside a window is it known where the halves had been.
+            return error is self._broken and isinstance(error, HalfError) and error.went_back
+        if len(self._places) < 2:
+            return False
+        try:
+            # fault: after a failure a half stays where that left it -> pass |
+            #   coupler/test_restarts::test_without_restarts_nothing_is_lost_either
+            self._launched.recover(self._places)
+            for half in (self.halves.thermal, self.halves.mechanical):
+                state_of(half)
+        except (HalfError, LinkError) as exc:
+            error.add_note(f"the end of the last accepted window could not be kept: {exc}")
+            return False
+        return True
+
+    def _restarted(self) -> list[str]:
+        """Return who was started anew since this was asked last, and note it."""
+        news = [f"at t = {self.state.now.t:.9g} s: {text}" for text in self._launched.restarts[len(self._restarts):]]
+        self._restarts += news
+        return news
+
+    def _stand(self) -> None:
+        """Note where the run stands: what a checkpoint of it holds, and where the halves are."""
+        self._committed, self._places = (self._at, self._run_record()), self._launched.places()
+
     def _commit(self) -> None:
         """Note where the run can be resumed from; write a checkpoint where one is due."""
-        self._committed = self._at, self._run_record()
+        self._stand()
         if self._keeper.due:
             self._keeper.keep(*self._committed)
             if self._keeper.trouble and self._keeper.trouble not in self.noticed:
@@ -392,7 +441,7 @@ class Run:
         heats = {HEATS[n].replace(" ", "_"): {"made": a.made, "delivered": a.delivered, "carried": float(a.carry.sum())}
                  for n, a in self.state.accounts.items()}
         return {"seconds": self._seconds(), "setup_seconds": self.setup_seconds, "resumed_at": list(self._resumed),
-                "made": {n: a.made for n, a in self.state.accounts.items()},
+                "made": {n: a.made for n, a in self.state.accounts.items()}, "restarts": list(self._restarts),
                 "notes": [*self._warnings.at_end(self.state.now), *self.noticed],
                 "trust": [c.as_dict() for c in self._trust_watch.judged(self._trust, self.ledger.everything)],
                 "probe_errors": self._trust_watch.probe_errors(self._trust),
@@ -402,15 +451,27 @@ class Run:
                 "contact": self._asked(), **heats}
 
 
+def _places_option(processes: bool, hosts: Path | None) -> str:
+    """Return the options of the command line that say where a run's halves are."""
+    return f" --hosts {shlex.quote(str(hosts))}" if hosts is not None else " --processes" if processes else ""
+
+
+def _in_full(error: BaseException) -> str:
+    """Return what is said of an error, with what was found besides."""
+    return "\n".join((str(error), *getattr(error, "__notes__", ())))
+
+
 def run(scenario: Scenario, out: str | Path = "run.h5", *, processes: bool = False,
-        until: float | None = None, on_window: Callable[[Progress], None] | None = None) -> Results:
+        hosts: str | Path | None = None, until: float | None = None,
+        on_window: Callable[[Progress], None] | None = None) -> Results:
     """Run a scenario to its end, and return its results, which are in `out`.
 
+    hosts : a file that says on which machines the halves and contact run (docs/hosts.md).
     until : stop at the first window end at or after this time [s]; `slideline resume` goes on from there.
     on_window : called after every window tried.
     Raises CouplingError, HalfError; the results file then holds all accepted windows.
     """
-    with Run(scenario, out, processes=processes) as r:
+    with Run(scenario, out, processes=processes, hosts=hosts) as r:
         for progress in r.windows(until):
             if on_window is not None:
                 on_window(progress)
@@ -434,7 +495,7 @@ def resume(run: Run | str | Path, *, processes: bool = False, until: float | Non
     return Results(r.out)
 
 
-def resumed(out: str | Path, *, processes: bool = False) -> Run:
+def resumed(out: str | Path, *, processes: bool = False, hosts: str | Path | None = None) -> Run:
     """Return the run of a results file, to be continued window by window.
 
     >>> with resumed("run.h5") as r:
@@ -448,7 +509,7 @@ def resumed(out: str | Path, *, processes: bool = False) -> Run:
     journal = _journal(path)
     origin, checkpoint = read_checkpoint(checkpoint_of(path), versions())
     check_mark(journal, checkpoint.record.mark)
-    return Run(_scenario(journal, origin), path, processes=processes, since=checkpoint)
+    return Run(_scenario(journal, origin), path, processes=processes, since=checkpoint, hosts=hosts)
 
 
 def _journal(path: Path) -> Path:

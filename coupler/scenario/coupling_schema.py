@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import StrictBool, model_validator
 
 from contact.problem.part import Entry, Part
-from contact.problem.values import NotNegative, Number, Positive, Text, Whole, problem
+from contact.problem.values import Count, NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, OnCycle, OnUnstable, Scheme
 
 # Windows shorter than this share of the first are a sign that something else is wrong.
@@ -179,6 +179,10 @@ class CouplingSpec(Part):
     stop: Annotated[StopSpec, Entry("when a run ends early")] = StopSpec()
     substeps: Annotated[SubstepCounts, Entry("in a window")] = SubstepCounts()
     deadlines: Annotated[Deadlines, Entry("for a step of a half in a process of its own")] = Deadlines()
+    restart: Annotated[Count, Entry(
+        "how often, in all, a half or the contact service that died is started anew under `--processes`",
+        why="The windows since are solved again as they were, to the same bits. One that fails, hangs or is stopped "
+            "would do so again: it is named, and the run ends.")] = 0
     link: Annotated[Text, Entry(
         "how the halves reach the contact service",
         kind="`direct`, `codec`, `zenoh:ENDPOINT`")] = "direct"

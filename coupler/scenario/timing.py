@@ -29,6 +29,7 @@ class CouplingOptions:
     iteration : of the scheme `iterated`.  adaptive : of windows that find their own size; then windows is one range.
     locate, event_tolerance [s], branches : of events; 0: as coupler.control.events says.
     steady [K/s]: 0: never stop for that.  deadlines : role -> [s] that a step may take, where it is stated.
+    restart : how often one that died is started anew.
     """
 
     scheme: Scheme
@@ -47,6 +48,7 @@ class CouplingOptions:
     branches: bool = False
     on_unstable: OnUnstable = OnUnstable.AUTO
     deadlines: Mapping[str, float] = field(default_factory=dict)
+    restart: int = 0
 
 
 def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any]) -> CouplingOptions:
@@ -71,7 +73,8 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
         spec.iteration, adaptive,
         adaptive is not None or spec.events.branches if spec.events.locate is None else spec.events.locate,
         spec.events.tolerance or 0.0, spec.on_cycle or _on_cycle(spec), spec.stop.steady or 0.0, spec.events.branches,
-        spec.on_unstable, {role: s for role, s in vars(spec.deadlines).items() if s is not None})
+        spec.on_unstable, {role: s for role, s in vars(spec.deadlines).items() if s is not None},
+        spec.restart)
 
 
 def kinks_in(model: Any) -> Iterator[float]:

@@ -28,7 +28,7 @@ from coupler.running.run import resume
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 WALL_CLOCK = {"thermal_seconds", "mechanical_seconds", "fmi_seconds", "seconds", "recording_seconds"}
-OF_THE_PROCESS = {"seconds", "setup_seconds", "resumed_at", "started", "processes", "contact"}
+OF_THE_PROCESS = {"seconds", "setup_seconds", "resumed_at", "started", "processes", "contact", "restarts"}
 FRESH = 10  # every so many processes is not forked
 SHARE = 0.1  # of the undisturbed run's time: the longest a process is let go on before it is killed
 ANYWHERE = 0.2  # share of kills that may fall into the set-up

@@ -49,7 +49,7 @@ def test_a_half_that_was_killed_leaves_a_run_that_goes_on(whole: Path, tmp_path:
     with pytest.raises(HalfError) as died:
         run(load_scenario(SCENARIO, CHANGED), out, processes=True, on_window=kill)
     assert "mechanical" in str(died.value)
-    assert died.value.__notes__[0].startswith(f"`slideline resume {out}` goes on from t = ")
+    assert died.value.__notes__[0].startswith(f"`slideline resume {out} --processes` goes on from t = ")
     assert Results(out).outcome == "failed"
     again = resumed(out)
     assert again.start == Results(out).t[10]

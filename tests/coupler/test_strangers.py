@@ -113,8 +113,8 @@ def test_another_user_does_not_reach_the_sockets(tmp_path):
 
 def test_a_half_serves_one_owner(run):
     half = run.halves["thermal"]
-    session, instance = half._client._session, half._client._instance
-    second = Client(session, seal_of(half._client._run), "half-thermal", ANSWERS, instance=instance)
+    session, instance = half.half._client._session, half.half._client._instance
+    second = Client(session, seal_of(half.half._client._run), "half-thermal", ANSWERS, instance=instance)
     with pytest.raises(Exception, match="not_owner: this serves"):
         second.call(Describe())
     undisturbed(run)

@@ -1,0 +1,108 @@
+"""How far a run is, read from what it has written so far: by anybody who may read its files, also while it runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from coupler.errors import ResultsError
+from coupler.record.journal import being_written, read_journal
+from coupler.record.paths import checkpoint_of, journal_of, stopped_of
+from coupler.record.results import Results
+
+PARTS = ("thermal", "mechanical", "fmi", "recording")
+
+
+@dataclass(frozen=True)
+class RunProgress:
+    """How far a run is.
+
+    state : running, or what became of it; killed where its process is gone without a word.  t, end : time and end of
+    the run [s].  windows, rejected : tried so far.  seconds : wall time of windows, of parts by name besides.
+    last : of the last window: its size H [s], scheme, verdict and message.  quiet : since anything was written [s].
+    checkpoint : since the last one was [s]; None: there is none.  message : how it ended.
+    """
+
+    title: str
+    state: str
+    t: float
+    end: float
+    windows: int = 0
+    rejected: int = 0
+    seconds: float = 0.0
+    parts: Mapping[str, float] = field(default_factory=dict)
+    last: Mapping[str, Any] = field(default_factory=dict)
+    quiet: float = 0.0
+    checkpoint: float | None = None
+    message: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain values."""
+        return asdict(self)
+
+    @property
+    def lines(self) -> list[str]:
+        """It in words."""
+        share = f", {100.0 * self.t / self.end:.1f} %" if self.end else ""
+        told = [f"{self.title}: {self.state}, t = {self.t:.9g} s of {self.end:g} s{share}",
+                f"  {self.windows} windows ({self.rejected} rejected) in {self.seconds:.1f} s"
+                + "".join(f", {n} {s:.1f} s" for n, s in self.parts.items())]
+        if self.last:
+            told.append(f"  the last: {self.last['H']:.3g} s, {self.last['scheme']}, {self.last['verdict']}"
+                        + (f" ({self.last['message']})" if self.last["message"] else ""))
+        if self.state == "running":
+            told.append(f"  written to {self.quiet:.1f} s ago")
+        if self.checkpoint is not None:
+            told.append(f"  its checkpoint is {self.checkpoint:.0f} s old")
+        return told + [f"  {line}" for line in self.message.splitlines()]
+
+
+def status(out: Path) -> RunProgress:
+    """Return how far the run of a results file is.  Raises ResultsError where there is neither file nor journal."""
+    journal = journal_of(out) if journal_of(out).exists() else stopped_of(out)
+    if not journal.exists():
+        if not out.exists():
+            raise ResultsError(f"{out}: there is no such file, and no run that writes it")
+        return _finished(Results(out))
+    return _of_journal(out, journal)
+
+
+def _of_journal(out: Path, journal: Path) -> RunProgress:
+    # Before it is read: a run that ends meanwhile has then said so.
+    running = being_written(journal)
+    title, end, t, rows, state, message = "", 0.0, 0.0, [], "", ""
+    for record in read_journal(journal):
+        meta = record.meta
+        if record.kind == "run":
+            title, end = str(meta["title"]), float(meta["coupling"]["end"])
+        elif record.kind == "window":
+            rows.append(meta)
+            # fault: a window that was put back counts as progress -> t = float(meta["t"] + meta["H"]) |
+            #   coupler/test_status
+            t = float(meta.get("t_now", t))
+        elif record.kind == "rewind":
+            rows, t = rows[:int(meta["rows"])], float(meta["t_now"])
+        elif record.kind == "end":
+            state, message = str(meta["outcome"]), str(meta["message"])
+    last = rows[-1] if rows else {}
+    kept = checkpoint_of(out)
+    now = time.time()
+    return RunProgress(
+        # fault: a run whose process is gone counts as running -> title, state or "running", t, end, len(rows), |
+        #   coupler/test_status
+        title, state or ("running" if running else "killed"), t, end, len(rows),
+        sum(not row["taken"] for row in rows), sum(float(row["seconds"]) for row in rows),
+        {n: sum(float(row[f"{n}_seconds"]) for row in rows) for n in PARTS} if rows else {},
+        {n: last[n] for n in ("H", "scheme", "verdict", "message")} if last else {},
+        max(0.0, now - journal.stat().st_mtime), max(0.0, now - kept.stat().st_mtime) if kept.exists() else None,
+        message)
+
+
+def _finished(results: Results) -> RunProgress:
+    w = results.windows
+    return RunProgress(str(results.header["title"]), results.outcome, float(results.t[-1]),
+                       float(results.header["coupling"]["end"]), len(w), int((~w.taken).sum()), float(w.seconds.sum()),
+                       {n: float(w[f"{n}_seconds"].sum()) for n in PARTS}, message=results.message)

@@ -1,0 +1,118 @@
+"""Roles on hosts: network namespaces around a router where the kernel has them, loopback addresses elsewhere.
+
+    unshare -rnm python host_scene.py FOLDER SCENE        three hosts and a coupler around a router, all namespaces
+    python host_scene.py FOLDER SCENE --loopback          the same on 127.0.0.1
+SCENE : plain, killed (a half), cut (a line), or left (the coupler killed).
+FOLDER gets hosts.yaml, certificates, run.h5 and the logs of all.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENARIO = ROOT / "scenarios/casting_1d.yaml"
+ROLES = ("thermal", "mechanical", "contact")
+SLIDELINE = [sys.executable, "-m", "coupler.cli"]
+SETS = {"plain": {"coupling.end": "0.5"}, "killed": {"coupling.end": "0.5", "coupling.restart": "3"},
+        "cut": {"coupling.end": "0.5"}, "left": {"coupling.end": "0.5"}}
+PATIENCE = "4"  # s, of a host for a coupler that is gone
+
+
+def sh(*words: str) -> None:
+    subprocess.run(words, check=True)
+
+
+def router() -> dict[str, str]:
+    """Make a network of its own for each role and the coupler, joined by this one, which forwards; their addresses."""
+    sh("mount", "-t", "tmpfs", "none", "/run")
+    Path("/run/netns").mkdir()
+    sh("ip", "link", "set", "lo", "up")
+    Path("/proc/sys/net/ipv4/ip_forward").write_text("1")
+    addresses = {}
+    for k, name in enumerate((*ROLES, "coupler"), 1):
+        sh("ip", "netns", "add", name)
+        sh("ip", "link", "add", f"to-{name}", "type", "veth", "peer", "name", "eth0", "netns", name)
+        sh("ip", "addr", "add", f"10.77.{k}.1/24", "dev", f"to-{name}")
+        sh("ip", "link", "set", f"to-{name}", "up")
+        sh("ip", "-n", name, "addr", "add", f"10.77.{k}.2/24", "dev", "eth0")
+        sh("ip", "-n", name, "link", "set", "eth0", "up")
+        sh("ip", "-n", name, "link", "set", "lo", "up")
+        sh("ip", "-n", name, "route", "add", "default", "via", f"10.77.{k}.1")
+        addresses[name] = f"10.77.{k}.2"
+    return addresses
+
+
+def write_hosts(folder: Path, addresses: dict[str, str], port: int = 17450) -> Path:
+    file = folder / "hosts.yaml"
+    file.write_text("".join(f"{role}: tls/{addresses[role]}:{port + k}\n" for k, role in enumerate(ROLES))
+                    + "tls: certificates\n")
+    subprocess.run([*SLIDELINE, "host", "--init-tls", "--hosts", str(file)], check=True, stdout=subprocess.DEVNULL)
+    return file
+
+
+def host(folder: Path, role: str, inside: list[str], *options: str) -> subprocess.Popen[bytes]:
+    with (folder / f"{role}.log").open("ab") as log:
+        return subprocess.Popen([*inside, *SLIDELINE, "host", role, "--hosts", str(folder / "hosts.yaml"), *options],
+                                stdout=log, stderr=log)
+
+
+def wait_for(done, what: str, seconds: float = 60.0) -> None:
+    until = time.monotonic() + seconds
+    while not done():
+        assert time.monotonic() < until, what
+        time.sleep(0.02)
+
+
+def waiting(folder: Path, times: int = 1) -> bool:
+    return all((folder / f"{role}.log").read_text().count("waiting for a run") >= times for role in ROLES)
+
+
+def run_scene(folder: Path, scene: str, addresses: dict[str, str], inside) -> int:
+    write_hosts(folder, addresses)
+    options = ("--patience", PATIENCE) if scene == "left" else ()
+    hosts = [host(folder, role, inside(role), *options) for role in ROLES]
+    try:
+        wait_for(lambda: waiting(folder), "no host came up")
+        sets = [word for key, value in SETS[scene].items() for word in ("--set", f"{key}={value}")]
+        with (folder / "run.log").open("wb") as log:
+            run = subprocess.Popen([*inside("coupler"), *SLIDELINE, "run", str(SCENARIO), "-o", str(folder / "run.h5"),
+                                    "--hosts", str(folder / "hosts.yaml"), *sets], stdout=log, stderr=log)
+        wait_for(lambda: b"window 5/" in (folder / "run.log").read_bytes() or run.poll() is not None, "no window", 200)
+        if scene == "killed":
+            victim = next(p for p in psutil.Process().children(recursive=True)
+                          if {"coupler.fmu.lobby", "mechanical"} <= set(p.cmdline()))
+            victim.send_signal(signal.SIGKILL)
+        if scene == "cut":
+            sh("ip", "link", "set", "to-thermal", "down")
+            time.sleep(6.0)  # beyond the lease of three
+            sh("ip", "link", "set", "to-thermal", "up")
+        if scene == "left":
+            run.kill()
+        code = run.wait(300)
+        # Each is free again, whatever became of the run.
+        wait_for(lambda: waiting(folder, 2), "a host is not free again")
+        return code
+    finally:
+        for process in hosts:
+            process.terminate()
+            process.wait(20)
+
+
+def main() -> int:
+    folder, scene = Path(sys.argv[1]), sys.argv[2]
+    os.environ.setdefault("PYTHONPATH", str(ROOT))
+    if "--loopback" in sys.argv:
+        return run_scene(folder, scene, dict.fromkeys(ROLES, "127.0.0.1"), lambda role: [])
+    return run_scene(folder, scene, router(), lambda role: ["ip", "netns", "exec", role])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
