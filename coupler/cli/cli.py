@@ -50,6 +50,8 @@ VERBS = {
         "Tell how far a run is, from another terminal, or what became of it."),
     "report": Verb("coupler.cli.drawn:report_command", about=
         "Write a self-contained HTML page about a run."),
+    "watch": Verb("coupler.cli.drawn:watch_command", about=
+        "Write the page of a run that goes on, again and again until the run ends; the browser renews it by itself."),
     "compare": Verb("coupler.cli.drawn:compare_command", about=
         "Compare two runs: the largest differences on a page, and a verdict."),
     "study": Verb("coupler.cli.trials:study_command", solves=True, about=
@@ -62,6 +64,10 @@ VERBS = {
         "Check a half against the interface specification: names, units, state, discards, substeps."),
     "host": Verb("coupler.cli.hosting:host_command", about=
         "Serve runs of other machines as one of their roles; with --init-tls make the certificates that this needs."),
+    "list": Verb("coupler.cli.tools:list_command", about=
+        "List the scenarios and halves that are installed, with a sentence each."),
+    "cache": Verb("coupler.cli.tools:cache_command", about=
+        "Tell the size of the cache of built halves, and clear it; by itself it stays below 2 GB."),
     "schema": Verb("coupler.cli.scene:schema_command", about=
         "Write the JSON Schema of a scenario: editors complete and check its keys by it."),
     "migrate": Verb("coupler.cli.scene:migrate_command", about=
@@ -94,7 +100,7 @@ class _Verbs(TyperGroup):
         return _Named(cmd_name, callback=None, help=VERBS[cmd_name].about) if cmd_name in VERBS else None
 
 
-app = typer.Typer(cls=_Verbs, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False,
+app = typer.Typer(cls=_Verbs, no_args_is_help=True, pretty_exceptions_enable=False,
                   help="Heat and deformation of bodies in contact: two solvers, each an FMU, coupled.")
 
 

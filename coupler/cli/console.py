@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Collection
 from types import TracebackType
+from typing import Any
 
 from rich.console import Console
 from rich.live import Live
@@ -30,10 +31,15 @@ SETTING_UP = "building and loading the halves; the first run on a machine compil
 
 
 class ProgressLine:
-    """Shows Progress values; temperatures in the scenario's unit.  printed : the notes so far."""
+    """Shows Progress values; temperatures in the scenario's unit.  printed : the notes so far.
 
-    def __init__(self, temperature_unit: str, console: Console | None = None) -> None:
-        self._unit = temperature_unit
+    quiet : nothing is shown.  verbose : a line each window, on a terminal too.
+    """
+
+    def __init__(self, temperature_unit: str, console: Console | None = None, *, quiet: bool = False,
+                 verbose: bool = False) -> None:
+        self._unit, self._quiet, self._verbose = temperature_unit, quiet, verbose
+        self._solves = 0
         self._console = console or Console(file=sys.stderr, highlight=False)
         self._live = Live(console=self._console, refresh_per_second=8, transient=True)
         self._next_line = 0.0
@@ -43,6 +49,8 @@ class ProgressLine:
         self.printed: set[str] = set()
 
     def __enter__(self) -> ProgressLine:
+        if self._quiet:
+            return self
         if self._console.is_terminal:
             self._live.update(Spinner("dots", SETTING_UP))
             self._live.start()
@@ -52,6 +60,9 @@ class ProgressLine:
 
     def __call__(self, p: Progress) -> None:
         self.printed.update(p.notes)
+        self._solves += p.solves
+        if self._quiet:
+            return
         for text in (*(f"note: {note}" for note in p.notes), *p.fired):
             self._print(text)
         if not p.taken:
@@ -65,8 +76,10 @@ class ProgressLine:
             self._print(f"window {p.number} to t = {p.t:.6g} s: {p.verdict} ({p.message}); accepted all the same")
         elif p.event:
             self._print(f"t = {p.t:.9g} s: {p.event}")
-        if self._console.is_terminal:
-            self._live.update(Text(self.line(p)))
+        if self._verbose:
+            self._print(self.line(p))
+        elif self._console.is_terminal:
+            self._live.update(Text(f"{bar(p.fraction)} {self.line(p)}"))
         elif p.fraction >= self._next_line:
             self._next_line = p.fraction + 0.1
             print(self.line(p), file=self._console.file, flush=True)
@@ -95,22 +108,58 @@ class ProgressLine:
         self._console.print(text, soft_wrap=True, markup=False)
 
     def line(self, p: Progress) -> str:
-        """Return t, windows, contact count, max T, max p, energy-balance error, and time to go once it is estimated."""
+        """Return t, window and its size, solver calls, contact, max T, max p, energy-balance error, and time to go.
+
+        The time to go is there once it is estimated.
+        """
         T = p.max_T - (ZERO_CELSIUS if self._unit == "degC" else 0.0)
         estimated = p.fraction >= GUESS_AFTER and math.isfinite(p.remaining)
         to_go = f" | {clock_text(p.remaining)} to go" if estimated else ""
-        number = f"{p.number}/{p.total}" if p.total else f"{p.number} of {p.H:.3g} s"
+        number = f"{p.number}/{p.total} of {p.H:.3g} s" if p.total else f"{p.number} of {p.H:.3g} s"
+        calls = f"{self._solves} solver calls | " if self._solves else ""
+        trust = " | trust: error too large, accepted all the same" if p.anyway else ""
         rejected = f" ({self._rejected} rejected)" if self._rejected else ""
         iterations = f"{p.iterations} iterations | " if p.iterations else ""
-        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {number}{rejected} | {iterations}"
+        return (f"t {p.t:.6g} of {p.t_end:.6g} s | window {number}{rejected} | {calls}{iterations}"
                 f"{p.touching} points touch | max T {T:.1f} {self._unit} | max p {p.max_p / 1e6 + 0.0:.3g} MPa | "
-                f"energy-balance error {p.imbalance:.0e}{to_go}")
+                f"energy-balance error {p.imbalance:.0e}{trust}{to_go}")
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
+        if self._quiet:
+            return
         self._print_tries("stopped")
         if self._console.is_terminal:
             self._live.stop()
+
+
+BAR = 16  # letters
+
+
+def bar(fraction: float) -> str:
+    """Draw how much of a run is done, 0 to 1."""
+    done = round(BAR * min(max(fraction, 0.0), 1.0))
+    return f"[{'=' * done}{' ' * (BAR - done)}] {100 * fraction:3.0f} %"
+
+
+def facts(results: Results) -> dict[str, Any]:
+    """What a script reads of a run: plain values in SI."""
+    w = results.windows
+    return {"outcome": results.outcome, "message": results.message, "file": str(results.path),
+            "field_files": {half: str(path) for half, path in results.field_files.items()},
+            "t": float(results.t[-1]) if len(results.t) else 0.0, "end": float(results.header["coupling"]["end"]),
+            "windows": int(w.taken.sum()), "rejected": int((~w.taken).sum()),
+            "solver_calls": int(w.solves.sum() + results.rewound.get("solves", 0)),
+            "seconds": results.seconds_by_part, "energy_balance_error": results.heat_imbalance,
+            "trusted": not results.broken, "notes": list(results.notes),
+            "checks": [{k: _finite(v) for k, v in c.as_dict().items()} for c in results.trust],
+            "probes": {n: {"last": _finite(float(results.probe(n)[1][-1])), "unit": results.unit(n)}
+                       for n in results.probe_names if len(results.t)}}
+
+
+def _finite(value: Any) -> Any:
+    """A value of JSON, which knows neither inf nor nan."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def clock_text(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Verbs that draw: `show` a scenario, `report` a run, `compare` two."""
+"""Verbs that draw: `show` a scenario, `report` or `watch` a run, `compare` two."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from coupler.cli.codes import DIFFER
-from coupler.cli.options import ScenarioFile, SetOption, SwapOption, WithinOption, scenario_of
+from coupler.cli.options import ScenarioFile, SetOption, SwapOption, WithinOption, leave, scenario_of
 from coupler.record.results import Results
-from coupler.report import write_report
+from coupler.report import watch_report, write_report
 from coupler.report.comparison import short_names, write_comparison
 from coupler.report.scene import write_scene
 from coupler.report.verdict import bounds_of, verdict
@@ -28,6 +28,21 @@ def report_command(results: Annotated[Path, typer.Argument(help="A results file,
                    out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None) -> None:
     """Write a self-contained HTML page about a run."""
     typer.echo(write_report(Results(results), out or results.with_suffix(".html")))
+
+
+def watch_command(results: Annotated[Path, typer.Argument(help="The results file that a run will write.",
+                                                          show_default=False)],
+                  out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
+                  every: Annotated[float, typer.Option("--every", metavar="SECONDS", min=1.0,
+                                                       help="Time between two pages.")] = 5.0) -> None:
+    """Write the page of a run that goes on, again and again until the run ends; the browser renews it by itself."""
+    page = out or results.with_suffix(".html")
+
+    def tell(so_far: Results) -> None:
+        reached = so_far.t[-1] if len(so_far.t) else 0.0
+        typer.echo(f"{page}: {so_far.outcome}, t = {reached:.6g} of {so_far.header['coupling']['end']:.6g} s")
+
+    leave(watch_report(results, page, every, tell))
 
 
 def compare_command(first: Annotated[Path, typer.Argument(help="The results file to refer to.", show_default=False)],

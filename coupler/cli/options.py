@@ -24,6 +24,7 @@ UntilOption = Annotated[float | None, typer.Option(
     "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` goes on.")]
 ProcessesOption = Annotated[bool, typer.Option(
     "--processes", help="Each half and the contact service in a process of its own.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 HostsOption = Annotated[Path | None, typer.Option(
     "--hosts", metavar="FILE", help="Each half and the contact service on the machine that this file names.")]
 LogOption = Annotated[Path | None, typer.Option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -10,9 +11,10 @@ from typing import Annotated, Any
 
 import typer
 
-from coupler.cli.console import ProgressLine, summary
+from coupler.cli.console import ProgressLine, facts, summary
 from coupler.cli.options import (
     HostsOption,
+    JsonOption,
     LogOption,
     ProcessesOption,
     ScenarioFile,
@@ -53,6 +55,9 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                     "--confidence-mesh", help="The same, and on a mesh of half as many cells along each edge."
                 )] = False,
                 report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False,
+                quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no progress.")] = False,
+                verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print a line each window.")] = False,
+                as_json: JsonOption = False,
                 against: Annotated[bool, typer.Option(
                     "--compare", help="With --swap: run the scenario's own halves too (OUT-own.h5), and compare."
                 )] = False, within: WithinOption = "") -> None:
@@ -67,10 +72,11 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
     companions = check_companions(s, mesh=confidence_mesh) if judged else []
     plan = plan_of(s)
     count = f"{len(plan.schedule.bounds) - 1} windows" if plan.adaptive is None else "adaptive windows"
-    typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
-    for note in s.notes:
-        typer.echo(f"note: {note}", err=True)
-    with ProgressLine(s.temperature_unit) as line, RunLog(log, out) as written:
+    if not quiet:
+        typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
+        for note in s.notes:
+            typer.echo(f"note: {note}", err=True)
+    with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
         results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written))
     if judged and results.outcome == "completed":
         with TrialLine() as trials:
@@ -79,13 +85,14 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
             found = errors_of_probes(s, results, mesh=confidence_mesh, companions=companions, on_trial=trials)
         write_confidence(out, found)
         results = Results(out)
-    typer.echo(summary(results, printed={*s.notes, *line.printed}))
-    for name, of in results.confidence.items():
-        typer.echo(f"  {name}: {of.failed or f'error {100 * of.share:.2g} % of its range, {of.words}'}")
-    if report:
-        typer.echo(f"  {write_report(results, out.with_suffix('.html'))}")
+    page = write_report(results, out.with_suffix(".html")) if report else None
+    if as_json:
+        typer.echo(json.dumps(facts(results) | {"page": str(page) if page else None}, indent=1, allow_nan=False))
     else:
-        typer.echo(f"  report: slideline report {out}")
+        typer.echo(summary(results, printed=() if quiet else {*s.notes, *line.printed}))
+        for name, of in results.confidence.items():
+            typer.echo(f"  {name}: {of.failed or f'error {100 * of.share:.2g} % of its range, {of.words}'}")
+        typer.echo(f"  {page}" if page else f"  report: slideline report {out}")
     if against and results.outcome == "completed":
         # Here and not above: a run that compares nothing starts without matplotlib.
         from coupler.cli.drawn import compare

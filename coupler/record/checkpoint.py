@@ -36,6 +36,7 @@ from coupler.control.state import Committed
 from coupler.errors import ResultsError
 from coupler.fmu.half import Half
 from coupler.fmu.outputs import On, OutputField
+from coupler.record.frames import FrameChoice
 from coupler.record.journal import Mark
 from coupler.record.paths import checkpoint_of, part_of
 from coupler.record.recorder import Recorder
@@ -73,7 +74,7 @@ class RunRecord:
     mark : where its journal goes on.  seen, said : of what happened to contact.  noticed : by control.
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
     resumed : the times [s] from which it was resumed.  rows : of the windows table.  rules : those in
-    force, which the user may have changed.  trust : what was measured of the run.
+    force, which the user may have changed.  trust : what was measured of the run.  choice : of frames.
     """
 
     mark: Mark
@@ -88,6 +89,7 @@ class RunRecord:
     rows: int = 0
     rules: tuple[Rule, ...] = ()
     trust: TrustLog = field(default_factory=TrustLog)
+    choice: FrameChoice = field(default_factory=FrameChoice)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import h5py
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, at_nodes, of_pairs, output_field
 from coupler.record.checksums import FORMAT_BOUNDS, close_texts, put
+from coupler.record.frames import thinned
 from coupler.record.journal import JournalRecord, read_journal
 from coupler.record.paths import making_of, put_away
 from coupler.record.tables import (
@@ -39,6 +41,7 @@ from coupler.schemes.state import PREFIX
 
 # What the records of a journal come to: rows of windows that stand, without those that were rewound.
 
+RUNNING = {"outcome": "running", "message": ""}
 KILLED = {"outcome": "killed", "message": "the run was killed; this is all it had written"}
 # What was spent on windows that were rewound is not forgotten with them.
 SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "mechanical_seconds", "fmi_seconds",
@@ -49,9 +52,10 @@ SPENT = ("solves", "thermal_solves", "mechanical_solves", "thermal_seconds", "me
 class Gathered:
     """rows : of WINDOW_FIELDS.  words : of each row what there is of message, reason, event and fired.
 
-    t [s], probes, conditions, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the start
-    and the ends of the windows taken.
-    frames : numbers of the frames to be kept, from 0.  rewound : windows and what was spent on them.
+    t [s], probes, conditions, ranges, terms (the ledger so far), monitors, contact (as `contact_row` gives it) : at the
+    start and the ends of the windows taken.
+    frames : numbers of the frames to be kept, from 0.  chosen : of those that were chosen for change.
+    rewound : windows and what was spent on them.
     max_T : [K] at the start.  memory : what another run may start from at the end (contact.half.memory).
     """
 
@@ -64,10 +68,12 @@ class Gathered:
     t: list[float] = field(default_factory=list)
     probes: list[NDArray[Any]] = field(default_factory=list)
     conditions: list[NDArray[Any]] = field(default_factory=list)
+    ranges: list[NDArray[Any]] = field(default_factory=list)
     terms: list[Mapping[str, float]] = field(default_factory=list)
     monitors: list[Mapping[str, float]] = field(default_factory=list)
     contact: list[Mapping[str, NDArray[Any]]] = field(default_factory=list)
     frames: dict[int, float] = field(default_factory=dict)
+    chosen: list[int] = field(default_factory=list)
     rewound: dict[str, float] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=lambda: KILLED)
     memory: Mapping[str, NDArray[Any]] = field(default_factory=dict)
@@ -82,7 +88,10 @@ def gathered(records: Iterable[JournalRecord]) -> Gathered:
             told.max_T = m.get("max_T")
         if kind == "frame":
             told.frames[frames] = float(m["t_now"])
+            told.chosen += [frames] if m.get("chosen") else []
             frames += 1
+        elif kind == "thin":
+            told.frames = thinned(told.frames, told.chosen)
         elif kind == "window":
             _window(told, m)
         elif kind == "rewind":
@@ -93,6 +102,7 @@ def gathered(records: Iterable[JournalRecord]) -> Gathered:
             told.t.append(float(m["t_now"]))
             told.probes.append(a["probes"])
             told.conditions.append(a.get("conditions", np.empty(0)))
+            told.ranges.append(a.get("ranges", np.empty((0, 2))))
             told.terms.append(dict(m["terms"]))
             told.monitors.append(dict(m.get("monitors", {})))
             told.contact.append({n.removeprefix("contact."): v for n, v in a.items() if n.startswith("contact.")})
@@ -123,7 +133,9 @@ def _rewind(told: Gathered, t: float, rows: int) -> None:
     told.estimates = [row for row in told.estimates if row[0] < rows]
     told.errors = [row for row in told.errors if row[0] < rows]
     kept = int(np.searchsorted(told.t, t, side="right"))
-    for history in (told.t, told.probes, told.conditions, told.terms, told.monitors, told.contact):
+    # fault: extremes of windows that were rewound stay -> for history in (told.t, told.probes, told.conditions,
+    #   told.terms, told.monitors, told.contact): | coupler/test_extremes
+    for history in (told.t, told.probes, told.conditions, told.ranges, told.terms, told.monitors, told.contact):
         del history[kept:]
     told.frames = {k: at for k, at in told.frames.items() if at <= t}
 
@@ -254,8 +266,19 @@ def reason_of(exc: Exception) -> str:
     return found[1] if found else str(exc)
 
 
-def _make(journal: Path, path: Path) -> bool:
-    """Whether the run is complete."""
+def snapshot(journal: Path, path: Path) -> None:
+    """Make run.h5 and the field files of what a run that goes on has written so far; its journal stays as it is.
+
+    Raises ResultsError if the journal does not hold the beginning of a run, or the files cannot be written.
+    """
+    try:
+        _make(journal, path, RUNNING)
+    except (OSError, RuntimeError) as exc:
+        raise ResultsError(f"{path}: cannot be made from {journal.name} ({reason_of(exc)})") from exc
+
+
+def _make(journal: Path, path: Path, without_end: Mapping[str, Any] = MappingProxyType({})) -> bool:
+    """Whether the run is complete.  without_end : what became of a run that has written no end."""
     records = read_journal(journal)
     header = next((r for r in records if r.kind == "run"), None)
     if header is None:
@@ -263,6 +286,8 @@ def _make(journal: Path, path: Path) -> bool:
     meta, arrays = header.meta, header.arrays
     meta["field_files"] = {half: f"{path.stem}.{half}.vtkhdf" for half in meta["fields"]}
     told = gathered(records)
+    if without_end and told.end is KILLED:
+        told.end = without_end
     loose = LooseArrays(outputs_of(meta))
     frames = loose.taken_from(
         r for k, r in enumerate(r for r in read_journal(journal) if r.kind == "frame") if k in told.frames)
@@ -318,6 +343,7 @@ def _write(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
     for i, (name, about) in enumerate(meta["probes"].items()):
         put(group, name, table[:, i]).attrs.update(unit=about["unit"], quantity=about["quantity"])
     _write_conditions(f, meta, told)
+    _write_ranges(f, meta, told)
     _write_rows(f.create_group("ledger", track_order=True), told.terms, PREFIX, 0.0)
     for data in f["ledger"].values():
         data.attrs["unit"] = "J"
@@ -337,11 +363,27 @@ def _write_conditions(f: h5py.File, meta: dict[str, Any], told: Gathered) -> Non
         first = last
 
 
+def _write_ranges(f: h5py.File, meta: dict[str, Any], told: Gathered) -> None:
+    """A dataset a field, (n_t, 2) least and largest value anywhere; a time at which it was not recorded is nan."""
+    names = meta.get("ranges", [])
+    if not names or not told.ranges:
+        return
+    group = f.create_group("ranges", track_order=True)
+    none = np.full((len(names), 2), np.nan)
+    rows = np.array([row if len(row) == len(names) else none for row in told.ranges])
+    for k, name in enumerate(names):
+        put(group, name, rows[:, k])
+
+
 def _write_mesh(f: h5py.File, header: Mapping[str, NDArray[Any]]) -> None:
     """The mesh as it was before anything moved: what another run may start from."""
     group = f.create_group("mesh", track_order=True)
     for name in ("nodes", "quads", "triangles", "quad_body", "triangle_body"):
         put(group, name, header[name])
+    surfaces = group.create_group("surfaces", track_order=True)
+    for name, edges in header.items():
+        if name.startswith("surface."):
+            put(surfaces, name.removeprefix("surface."), edges)
 
 
 def _write_end(f: h5py.File, header: Mapping[str, NDArray[Any]], told: Gathered) -> None:

@@ -107,7 +107,7 @@ class Journal:
 
 @dataclass(frozen=True)
 class JournalRecord:
-    """kind : run | start | window | frame | rewind | end.  meta : plain values.  arrays : by name."""
+    """kind : run | start | window | frame | thin | rewind | end.  meta : plain values.  arrays : by name."""
 
     kind: str
     meta: dict[str, Any]

@@ -78,6 +78,15 @@ def _contact(level: Level) -> ContactSample:
 
 # Outputs that are recorded but not exchanged.
 
+def _range(values: Array) -> tuple[float, float]:
+    """Least and largest of numbers (n,), or of the sizes of vectors (n, 2), in their unit; nan where there is none."""
+    # fault: extremes of a vector are those of one component -> size = values[:, 0] if values.ndim == 2 else values |
+    #   coupler/test_extremes
+    size = np.linalg.norm(values, axis=1) if values.ndim == 2 else values
+    known = size[np.isfinite(size)]
+    return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+
+
 class ExtraOutputs:
     """Every array that a half gives out and the exchange does not hold.
 
@@ -109,6 +118,28 @@ class ExtraOutputs:
                 # Of a foreign half an output may be undefined in places: that ends no run.
                 found |= {labels[n]: v for n, v in half.read(list(labels), finite=False).items()}
         return found
+
+    @property
+    def ranged(self) -> tuple[OutputField, ...]:
+        """The fields on nodes and cells whose least and largest value is recorded: numbers and vectors, no tensors."""
+        return tuple(f for f in self.fields if f.on in (On.NODES, On.CELLS) and f.components <= 2)
+
+    @property
+    def range_names(self) -> list[str]:
+        """HALF.LABEL of each row of `ranges`."""
+        return ["thermal.T", "mechanical.u", *(f"{f.half}.{f.label}" for f in self.ranged)]
+
+    def ranges(self, now: Level, interface: Interface) -> Array:
+        """Return the least and the largest value anywhere of each field, (k, 2) in SI; of a vector of its size.
+
+        Frames are few, and what is largest may lie between two of them.  nan where no value is a number.
+        """
+        rows = [_range(now.T), _range(now.x - interface.nodes)]
+        for role, half in self._halves.items():
+            names = [f.name for f in self.ranged if f.half == role]
+            read = half.read(names, finite=False) if names else {}
+            rows += [_range(read[name]) for name in names]
+        return np.array(rows)
 
 
 def friction(halves: Halves) -> dict[str, Array]:

@@ -33,6 +33,7 @@ from coupler.schemes.state import IterationHistory, Ledger, Solved
 
 Array = NDArray[np.float64]
 NONE: Array = np.empty(0)
+NO_RANGES: Array = np.empty((0, 2))
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ class WindowRecord:
     reason : why it had its size and scheme.  event, fired, error : as in Tried.
     monitors : those that rules look at, of a window that was taken.  friction : at its end, as in `contact_row`.
     conditions : (k,) heats and forces of conditions at its end, as ConditionReader has them.
+    ranges : (m, 2) least and largest value of fields at its end, as ExtraOutputs has them; (0, 2): not recorded.
     """
 
     reason: str = ""
@@ -51,6 +53,7 @@ class WindowRecord:
     monitors: Mapping[str, float] = field(default_factory=dict)
     friction: Mapping[str, Array] = field(default_factory=dict)
     conditions: Array = field(default_factory=lambda: NONE)
+    ranges: Array = field(default_factory=lambda: NO_RANGES)
 
 
 class Recorder:
@@ -78,6 +81,7 @@ class Recorder:
         self._journal.write("run", header, {
             **{n: getattr(interface, n) for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body",
                                                   "contact_nodes", "pair_nodes")},
+            **{f"surface.{n}": edges for n, edges in interface.surfaces.items()},
             **{f"{n}.{line.pair}": getattr(line, n) for line in self._lines for n in ("s", "X")}})
 
     @property
@@ -90,14 +94,15 @@ class Recorder:
         self._journal.sync()
 
     def start(self, now: Level, probes: Array, friction: Mapping[str, Array] = MappingProxyType({}),
-              conditions: Array = NONE) -> None:
+              conditions: Array = NONE, ranges: Array = NO_RANGES) -> None:
         """Write the values before the first window.
 
         probes : (n_probes,) in SI.  friction : (n_q,) each of t_T [Pa] and slip_share [1], those that are told.
-        conditions : (k,) as ConditionReader has them.
+        conditions : (k,) as ConditionReader has them.  ranges : (m, 2) as ExtraOutputs has them.
         """
         self._journal.write("start", {"t_now": now.t, "terms": {}, "max_T": float(now.T.max())},
-                            {"probes": probes, "conditions": conditions, **contact_row(self._lines, now, friction)})
+                            {"probes": probes, "conditions": conditions, "ranges": ranges,
+                             **contact_row(self._lines, now, friction)})
 
     def window(self, solved: Solved, facts: Mapping[str, float | str], ledger: Ledger, probes: Array,
                record: WindowRecord = WindowRecord()) -> None:
@@ -122,7 +127,7 @@ class Recorder:
             meta |= {"t_now": solved.state.now.t, "terms": ledger.terms}
         arrays: dict[str, NDArray[Any]] = {}
         if accepted:
-            arrays = {"probes": probes, "conditions": record.conditions,
+            arrays = {"probes": probes, "conditions": record.conditions, "ranges": record.ranges,
                       **contact_row(self._lines, solved.state.now, record.friction)}
         self._journal.write("window", meta, arrays)
         self._seconds = time.perf_counter() - started
@@ -132,16 +137,21 @@ class Recorder:
         self._journal.write("rewind", {"t_now": t, "rows": rows})
         self.rows = rows
 
-    def frame(self, level: Level, more: Mapping[str, Array]) -> None:
+    def thin(self) -> None:
+        """Every second frame that was chosen for change so far goes, once the results file is made."""
+        self._journal.write("thin", {})
+
+    def frame(self, level: Level, more: Mapping[str, Array], chosen: bool = False) -> None:
         """Write the fields of both halves at one time.
 
+        chosen : for change, within a budget (coupler.record.frames); else it stays in any case.
         more : shape and unit of its output each, HALF/LABEL -> what else they give out, as ExtraOutputs.read has it.
         """
         started = time.perf_counter()
         every = np.arange(len(level.t_N))
         p, gap = (contact_field(name, level, every, self._interface) for name in ("p", "gap"))
         p[np.isnan(p)] = 0.0
-        self._journal.write("frame", {"t_now": level.t}, {
+        self._journal.write("frame", {"t_now": level.t, "chosen": chosen}, {
             "T": level.T, "x": level.x, "u": level.x - self._interface.nodes, "p": p, "gap": gap,
             "contact.t_N": level.t_N, "contact.gap": level.gap, **more})
         self._seconds += time.perf_counter() - started

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from contact.problem.values import did_you_mean
 from coupler.errors import ResultsError
 from coupler.fmu.outputs import On, OutputField, output_field
+from coupler.record import access
+from coupler.record.access import Fields, RunSurface
 from coupler.record.checksums import check_texts
 from coupler.record.confidence import read_confidence
 from coupler.record.finish import finish, reason_of
 from coupler.record.journal import being_written
+from coupler.record.mesh import RunMesh
 from coupler.record.paths import journal_of
 from coupler.record.tables import (
     ERROR_FIELDS,
@@ -29,6 +32,7 @@ from coupler.record.tables import (
     FORMAT_VERSION,
     ITERATE_FIELDS,
     WINDOW_FIELDS,
+    unrolled,
 )
 from coupler.record.vtkhdf import FieldReader, FileField, in_plane
 from coupler.scenario.conditions import ConditionOutput, condition_output
@@ -105,6 +109,8 @@ class Results:
     estimates, errors : one row a window whose error is known (ESTIMATE_FIELDS, ERROR_FIELDS).  max_T [K] : the highest
     temperature at the start and the ends of windows.  firings : of rules, in order.
     conditions : heat and force of each named condition over time; empty for a file of an earlier version.
+    extremes : field (HALF.NAME) -> its least and largest value anywhere, (n_t, 2) in SI, at each of `t`, of vectors of
+    their size; not from the frames that were kept.  Empty for a file of an earlier version.
     confidence : probe -> its error against companions in coarser windows (`slideline run --confidence`); else empty.
     contact : pair -> what contact did along its slave surface; empty for a file of an earlier version.
     rewound : what was spent on windows that were rewound and are in no table; empty where there are none.
@@ -158,6 +164,7 @@ class Results:
         self._terms: dict[str, Array] = {n: d[()] for n, d in f["ledger"].items()}
         self._conditions = {of.name: ConditionSeries(of, f["conditions"][of.name][()])
                             for of in map(condition_output, self.header.get("conditions", ()))}
+        self.extremes: dict[str, Array] = {n: d[()] for n, d in f.get("ranges", {}).items()}
         self.confidence = read_confidence(f)
         self.contact = {n: Along(**{k: d[()] for k, d in g.items()}) for n, g in f.get("contact", {}).items()}
 
@@ -272,9 +279,12 @@ class Results:
         return dict(self._monitors)
 
     @property
-    def fields(self) -> dict[str, OutputField]:
+    def fields(self) -> Fields:
         """HALF.NAME -> what was recorded at the frames: the exchange, and every array that a half gives out.
 
+        >>> T = results.fields("T", t=12.5)
+
+        Called, it gives the values of a field, at one time between the frames or at all of them (Fields).
         Of a file of an earlier version the units of a half's own fields are in its field files alone.
         """
         known = {(f.half, f.label): f for f in map(output_field, self.header.get("outputs", ()))}
@@ -286,7 +296,7 @@ class Results:
             own = exchanged.get((half, name), FileField(name))
             field = known.get((half, name)) or OutputField(half, name, name, on, (0, own.components), own.unit)
             found[f"{half}.{name}"] = field
-        return found
+        return Fields(found, self)
 
     def field(self, name: str) -> tuple[Array, Array]:
         """Return (t, values) of a field: times of frames (n_t,) [s] and, for each, the array in SI as the half gave it.
@@ -311,6 +321,46 @@ class Results:
             read = file.cell_field if field.on is On.CELLS else file.point_field
             frames = [in_plane(read(field.label, k), field.components) for k in range(len(file.times))]
             return file.times, np.array(frames)
+
+    def mesh(self) -> RunMesh:
+        """Return the mesh as it was before anything moved.  Raises ResultsError for a file of an earlier version."""
+        try:
+            with h5py.File(self.path, "r") as f:
+                parts = {n: f[f"mesh/{n}"][()] for n in ("nodes", "quads", "triangles", "quad_body", "triangle_body")}
+        except (OSError, KeyError, RuntimeError) as exc:
+            raise ResultsError(f"{self.path}: its mesh cannot be read ({reason_of(exc)})") from exc
+        return RunMesh(**parts, bodies=tuple(self.header["bodies"]))
+
+    def surface(self, name: str) -> RunSurface:
+        """Return a named surface, its nodes in order.  Raises ResultsError for an unknown one and an older file."""
+        try:
+            with h5py.File(self.path, "r") as f:
+                group = f["mesh/surfaces"]
+                if name not in group:
+                    raise ResultsError(f"{self.path} has no surface {name!r}. {did_you_mean(name, list(group))}")
+                nodes, s = unrolled(group[name][()], f["mesh/nodes"][()])
+                return RunSurface(name, nodes, s, f["mesh/nodes"][()][nodes])
+        except (OSError, KeyError, RuntimeError) as exc:
+            raise ResultsError(f"{self.path}: its surfaces cannot be read ({reason_of(exc)})") from exc
+
+    def to_pandas(self) -> Any:
+        """Return a pandas DataFrame over time; see coupler.record.access.to_pandas."""
+        return access.to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset with the fields; see coupler.record.access.to_xarray."""
+        return access.to_xarray(self)
+
+    def to_pyvista(self, t: float | None = None) -> Any:
+        """Return a pyvista UnstructuredGrid at a time [s]; see coupler.record.access.to_pyvista."""
+        return access.to_pyvista(self, t)
+
+    def plot(self, *names: str, unit: str | None = None) -> Any:
+        """Draw probes over time and return matplotlib axes; see coupler.record.access.plot."""
+        return access.plot(self, *names, unit=unit)
+
+    def _repr_html_(self) -> str:
+        return access.html(self)
 
     @property
     def field_files(self) -> dict[str, Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from coupler.record.results import Results
@@ -19,4 +20,11 @@ def write_report(results: Results, path: Path) -> Path:
     return write_page(results, path)
 
 
-__all__ = ["write_report"]
+def watch_report(path: Path, out: Path, every: float, on_page: Callable[[Results], object]) -> Results:
+    """Write the report of a run again and again while the run goes on; see coupler.report.watch.watch."""
+    from coupler.report.watch import watch
+
+    return watch(path, out, every, on_page)
+
+
+__all__ = ["watch_report", "write_report"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from coupler.report.figures import (
     shown,
     svg,
 )
+from coupler.report.pack import Chart, Curve
 
 Array = NDArray[np.float64]
 CURVES = 8  # of a figure
@@ -117,6 +118,8 @@ def _picture(results: Results, unit: str, what: str, curves: Sequence[tuple[str,
     legend_below(figure, ax, columns=3)
     ends = "; ".join(f"{name} {scale.text(float(values[-1]))} at last" for name, values in drawn)
     more = f" The {CURVES} largest of {len(curves)}; all are in the table." if len(curves) > CURVES else ""
-    return svg(figure, f"{what[0].upper()}{what[1:]} by named condition against time: {ends}.",
-               f"{what[0].upper()}{what[1:]} through each named condition, {depth_of(results)}.{more}")
+    alt = f"{what[0].upper()}{what[1:]} by named condition against time: {ends}."
+    caption = f"{what[0].upper()}{what[1:]} through each named condition, {depth_of(results)}.{more}"
+    return replace(svg(figure, alt, caption),
+                   chart=Chart(f"{what} [{scale.unit}]", alt, results.t, [Curve(n, scale(v)) for n, v in drawn], 230))
 

@@ -26,6 +26,7 @@ from coupler.report.figures import (
     shown,
     svg,
 )
+from coupler.report.pack import Chart, Curve
 
 Array = NDArray[np.float64]
 
@@ -133,15 +134,25 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
                     "where it is largest; those of the windows before are not in it.")
         span_of = float(np.nanmax(values) - np.nanmin(values))
         caption += " The bands are narrower than the lines." if worst < NARROW * span_of else ""
-    return svg(figure, f"{title}: {_ends(names, values, scale)}.", caption)
+    alt = f"{title}: {_ends(names, values, scale)}."
+    picture = svg(figure, alt, caption)
+    if near:
+        return replace(picture, still=True)
+    around = {n: np.full(len(results.t), of.error) for n, of in bands.items()}
+    if error is not None:
+        around = dict.fromkeys(names, error)
+    curves = [Curve(n, scale(v), scale.factor * around[n] if n in around else None)
+              for n, v in zip(names, values, strict=True)]
+    height = 300 if quantity == "T" else 230
+    return replace(picture, chart=Chart(f"{what} [{scale.unit}]", alt, results.t, curves, height))
 
 
 def _caption(quantity: str, title: str, span: str, near: bool, lines: bool) -> str:
     if near:
         return f"The same where most of it happens, {span}."
-    # fault: a caption of lines that nobody drew -> more = {"T": " Thin vertical lines: kinks, where boundary data jump
-    #   or change slope.", | coupler/test_report
-    more = {"T": " Thin vertical lines: kinks, where boundary data jump or change slope." if lines else "",
+    # fault: a caption of lines that nobody drew -> more = {"T": " Thin vertical lines: breakpoints, where boundary data
+    #   jump or change slope.", | coupler/test_report
+    more = {"T": " Thin vertical lines: breakpoints, where boundary data jump or change slope." if lines else "",
             "gap": " Where nothing is faced there is no gap."}
     return f"{title}.{more.get(quantity, '')}"
 

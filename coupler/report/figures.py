@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from coupler.record.vtkhdf import FieldReader
+from coupler.report.pack import Chart
 
 # Where axes stand in a figure of a page: margins by what stands in them, with no measuring.
 #
@@ -98,13 +99,16 @@ RUN_LENGTHS = 3  # as zlib calls it
 class Picture:
     """An image for the page.  src : data URI.  alt : what it shows, in words.  caption : stands below it.
 
-    narrow : not for the whole width of the page.
+    narrow : not for the whole width of the page.  chart : the same as curves for the page's script.
+    still : not needed where the script runs, but on paper (fields) or nowhere (a closer look at a chart).
     """
 
     src: str
     alt: str
     caption: str
     narrow: bool = False
+    chart: Chart | None = None
+    still: bool = False
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,12 @@ from coupler.report.figures import (
     shown,
     svg,
 )
+from coupler.report.pack import Chart, Curve
 from coupler.schemes.state import PREFIX, mechanism
 
 Array = NDArray[np.float64]
 STORED = "stored."
+POINTS = 200  # of a curve of the still picture
 # What leaves one side enters the other; friction is not among them, both sides get heat.
 SIDES = {"contact": "solid contact", "gap": "gas gap", "near_radiation": "near radiation"}
 
@@ -88,10 +90,15 @@ def heat_picture(results: Results) -> Picture | None:
     largest = max((float(np.abs(v).max(initial=0.0)) for v in terms.values()), default=0.0)
     if len(t) < 2 or largest == 0.0:
         return None
-    scale = shown("J", largest)
+    by = {n: v for n, v in terms.items() if not n.startswith(STORED) and np.any(v)}
+    kept = {n: v for n, v in terms.items() if n.startswith(STORED)}
+    scale, every = shown("J", largest), t
+    # Bands of many points are most of the size of a page, and a picture is not as wide.
+    some = np.unique(np.linspace(0, len(t) - 1, min(len(t), POINTS)).round().astype(int))
+    t = t[some]
     figure = page_figure(4.8)
     ax = axes_of(figure, "time [s]", f"heat into the bodies so far [{scale.unit}]\n{depth_of(results)}")
-    flows = {n: scale(v) for n, v in terms.items() if not n.startswith(STORED) and np.any(v)}
+    flows = {n: scale(v[some]) for n, v in by.items()}
     up, down = np.zeros(len(t)), np.zeros(len(t))
     for k, (name, value) in enumerate(flows.items()):
         gain, loss = np.maximum(value, 0.0), np.minimum(value, 0.0)
@@ -100,7 +107,7 @@ def heat_picture(results: Results) -> Picture | None:
         ax.fill_between(t, up, up + gain, label=plain(mechanism(PREFIX + name)), **look)
         ax.fill_between(t, down, down + loss, **look)
         up, down = up + gain, down + loss
-    stored = {n: scale(v) for n, v in terms.items() if n.startswith(STORED)}
+    stored = {n: scale(v[some]) for n, v in kept.items()}
     for k, (name, value) in enumerate(stored.items()):
         ax.plot(t, value, color="black", linewidth=1.3, linestyle=DASHES[(k + 1) % len(DASHES)],
                 label=plain(mechanism(PREFIX + name)))
@@ -110,6 +117,9 @@ def heat_picture(results: Results) -> Picture | None:
     ax.set_xlim(float(t[0]), float(t[-1]))
     draw_kinks(ax, kinks_of(results))
     legend_below(figure, ax, columns=3)
-    return svg(figure, f"Heat into the bodies by mechanism over time, {depth_of(results)}; totals are in the table.",
-               "Bands: what came in by each mechanism since the start, above zero into the bodies, below zero out of "
-               "them. Lines: what the bodies stored. The bands add up to the line of what is stored.")
+    alt = f"Heat into the bodies by mechanism over time, {depth_of(results)}; totals are in the table."
+    curves = [Curve(mechanism(PREFIX + n), scale(v)) for n, v in (*by.items(), *kept.items())]
+    caption = ("Heat into the bodies by each mechanism since the start, above zero into the bodies, below zero out of "
+               "them, and what the bodies stored.")
+    return replace(svg(figure, alt, caption),
+                   chart=Chart(f"heat so far [{scale.unit}]", alt, every, curves, 320))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 from jinja2 import Environment, FunctionLoader, StrictUndefined, Template
 
 from coupler.errors import ResultsError
@@ -35,6 +36,8 @@ from coupler.report.curves import probe_pictures, watched_pictures
 from coupler.report.fields import field_pictures
 from coupler.report.figures import counted, duration, number, shown
 from coupler.report.heat import heat_picture, heat_table
+from coupler.report.live import live_page
+from coupler.report.player import title_of
 from coupler.report.pressure import largest_at, pressure_pictures
 from coupler.schemes.state import HEATS
 from coupler.trust.checks import TrustVerdict
@@ -49,6 +52,7 @@ BANNERS = {
     "interrupted": "This run was interrupted.",
     "stopped": "This run was stopped before its end.",
     "killed": "This run was killed.",
+    "running": "This run goes on.",
 }
 
 
@@ -86,37 +90,96 @@ def about(results: Results) -> str:
     return " ".join(lines)
 
 
-def summary(results: Results) -> str:
-    """The run in one paragraph."""
+def effort(results: Results) -> str:
+    """What the run took, in one paragraph."""
     w = results.windows
     good, rejected = w[w.taken], int((~w.taken).sum())
     reached = float(results.t[-1]) if len(results.t) else 0.0
     text = (f"The run {_became(results.outcome)}: {number(reached, 6)} s of simulated time in "
             f"{counted(len(good), 'window')} ({rejected or 'none'} rejected) with "
-            f"{counted(int(w.solves.sum()), 'half-solve')}, in {duration(wall_seconds(results))} of wall-clock time.")
-    if not len(good):
-        return text
-    if results.ledger:
-        text += (f" The heat ledger closes to {number(results.heat_imbalance, 2)} of the heat moved.")
+            f"{counted(int(w.solves.sum()), 'solver call')}, in {duration(wall_seconds(results))} of wall-clock time.")
     if told := iteration_words(results):
         text += f" {told[0].upper()}{told[1:]}."
+    return text
+
+
+def answer(results: Results) -> list[str]:
+    """What the run found, in three sentences: heat, contact, and how exact it is.  [] where no window was solved."""
+    good = results.windows[results.windows.taken]
+    if not len(good):
+        return []
     T = shown("K", 0.0, results.header["temperature_unit"])
-    text += f" The highest temperature was {T.text(results.max_T, 5)}"
+    hottest = f"The highest temperature is {T.text(results.max_T, 5)}"
+    if (course := results.extremes.get("thermal.T")) is not None and np.isfinite(course).any():
+        at, low = float(results.t[int(np.nanargmax(course[:, 1]))]), float(np.nanmin(course[:, 0]))
+        hottest += f", at t = {number(at, 6)} s, the lowest {T.text(low, 5)}"
+    return [f"{hottest}.", _contact_sentence(results), _exact_sentence(results)]
+
+
+def _contact_sentence(results: Results) -> str:
+    good = results.windows[results.windows.taken]
     # The start is no window, and may have the highest of all.
     # fault: report: the pressure at the start is left out of the headline -> of_t = {0.0: 0.0} |
     #   coupler/test_one_pressure
     of_t = {0.0: largest_at(results, 0)}
     of_t |= dict(zip((good.t + good.H).tolist(), good.max_p.tolist(), strict=True))
     p = max(of_t.values())
-    if p > 0:
-        first, peak = next(t for t, at in of_t.items() if at > 0.0), max(of_t, key=lambda t: of_t[t])
-        return text + (f", the highest contact pressure {shown('Pa', p).text(p, 5)} at t = {number(peak, 6)} s; "
-                       f"contact pressed first at t = {number(first, 6)} s.")
-    return text + "; no contact pressure was seen."
+    if not results.header["pairs"]:
+        return "There is no contact in this scene."
+    if p <= 0:
+        return "No contact pressure was found."
+    first, peak = next(t for t, at in of_t.items() if at > 0.0), max(of_t, key=lambda t: of_t[t])
+    begins = "Bodies are pressed together from the start" if first == 0.0 else (
+        f"Bodies press on each other first at t = {number(first, 6)} s")
+    return f"{begins}; the highest contact pressure is {shown('Pa', p).text(p, 5)}, at t = {number(peak, 6)} s."
+
+
+def _exact_sentence(results: Results) -> str:
+    """The relative energy-balance error, and the largest estimated error of the probes."""
+    parts = []
+    if results.ledger:
+        closes = number(results.heat_imbalance, 2) if results.heat_imbalance > 0.0 else "round-off"
+        parts.append(f"The energy balance of the run closes to {closes} of the heat moved")
+    errors = {n: e for n, e in results.probe_errors.items() if e.range > 0.0}
+    if errors:
+        worst = max(errors, key=lambda n: errors[n].error / errors[n].range)
+        share = 100 * errors[worst].error / errors[worst].range
+        parts.append(f"the largest estimated error of a probe is {number(share, 3)} % of its range ({worst})")
+    text = "; ".join(parts) or "The run kept no energy balance and no error estimate"
+    return f"{text[0].upper()}{text[1:]}."
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """Least and largest value of a field over the run, with times [s], as shown."""
+
+    field: str
+    least: str
+    least_at: str
+    largest: str
+    largest_at: str
+
+
+def extreme_rows(results: Results) -> list[Extreme]:
+    """The least and the largest value of each field, of every window; fields that are 0 throughout are left out."""
+    fields, rows = results.fields, []
+    for name, course in results.extremes.items():
+        if name not in fields or not np.nan_to_num(np.abs(course)).any():
+            continue
+        # fault: report: extremes are of the last window -> low, high = len(course) - 1, len(course) - 1 |
+        #   coupler/test_extremes
+        low, high = int(np.nanargmin(course[:, 0])), int(np.nanargmax(course[:, 1]))
+        unit = fields[name].unit
+        scale = shown(unit, float(np.nanmax(np.abs(course))), results.header["temperature_unit"])
+        of = " (size)" if fields[name].components == 2 else ""
+        rows.append(Extreme(f"{title_of(fields[name])}{of}", scale.text(float(course[low, 0]), 5),
+                            number(float(results.t[low]), 6), scale.text(float(course[high, 1]), 5),
+                            number(float(results.t[high]), 6)))
+    return rows
 
 
 def _became(outcome: str) -> str:
-    return {"completed": "completed", "failed": "failed"}.get(outcome, f"was {outcome}")
+    return {"completed": "completed", "failed": "failed", "running": "goes on"}.get(outcome, f"was {outcome}")
 
 
 def wall_seconds(results: Results) -> float:
@@ -139,7 +202,7 @@ def scenario_facts(results: Results) -> list[tuple[str, str]]:
          or "none"),
         ("coupling", f"{c['scheme']}, {counted(planned, 'window')} planned to t = {number(end, 6)} s; "
          + ", ".join(f"{counted(int(n), side + ' substep')} a window" for side, n in c["substeps"].items())),
-        ("kinks", ", ".join(f"{number(float(k), 6)} s" for k in c["kinks"]) or "none"),
+        ("breakpoints", ", ".join(f"{number(float(k), 6)} s" for k in c["kinks"]) or "none"),
         ("ran", f"{h['started']}, {'each half in its own process' if h['processes'] else 'in one process'}, "
          f"on {h['machine']}"),
     ]
@@ -207,9 +270,12 @@ def trust_in_a_word(results: Results) -> str:
 TEMPLATE = "page.html.j2"
 
 
-def write_page(results: Results, path: Path) -> Path:
-    """Render the report of a run and put it at `path` whole.  Raises ResultsError if it cannot be written."""
-    return put_page(path, lambda: render(results), results)
+def write_page(results: Results, path: Path, renew: int = 0) -> Path:
+    """Render the report of a run and put it at `path` whole.  Raises ResultsError if it cannot be written.
+
+    renew : as in `render`.
+    """
+    return put_page(path, lambda: render(results, renew), results)
 
 
 def put_page(path: Path, page: Callable[[], str], *runs: Results) -> Path:
@@ -249,25 +315,29 @@ def template_of(name: str) -> Template:
     return environment.get_template(name)
 
 
-def render(results: Results) -> str:
-    """The page as text."""
+def render(results: Results, renew: int = 0) -> str:
+    """The page as text.  renew : after so many seconds the browser reads it anew; 0: never."""
     template = template_of(TEMPLATE)
     fields, remarks = field_pictures(results)
     parts, (rejected, rejected_count) = shares(results), rejected_windows(results)
+    probes, heats, conditions = probe_pictures(results), heat_picture(results), condition_pictures(results)
+    charts = [p.chart for p in (*probes, *([heats] if heats else []), *conditions) if p.chart is not None]
+    live = live_page(results, charts)
     return template.render(
-        title=results.header["title"], banner=banner(results), about=about(results),
-        summary=summary(results),
-        facts=scenario_facts(results), probes=probe_pictures(results), fields=fields,
-        contact=[*contact_pictures(results), *pressure_pictures(results)],
-        heat=heat_table(results), heat_picture=heat_picture(results), depth=depth_of(results),
-        conditions=condition_tables(results), condition_pictures=condition_pictures(results),
+        title=results.header["title"], banner=banner(results), about=about(results), answer=answer(results),
+        effort=effort(results), extremes=extreme_rows(results), live=live, charts=charts, renew=renew,
+        facts=scenario_facts(results), probes=probes, fields=fields,
+        contact=contact_pictures(results), pressures=pressure_pictures(results),
+        heat=heat_table(results), heat_picture=heats, depth=depth_of(results),
+        conditions=condition_tables(results), condition_pictures=conditions,
         choices=choices(results), stretches=stretches(results), every=every_window(results),
         tried=len(results.windows), short=short_windows(results), events=event_rows(results),
         errors=errors_picture(results), windows=windows_picture(results),
         iterates=iterates_picture(results), shares=parts, asked=asked(results),
         shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
         rejected_count=rejected_count, rules=rules_that_fired(results), watched=watched_pictures(results),
-        notes=[*_notes(results), *remarks], trust=trust_rows(results), trust_in_a_word=trust_in_a_word(results),
+        notes=[*_notes(results), *remarks, *live.remarks], trust=trust_rows(results),
+        trust_in_a_word=trust_in_a_word(results),
         versions=results.header["versions"], scenario=results.header["scenario"]["text"],
         resolved=_resolved(results), file=results.path.name,
         field_files=[p.name for p in results.field_files.values()])

@@ -44,6 +44,7 @@ class Progress:
     reason: str = ""
     event: str = ""
     fired: tuple[str, ...] = ()
+    solves: int = 0  # solver calls of the window
 
     @property
     def taken(self) -> bool:
@@ -103,4 +104,5 @@ def progress(tried: Tried, status: RunStatus, time_to_go: RemainingTime, notes: 
         m.get("max_T", math.nan), m.get("max_p", 0.0), status.ledger.imbalance, status.elapsed,
         time_to_go.after(fraction, status.elapsed), notes, len(solved.history.misfits) if solved.history else 0,
         solved.anyway, tried.H, solved.scheme.value, tried.reason, tried.event,
-        tuple(f"rule {f.rule!r}: {f.text}" for f in tried.fired if not f.driving))
+        tuple(f"rule {f.rule!r}: {f.text}" for f in tried.fired if not f.driving),
+        solved.work.thermal_solves + solved.work.mechanical_solves)

@@ -37,10 +37,11 @@ from coupler.record.checkpoint import (
     state_of,
     versions,
 )
+from coupler.record.frames import frame_choice
 from coupler.record.journal import being_written, check_mark, read_journal
 from coupler.record.observe import ConditionReader, ContactWarnings, ExtraOutputs, ProbeReader, friction
 from coupler.record.paths import check_target, checkpoint_of, journal_of, stopped_of
-from coupler.record.recorder import Recorder, WindowRecord
+from coupler.record.recorder import NO_RANGES, Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
 from coupler.running.damping import DampingNotes
@@ -162,6 +163,8 @@ class Run:
             self._damping = DampingNotes()
             self._outputs = ExtraOutputs(self.halves, interface)
             self.notes += self._outputs.notes
+            self._choice = frame_choice(self.scenario.output.most, self.scenario.coupling.end, len(interface.nodes),
+                                        self._outputs.fields)
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
             self.notes += not_told(launched, self.scenario.foreign)
@@ -170,7 +173,8 @@ class Run:
             if self._since is not None:
                 self._continue_from(self._since, both)
             header = {**header_of(self.scenario, self.plan, self._outputs.fields, self._probes.about,
-                                  self._conditions.outputs), "processes": self.processes, "notes": self.notes}
+                                  self._conditions.outputs), "processes": self.processes, "notes": self.notes,
+                      "ranges": self._outputs.range_names}
             self._recorder = Recorder(self.out, header, interface,
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0
@@ -231,8 +235,10 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            self._recorder.start(self.state.now, self._probed(), friction(self.halves), self._conditions.read())
+            self._recorder.start(self.state.now, self._probed(), friction(self.halves), self._conditions.read(),
+                                 self._outputs.ranges(self.state.now, self.scenario.interface))
             self._frame()
+            self._choice = self._choice.begun(self.state.now)
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
             tried = self._tried = self._step()
@@ -254,8 +260,12 @@ class Run:
             #   self._committed = self._committed[0], self._run_record() | coupler/test_resume_in_a_try
             self._record(tried)
             if tried.accepted:
-                if self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks:
-                    self._frame()
+                asked = self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks
+                self._choice, due, thin = self._choice.after(self.state.now, bool(tried.event), asked)
+                if thin:
+                    self._recorder.thin()
+                if due:
+                    self._frame(chosen=not asked)
                 self._commit()
             elapsed = time.perf_counter() - self._started
             status = RunStatus(self.scenario.coupling.end, self._total, elapsed, self.ledger)
@@ -304,7 +314,7 @@ class Run:
         self.ledger, self.noticed = record.ledger, list(record.noticed)
         self.halves = halves_of(self.halves.thermal, self.halves.mechanical, self.plan, self.scenario.interface)
         self._warnings.put_back(record.seen, record.said)
-        self._trust = record.trust
+        self._trust, self._choice = record.trust, record.choice
         self._recorder.rewind(to.t, record.rows)
         self._framed, self._tried = min(self._framed, record.framed), None
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
@@ -319,7 +329,9 @@ class Run:
             monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
         record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors,
                               friction(self.halves) if tried.accepted else {},
-                              self._conditions.read() if tried.accepted else np.empty(0))
+                              self._conditions.read() if tried.accepted else np.empty(0),
+                              self._outputs.ranges(tried.solved.state.now, self.scenario.interface)
+                              if tried.accepted else NO_RANGES)
         # Read once more only where the halves went on from there.
         followed = tried.looked is not None and len(self.scenario.probes) > 0
         probes = tried.looked.values if tried.looked is not None and followed else self._probed()
@@ -386,7 +398,7 @@ class Run:
         contact, warned = self._warnings.memory
         return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
-                    tuple(self.plan.rules), self._trust)
+                    tuple(self.plan.rules), self._trust, self._choice)
 
     def _continue_from(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Restore everything from a checkpoint."""
@@ -408,7 +420,7 @@ class Run:
         #   | coupler/test_resume::test_stopped_twice_and_resumed_it_is_the_undisturbed_run
         self._framed, self._begun = record.framed, True
         self._warnings.put_back(record.seen, record.said)
-        self._trust = record.trust
+        self._trust, self._choice = record.trust, record.choice
         number = since.committed.control.number
         t = self.state.now.t
         self._time_to_go = RemainingTime(number / self._total if self._total else t / self.scenario.coupling.end)
@@ -422,12 +434,12 @@ class Run:
     def _probed(self) -> Array:
         return self._probes.values(self.state.now)
 
-    def _frame(self) -> None:
-        """Record the fields as they are now, once."""
+    def _frame(self, chosen: bool = False) -> None:
+        """Record the fields as they are now, once.  chosen : as in Recorder.frame."""
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        self._recorder.frame(self.state.now, self._outputs.read())
+        self._recorder.frame(self.state.now, self._outputs.read(), chosen)
 
     def _memory(self) -> Mapping[str, Array]:
         """Return what another run may start from; what stands in the way is a note, for it ends no run."""

@@ -93,6 +93,15 @@ class Scenario:
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
     recordings: Mapping[str, TakenRecording] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Three lines: a field array of the mesh would be pages."""
+        i, n = self.interface, len(self.interface.pairs)
+        return (f"Scenario {self.title!r} ({self.file.name})\n"
+                f"  {self.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
+                f"{len(i.quads) + len(i.triangles)} cells, {n} contact pair{'' if n == 1 else 's'}\n"
+                f"  halves {self.thermal_half} and {self.mechanical_half}, {self.coupling.scheme.value}, to t = "
+                f"{self.coupling.end:g} s; probes {', '.join(self.probes) or 'none'}")
+
     @property
     def geometry(self) -> str:
         """"plane" or "axisymmetric"."""

@@ -14,7 +14,7 @@ from contact.problem.pairs import ContactPair
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.start import Replay
 from contact.problem.thermal import ThermalSettings
-from contact.problem.values import DottedName, Name, NotNegative, Number, Text, Whole, problem
+from contact.problem.values import Count, DottedName, Name, NotNegative, Number, Text, Whole, problem
 from coupler.scenario.bodies import MeshedBody
 from coupler.scenario.conditions import is_condition
 from coupler.scenario.coupling_schema import CouplingSpec
@@ -159,7 +159,8 @@ class ProbeSpec(Part):
 
 
 class Fields(Part):
-    """When fields are kept: every so many windows, and at the first window end at or after times [s]."""
+    """When fields are kept: every so many windows, at the first window end at or after times [s], where much changes.
+    """
 
     every: Annotated[Whole | None, Entry(
         "keep fields every so many windows",
@@ -168,6 +169,10 @@ class Fields(Part):
         "keep them at the first window end at or after each time",
         kind="[s, ...]",
         default="none")] = ()
+    most: Annotated[Count | None, Entry(
+        "keep at most so many more where most changes and at contact events; 0: none",
+        kind="integer >= 0",
+        default="50; 0 with `every`")] = None
 
 
 class OutputSpec(Part):

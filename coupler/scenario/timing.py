@@ -154,6 +154,7 @@ def _count(length: float, first: float, last: float) -> float:
 
 # A window end this near below a wanted time (as a share of it) is that time.
 SAME_TIME = 1e-9
+MOST_FRAMES = 50  # chosen for change, where nothing is said: as many as a page plays
 
 
 @dataclass
@@ -176,11 +177,12 @@ class Frames:
 class Output:
     """every : keep fields every so many windows, None: never by count.  at : at the first window end at or
     after these times [s], ascending.  The first and last state of a run are kept in any case.
-    checkpoint : least wall time between two checkpoints [s], None: there are none."""
+    checkpoint : least wall time between two checkpoints [s], None: there are none.  most : frames chosen for change."""
 
     every: int | None
     at: Sequence[float] = field(default=())
     checkpoint: float | None = 30.0
+    most: int = 0
 
     def frames(self) -> Frames:
         """A fresh count for one run."""
@@ -194,4 +196,7 @@ def output_of(document: Document, spec: OutputSpec, end: float) -> Output:
             raise document.error(
                 ("output", "fields", "at", i), f"this is after the end of the run, {end:g} s"
             )
-    return Output(spec.fields.every, tuple(sorted(set(spec.fields.at))), spec.checkpoint)
+    fields = spec.fields
+    # Who counts windows has chosen; to all others the run shows where something happens.
+    most = fields.most if fields.most is not None else MOST_FRAMES if fields.every is None else 0
+    return Output(fields.every, tuple(sorted(set(fields.at))), spec.checkpoint, most)

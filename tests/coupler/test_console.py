@@ -59,7 +59,7 @@ def test_tries_of_one_window_are_one_line() -> None:
     assert first == ("window 1 at t = 1 s, 2 s iterated: the mechanical solver failed (nothing holds body [b]); "
                      "the mechanical solver failed (no equilibrium); the step was rejected 10 times; "
                      "accepted with 0.002 s iterated")
-    assert "| window 1/200 (10 rejected)" in second
+    assert "| window 1/200 of 0.002 s (10 rejected)" in second
 
 
 def test_errors_that_are_too_large_are_told_ten_times() -> None:

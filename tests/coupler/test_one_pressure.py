@@ -38,10 +38,10 @@ def everywhere(folder: Path, doc: dict[str, Any]) -> tuple[Results, dict[str, fl
     seen: list[float] = []
     with without_fmus():
         results = run(loaded(folder, doc), folder / "s.h5", on_window=lambda p: seen.append(p.max_p))
-    from coupler.report.page import summary
+    from coupler.report.page import answer
     from coupler.report.pressure import largest, pressure_pictures
 
-    told = re.search(r"highest contact pressure ([\d.]+) (\w+)", summary(results))
+    told = re.search(r"highest contact pressure is ([\d.]+) (\w+)", answer(results)[1])
     assert told is not None
     (picture,) = pressure_pictures(results)
     (along,) = results.contact.values()

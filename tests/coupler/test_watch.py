@@ -1,0 +1,63 @@
+"""`slideline watch`: the page of a run that goes on, and that of its end."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from coupler.errors import ResultsError
+from coupler.record.paths import journal_of
+from coupler.record.results import Results
+from coupler.report import watch_report
+
+sys.path.insert(0, str(Path(__file__).parent))
+from synthetic_run import Case, record, write_run
+
+
+@pytest.fixture(autouse=True)
+def _in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page may take all of a core from these runs."""
+    monkeypatch.setattr("coupler.report.watch.SHARE", 1.0)
+
+
+def test_a_run_that_goes_on_has_a_page_that_is_renewed_until_it_ends(tmp_path: Path) -> None:
+    run = record(tmp_path / "run.h5", Case(windows=10, frames=11, reject=0))
+    out, seen = tmp_path / "run.html", []
+
+    def on_page(results: Results) -> None:
+        seen.append((results.outcome, len(results.t), out.read_text("utf-8")))
+        if len(seen) == 2:
+            run.end("completed", "", {"seconds": 1.0})
+
+    done = watch_report(tmp_path / "run.h5", out, 0.05, on_page)
+    assert [outcome for outcome, _, _ in seen] == ["running", "running", "completed"]
+    assert all(n == 11 for _, n, _ in seen)
+    for outcome, _, page in seen:
+        assert ("This run goes on." in page) == ("data-renew" in page.partition("<body>")[0]) == (outcome == "running")
+        assert 'id="player"' in page
+    assert done.outcome == "completed"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.h5", "run.html", "run.mechanical.vtkhdf",
+                                                          "run.thermal.vtkhdf"]
+
+
+def test_watching_leaves_the_journal_as_it_is(tmp_path: Path) -> None:
+    run = record(tmp_path / "run.h5", Case(windows=3, frames=2, reject=0))
+    before = journal_of(tmp_path / "run.h5").read_bytes()
+
+    def on_page(results: Results) -> None:
+        if results.outcome == "running":
+            assert journal_of(tmp_path / "run.h5").read_bytes() == before
+            run.end("interrupted", "stopped", {"seconds": 1.0})
+
+    assert watch_report(tmp_path / "run.h5", tmp_path / "page.html", 0.05, on_page).outcome == "interrupted"
+
+
+def test_a_run_that_has_ended_has_its_page_at_once_and_none_is_named(tmp_path: Path) -> None:
+    write_run(tmp_path / "run.h5", Case(windows=3, frames=2))
+    pages = []
+    watch_report(tmp_path / "run.h5", tmp_path / "run.html", 100.0, pages.append)
+    assert [r.outcome for r in pages] == ["completed"]
+    with pytest.raises(ResultsError, match="no such results file"):
+        watch_report(tmp_path / "none.h5", tmp_path / "none.html", 1.0, pages.append)
