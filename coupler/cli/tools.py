@@ -18,9 +18,11 @@ ABOUT = {
     ("thermal", "thermal"): "heat conduction on the mesh, with radiation, convection, melting and sources",
     ("thermal", "lumped"): "one temperature a body, for bodies that are evenly warm",
     ("thermal", "rod"): "heat conduction along a row of cells",
+    ("thermal", "replay"): "temperatures as an earlier run recorded them",
     ("mechanical", "elastic"): "stress and deformation on the mesh, with plasticity, creep, contact and friction",
     ("mechanical", "rigid"): "bodies that only move as prescribed",
     ("mechanical", "rod"): "one-dimensional bars that lengthen and are pressed together",
+    ("mechanical", "replay"): "deformation as an earlier run recorded it",
 }
 
 
