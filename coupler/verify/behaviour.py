@@ -248,7 +248,8 @@ def answers_pressure(bench: Bench, check: str) -> Finding:
     k = int(np.argmax(off))
     if off[k] > CHANGED * begun[k]:
         return failed(check, f"pair {i.pairs[k].name}: pressed by {PRESSED:g} Pa its sides are {left[0][k]:.6g} K "
-                      f"apart after a substep, pulled as much {left[1][k]:.6g} K", "t_N is <= 0 where sides press: p = -t_N")
+                      f"apart after a substep, pulled as much {left[1][k]:.6g} K",
+                      "t_N is <= 0 where sides press: p = -t_N")
     return passed(check)
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from coupler import Results, load_scenario, run
 from coupler.errors import ScenarioError
+from coupler.running.run import resume
 
 sys.path.insert(0, str(Path(__file__).parent))
 from foreign_scenes import TEXT
@@ -124,3 +125,11 @@ def test_what_is_too_coarse_in_time_is_told_and_no_heat_is_made_of_a_part_of_it(
     assert "of contact.E_friction that it made are not played" in note
     assert "contact.E_friction" not in s.recordings["mechanical"].recording.outputs
     assert "x " in note.partition("off by about")[2]
+
+
+def test_in_a_process_of_its_own_and_resumed_it_plays_the_same(folder: Path) -> None:
+    own = Results(folder / "run.h5").probe("T")[1]
+    scenario = load_scenario(folder / "s.yaml", overrides=swapped("mechanical", **{"output.checkpoint": 0}))
+    assert (run(scenario, out=folder / "apart.h5", processes=True).probe("T")[1] == own).all()
+    run(scenario, out=folder / "part.h5", until=1.0)
+    assert (resume(folder / "part.h5").probe("T")[1] == own).all()

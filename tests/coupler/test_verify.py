@@ -229,7 +229,7 @@ def test_an_honest_half_passes_everything():
     findings = found(Honest)
     # No scene is known here.
     assert verdicts(findings, CheckVerdict.PASS) == set(findings) - {"starts as the scene", "answers to pressure"}
-    assert len(findings) == 24
+    assert len(findings) == 25
     assert findings["takes substeps"].reason == "of 0.5 s"  # 1 s is refused, and halved
 
 
