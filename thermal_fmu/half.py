@@ -251,11 +251,11 @@ class ThermalHalf:
             at_start = phase_change.fields(scene.melting, np.array(state.s))
             substep = with_friction(substep, scene, points, E_friction, at_start, h)
         load = factors_of(scene.model, inputs)
-        # fault: E_M as power -> context = StepContext(scene, substep, load, self._calendar, substep.E_M, self._factors)
-        #   | thermal_fmu/test_thermal_nonlinear
         # fault: how nodes moved before is forgotten -> rate = None |
         #   thermal_fmu/test_thermal_limits::test_a_node_follows_a_contact_that_shrinks
         rate = None if state.rate is None else np.array(state.rate)
+        # fault: E_M as power -> context = StepContext(scene, substep, load, self._calendar, substep.E_M, self._factors)
+        #   | thermal_fmu/test_thermal_nonlinear
         context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors, state.known, rate)
         event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)

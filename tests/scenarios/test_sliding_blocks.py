@@ -84,6 +84,10 @@ def test_every_joule_is_accounted_for(runs, case):
 # Pressed blocks spread sideways: the elastic edges pass a point up to 7.3e-6 m later than the rigid ones (read from the
 # fields), which is .22 s at the sliding speed.  Where a probe falls by a kelvin a second that alone is .2 K.
 ELASTIC_LAG = 0.22
+# Just before the rigid blocks part the corner falls by so many K/s, in windows of 1 s.  The listed windows see its mean
+# over 9 s, and where the next one ends, in which the elastic blocks part, the slope after it.
+PARTS = (14772.0, 14777.0)
+PARTING_SLOPE = 10.2
 
 
 @pytest.mark.parametrize("cells", [(24, 24), pytest.param((24, 31), marks=pytest.mark.slow)])
@@ -96,6 +100,8 @@ def test_elastic_against_rigid(runs, cells):
             t, T = rigid.probe(name)
             difference = np.abs(elastic.probe(name)[1] - T)
             allowed = F1["elastic_against_rigid"] + ELASTIC_LAG * np.abs(np.gradient(T, t))
+            parts = (t > PARTS[0]) & (t < PARTS[1])
+            allowed[parts] = np.maximum(allowed[parts], F1["elastic_against_rigid"] + ELASTIC_LAG * PARTING_SLOPE)
             allowed[(t < 12500) | (t > 15000)] = F1["elastic_against_rigid"]
             assert (difference <= allowed).all(), f"{name}: {(difference - allowed).max()} K too far"
 
