@@ -80,8 +80,6 @@ def _of_journal(out: Path, journal: Path) -> RunProgress:
             title, end = str(meta["title"]), float(meta["coupling"]["end"])
         elif record.kind == "window":
             rows.append(meta)
-            # fault: a window that was put back counts as progress -> t = float(meta["t"] + meta["H"]) |
-            #   coupler/test_status
             t = float(meta.get("t_now", t))
         elif record.kind == "rewind":
             rows, t = rows[:int(meta["rows"])], float(meta["t_now"])

@@ -42,7 +42,7 @@ def test_a_run_is_told_while_it_goes_on_and_when_it_is_done(tmp_path):
         status(tmp_path / "other.h5")
 
 
-def test_a_window_that_was_put_back_is_no_progress(tmp_path):
+def test_a_window_that_was_gone_back_behind_is_no_progress(tmp_path):
     out = tmp_path / "run.h5"
     with Run(load_scenario(SCENARIO, CHANGED), out) as run:
         windows = run.windows()
