@@ -254,8 +254,13 @@ def _sized(attempt: Attempt, control: ControlState, error: Estimate | None) -> C
     if adaptive is None:
         return control
     limits = window_size.StepLimits(adaptive.least, adaptive.most)
-    size, memory = window_size.proposed(control.controller, attempt.H, None if error is None else error.size,
-                                     2 if error is None else error.order, limits)
+    told, end = None if error is None else error.size, attempt.solved.state
+    # While a front moves every window is kept in halves, which have a quarter of its error.
+    if told is not None and end.past and error_estimate.front_moves(end):
+        # fault: windows kept in halves are as short as those kept whole -> pass | scenarios/test_casting_1d
+        told *= window_size.AIM / window_size.AIM_IN_HALVES
+    size, memory = window_size.proposed(control.controller, attempt.H, told, 2 if error is None else error.order,
+                                        limits)
     # fault: a crumb before a kink sets the size after it -> size = max(size, 0.0) | coupler/test_control
     size = max(size, _as_planned(attempt, error))
     reason = "no error is known yet" if error is None else error.words

@@ -27,7 +27,7 @@ from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
 from coupler.schemes.levels import DAMPED, Level, alternating_gain, closest, predicted
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved
+from coupler.schemes.state import AHEAD, MOVED, CoupledState, Halves, IterationHistory, Solved
 
 Array = NDArray[np.float64]
 
@@ -63,6 +63,9 @@ MAX_GAIN_SPLIT = 0.5 * MAX_GAIN_DAMPED
 # Below this three iterates agree, of second order: what the split spares is not worth its first.
 # fault: auto freezes entropy where iterates agree at once -> MIN_GAIN_SPLIT = 0.0 | coupler/test_auto
 MIN_GAIN_SPLIT = 0.1
+# Windows solved once hand heat of mechanics over a window late, of first order; below MIN_GAIN_SPLIT that is what is
+# wrong with them.  Where it is more than this share of the heat that nodes took up or gave off, two iterates pay.
+MIN_SQUEEZED = 0.02
 # Where what comes out of an iterate goes with what was put in, by more than this share, implicit steps are too long to
 # follow what drives itself on: they end on the other side of its unstable rest, or stay there.  One solve follows it.
 # A ratio below 0 by less than this share of the largest is none that turns round.
@@ -122,6 +125,8 @@ class Memory:
     measured.
     miss : (n_nodes,) [K] outcome less prediction of the last window solved once.  turns : of it, on end.
     alternating_gain : f of that window.  wary [s] : windows so long did what rho does not foretell; 0: none did.
+    squeezed : what mechanics made of heat in the last window, but for that of friction, over what nodes took up and
+    gave off in it, where that is told.
     costs : of windows solved once and iterated, where their errors are known.
     """
 
@@ -138,6 +143,7 @@ class Memory:
     turns: int = 0
     alternating_gain: float = 0.0
     wary: float = 0.0
+    squeezed: float = 0.0
     costs: SchemeCosts = field(default_factory=SchemeCosts)
 
 
@@ -166,9 +172,16 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False,
     wary = 0.0 < WARY_FROM * memory.wary < H
     if memory.costs.waits and not (memory.driven and rho > MAX_GAIN):
         return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g}, and iterating costs less for the error wanted")
+    # fault: heat of squeezing is handed over a window late where two iterates would agree -> if False: |
+    #   coupler/test_auto
+    if weighs and memory.squeezed > MIN_SQUEEZED and not wary and rho < MIN_GAIN_SPLIT:
+        return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g}, and heat of squeezing would come a window late")
     if freezes and _makes_heat(state) and MIN_GAIN_SPLIT <= rho < MAX_GAIN_SPLIT:
         return SchemeChoice(Scheme.ADIABATIC, f"contraction {rho:.2g}, and the heat of squeezing acts back")
-    if memory.driven and rho > MAX_GAIN and memory.since < memory.rest:
+    # What is only reckoned for longer windows is measured first.
+    # fault: windows of first order for what was never measured to drive itself on so much -> if memory.driven and rho >
+    #   MAX_GAIN and memory.since < memory.rest: | coupler/test_auto
+    if memory.driven and rho > MAX_GAIN and memory.since < memory.rest and H <= LONGER * memory.H:
         return SchemeChoice(Scheme.STAGGERED, f"contraction {rho:.2g}, of what drives itself on")
     extrapolation = _extrapolation(memory, _times(state), state.now.t + H, wary)
     if extrapolation is None and wary:
@@ -259,6 +272,16 @@ def _makes_heat(state: CoupledState) -> bool:
     return any(account.made != 0.0 for account in state.accounts.values())
 
 
+def _squeezed(solved: Solved) -> float:
+    """What mechanics made of heat in a window, but for that of friction, over what nodes took up and gave off in it."""
+    accounts = solved.state.accounts
+    made = sum(float(np.abs(a.power).sum()) for n, a in accounts.items() if n not in AHEAD and a.power is not None)
+    # `power` is that of the last of the solves that make up the window.
+    length = solved.state.now.t - (solved.state.past[0].t if solved.state.past else solved.state.now.t)
+    moved = sum(told.get(MOVED, 0.0) for told in solved.terms)
+    return made * length / moved if moved > 0.0 else 0.0
+
+
 def _drives_on(history: IterationHistory) -> bool:
     """Whether no iterate turned round.  Where fronts move some do and some do not: nothing is to be learnt there."""
     return min(history.ratios, default=-1.0) > -ALONG * history.contraction
@@ -284,7 +307,7 @@ def learn(memory: Memory, start: CoupledState, solved: Solved, H: float, seen: S
         H *= 0.5  # the window was solved in two, and that answer taken
     touching, gaps = solved.monitors.get("touching", 0.0), open_gaps(solved.state.now)
     known = rho_at(memory, H)
-    memory, moved = _moved(memory, start, solved)
+    memory, moved = _moved(replace(memory, squeezed=_squeezed(solved)), start, solved)
     if solved.history is not None:
         return _measured(memory, Measure.of(solved.history, seen, known), H, WindowChange(moved, touching, gaps))
     memory = _watched(memory, start, solved)
@@ -366,7 +389,11 @@ def _measured(memory: Memory, measure: Measure, H: float, change: WindowChange) 
     if math.isnan(rho):
         return told
     known, apart = memory.rho, memory.since + moved
+    driven = measure.driven
     if measure.single and known > 0.0:
+        # A small ratio may be of a miss that has nothing to do with the exchange, so its sign tells nothing, either.
+        # fault: one small ratio tells what drives itself on -> driven = measure.driven | coupler/test_auto
+        driven = measure.driven if rho >= LOWERS * rho_at(memory, H) else memory.driven
         rho = max(rho, LOWERS * rho_at(memory, H))
     same = apart > 0.0 and math.isclose(H, memory.H)
     growth = math.log(rho / known) / apart if known > 0.0 and rho > 0.0 and same else 0.0
@@ -377,7 +404,7 @@ def _measured(memory: Memory, measure: Measure, H: float, change: WindowChange) 
     # fault: auto wary of what the exchange does not feed -> wary = H if memory.turns >= TURNS and rho *
     #   memory.alternating_gain < MAX_GAIN else memory.wary | coupler/test_auto
     wary = H if memory.turns >= TURNS and MIN_COUPLING_GAIN < rho * memory.alternating_gain < MAX_GAIN else memory.wary
-    return replace(told, rho=rho, H=H, driven=measure.driven, growth=growth, rest=rest, wary=wary)
+    return replace(told, rho=rho, H=H, driven=driven, growth=growth, rest=rest, wary=wary)
 
 
 def _watched(memory: Memory, start: CoupledState, solved: Solved) -> Memory:

@@ -6,11 +6,14 @@ most of its error, whatever makes it.  In between, the error of a quantity v is 
     error = ratio * max |H^2 v''|,   v'' the second divided difference of the last three levels,
 
 with the ratio as it was last measured, times H/H_measured where the window has grown (a method of second order makes an
-error of H^3).  Second and not third differences: a third one is lost where a stiff cell follows its surroundings, and
-sees a wiggle of an old window as its own.  Where two measured ratios agree, the next measurement waits twice as long;
-where they do not, the next window is measured too: a front that freezes node by node is no smooth function of time, and
-only solving again tells.  Where a gap closes or opens in the window nothing is carried on, and the halves' answer is
-taken to be as wrong as the whole's (below).  docs/coupling.md has what that was found to be worth.
+error of H^3): the miss of the line through the last two levels, which is what was extrapolated against what came out.
+Second and not third differences: a third one is lost where a stiff cell follows its surroundings, and sees a wiggle of
+an old window as its own.  Every scheme has ratios of its own.  Where a measured ratio is no more than what it was taken
+for, the next measurement waits twice as long; where it is more, the next window is measured too: a front that freezes
+node by node is no smooth function of time, and only solving again tells.  A ratio found smaller is no disagreement:
+what was told was too much, which costs shorter windows and no accuracy.  Where a gap closes or opens in the window
+nothing is carried on, and the halves' answer is taken to be as wrong as the whole's (below).  docs/coupling.md has what
+that was found to be worth.
 """
 
 from __future__ import annotations
@@ -37,11 +40,19 @@ from coupler.schemes.state import AHEAD, CoupledState, Solved, Span
 SHARE = 0.1
 # [m] A hundredth of a gas layer of 10 um: a gap that was never wider changes no law of conductance by more than 1 %.
 THIN = 1e-7
+# A node is wholly faced from this share on.
+WHOLLY = 0.999
 
 
 def gap_closes(start: Level, end: Level) -> bool:
-    """Whether some gap, faced at both ends of a window, all but closes in it, or opens."""
-    faced = np.isfinite(start.gap) & np.isfinite(end.gap) & (start.covered > 0.0) & (end.covered > 0.0)
+    """Whether some gap, wholly faced at both ends of a window, all but closes in it, or opens.
+
+    One that is faced in part is at the end of a surface that slides: what is told of it goes to and fro there.
+    """
+    faced = np.isfinite(start.gap) & np.isfinite(end.gap)
+    # fault: nodes at the end of a surface that slides close gaps in every window -> faced &= (start.covered > 0.0) &
+    #   (end.covered > 0.0) | coupler/test_estimate
+    faced &= (start.covered > WHOLLY) & (end.covered > WHOLLY)
     a, b = (np.maximum(level.gap[faced], 0.0) for level in (start, end))
     wider = np.maximum(a, b)
     return bool(((wider > THIN) & (np.minimum(a, b) < SHARE * wider)).any())
@@ -68,10 +79,15 @@ DOUBLING = {0: Doubling(2.0, 2.0), 1: Doubling(2.0, 1.0), 2: Doubling(1.5, 0.375
 # two or one) the factors are 2 (l + 1)/(l + 1/2) and (l + 3/2)/(l + 1/2) of `mechanical_first`, (2 l + 1)/l and
 # (l + 1)/l of `parallel`: 2.7 to 4 and 1.7 to 3.  Of `adiabatic` without a gap that feeds back: 2 and 1.
 LATE = Doubling(2.8, 1.75)
-# Ratios this near agree.  Measured again after at most so many windows, and when the window has changed by a factor.
+# A ratio up to so many times what it was taken for agrees with it.  Measured again after at most so many windows, and
+# when the window has changed by a factor.
 AGREE, MOST, CHANGED = 1.4, 16, 2.5
+# A ratio found smaller than it was taken for is taken for this part of that at least.
+BELIEVED = 0.5
+# Where what sizes windows was told as so much too large, it is measured again after so many windows at the latest.
+SOON = 3
 # An error of less than this share of its tolerance decides nothing, and is not measured again for its own sake.
-IDLE = 0.02
+IDLE = 0.25
 # A solid fraction that changes by more moves a front; less is what Newton leaves.
 FRONT = 1e-6
 MIDPOINT = 1.0 / 12.0  # the constant of the midpoint rule on linear equations, of the third difference
@@ -81,19 +97,34 @@ QUANTITIES = ("temperature", "gap", "heat", "displacement")
 
 
 @dataclass(frozen=True)
-class Memory:
-    """ratios : quantity -> error over second difference, as last measured, in a window of H [s].
+class Measured:
+    """ratios : quantity -> error over second difference, in windows of one scheme, last measured in one of H [s].
 
-    left : windows until the next measurement.  pause : how many there were between the last two.
-    scheme : by which that window was solved.  rate : heat through contact in the last window [W]; nan: not known.
+    left : windows, of any scheme, until the next measurement.  pause : how many there were between the last two.
+    bend : third difference of T over its second one in that window; nan: not known.
     """
 
     ratios: Mapping[str, float] = field(default_factory=dict)
     H: float = 0.0
     left: int = 0
     pause: int = 0
-    scheme: str = ""
+    bend: float = math.nan
+
+
+@dataclass(frozen=True)
+class Memory:
+    """by : name of a scheme -> what was measured of it.  rate : heat through contact in the last window [W]; nan: not
+    known.
+    """
+
+    by: Mapping[str, Measured] = field(default_factory=dict)
     rate: float = math.nan
+
+    def of(self, scheme: Scheme) -> Measured:
+        """What was measured of windows of a scheme; without ratios where nothing was."""
+        # fault: the ratio of one scheme used for another -> return next(iter(self.by.values()), Measured()) |
+        #   coupler/test_estimate
+        return self.by.get(scheme.value, Measured())
 
 
 @dataclass(frozen=True)
@@ -137,13 +168,11 @@ def wanted(memory: Memory, start: CoupledState, span: Span, scheme: Scheme, end:
 
     end : the level to which the window came in one.
     """
-    H = span.end - start.now.t
-    # fault: the ratio of one scheme used for another -> return (not memory.ratios or memory.left <= 0 or not start.past
-    #   | coupler/test_estimate
-    return (not memory.ratios or memory.left <= 0 or not start.past or scheme.value != memory.scheme
-            # fault: errors carried on while a front moves -> or not 1.0 / CHANGED <= H / memory.H <= CHANGED |
+    H, known = span.end - start.now.t, memory.of(scheme)
+    return (not known.ratios or known.left <= 0 or not start.past
+            # fault: errors carried on while a front moves -> or not 1.0 / CHANGED <= H / known.H <= CHANGED |
             #   coupler/test_estimate
-            or not 1.0 / CHANGED <= H / memory.H <= CHANGED or front_moves(start)
+            or not 1.0 / CHANGED <= H / known.H <= CHANGED or front_moves(start)
             # fault: a window in which a gap closes is not measured -> ) | coupler/test_estimate
             or gap_closes(start.now, end))
 
@@ -154,15 +183,16 @@ def estimate(memory: Memory, start: CoupledState, solved: Solved, tolerance: Err
 
     solved.whole : the outcome of the same window in one, where `solved` is that of its two halves.
     """
-    if solved.whole is None and not memory.ratios:
+    known = memory.of(solved.scheme)
+    if solved.whole is None and not known.ratios:
         return None
     levels = (solved.state.now, start.now, *start.past)
     H, order = levels[0].t - levels[1].t, _order(start, solved, iteration.level)
     second = _second(levels, memory, solved)
     left = _left_over(start.now, solved, iteration)
     if solved.whole is None:
-        grown = _grown(memory, H, order)
-        errors = {n: memory.ratios[n] * grown * d + left.get(n, 0.0) for n, d in second.items() if n in memory.ratios}
+        grown = _grown(known, H, order, _bend(levels, second))
+        errors = {n: known.ratios[n] * grown * d + left.get(n, 0.0) for n, d in second.items() if n in known.ratios}
         own = _own(levels, errors["temperature"], left)
         return replace(_in_tolerances(errors, solved, levels, tolerance, own), order=order)
     apart = _apart(solved, solved.whole, second)
@@ -215,12 +245,23 @@ def after(memory: Memory, start: CoupledState, solved: Solved, found: Estimate |
     H = solved.state.now.t - start.now.t
     heat = _heat(solved)
     rate = math.nan if heat is None else heat / H
+    name, known = solved.scheme.value, memory.of(solved.scheme)
+    # All of them grow old, so that a scheme that is seldom used is measured when it is, which tells what it costs.
+    by = {n: replace(m, left=m.left - 1) for n, m in memory.by.items()}
     if found is None or not found.measured:
-        return replace(memory, left=memory.left - 1, rate=rate)
+        return Memory(by, rate)
     if not start.past:  # two levels have no second difference
-        return Memory(rate=rate)
-    pause = min(max(1, 2 * memory.pause), MOST) if _agree(memory, found, H) else 0
-    return Memory(found.ratios, H, pause, pause, solved.scheme.value, rate)
+        return Memory({n: m for n, m in by.items() if n != name}, rate)
+    levels = (solved.state.now, start.now, *start.past)
+    bend = _bend(levels, _second(levels, memory, solved))
+    expected = {n: r * _grown(known, H, found.order, bend) for n, r in known.ratios.items()}
+    pause = min(max(1, 2 * known.pause), MOST) if _agree(expected, found) else 0
+    worst = max(found.shares, key=lambda n: found.shares[n])
+    if found.ratios[worst] < BELIEVED * expected.get(worst, 0.0):
+        pause = min(pause, SOON)
+    # fault: a ratio found smaller is believed at once -> ratios = dict(found.ratios) | coupler/test_estimate
+    ratios = {n: max(r, BELIEVED * expected.get(n, 0.0)) for n, r in found.ratios.items()}
+    return Memory({**by, name: Measured(ratios, H, pause, pause, bend)}, rate)
 
 
 def forgotten(memory: Memory) -> Memory:
@@ -228,24 +269,33 @@ def forgotten(memory: Memory) -> Memory:
     return Memory()
 
 
-def _agree(memory: Memory, found: Estimate, H: float) -> bool:
-    """Whether the ratios of all quantities that decide are what they would have been taken for."""
-    if not memory.ratios:
-        return False
-    grown = _grown(memory, H, found.order)
+def _agree(expected: Mapping[str, float], found: Estimate) -> bool:
+    """Whether no ratio of a quantity that decides is more than it would have been taken for."""
     for name, ratio in found.ratios.items():
-        expected = memory.ratios.get(name, 0.0) * grown
         # fault: measured ratios always agree -> if found.shares[name] > IDLE * 0.5**found.order and not 0.0 <= ratio: |
         #   coupler/test_estimate
-        if found.shares[name] > IDLE * 0.5**found.order and not expected / AGREE <= ratio <= expected * AGREE:
+        if found.shares[name] > IDLE * 0.5**found.order and ratio > expected.get(name, 0.0) * AGREE:
             return False
-    return True
+    return bool(expected)
 
 
-def _grown(memory: Memory, H: float, order: int) -> float:
-    """What to multiply a ratio by: a second difference goes with H^2, the error of a window of this order with H^3."""
+def _grown(known: Measured, H: float, order: int, bend: float) -> float:
+    """What to multiply a ratio by: a second difference goes with H^2, the error of a window of this order with H^3.
+
+    A longer window of what has become slower is no worse than the shorter one was: third differences over second ones
+    tell, and no more than that of them.
+    """
     # fault: a longer window has the error of a shorter one -> return 1.0 | coupler/test_estimate
-    return max(H / memory.H, 1.0) ** (order - 1)
+    most = max(H / known.H, 1.0)
+    # fault: a window as long for what goes on as the one before is taken to be as much worse as it is longer ->
+    #   slower = most | coupler/test_estimate
+    slower = bend / known.bend if known.bend > 0.0 else most
+    return min(max(slower, 1.0), most) ** (order - 1) if slower == slower else most ** (order - 1)
+
+
+def _bend(levels: Sequence[Level], second: Mapping[str, float]) -> float:
+    """Third difference of T over its second one; nan where there are too few levels."""
+    return _third(levels) / second["temperature"] if len(levels) > 3 and second["temperature"] > 0.0 else math.nan
 
 
 def _in_tolerances(errors: Mapping[str, float], solved: Solved, levels: Sequence[Level], tolerance: ErrorTolerances,
@@ -347,7 +397,7 @@ def _faced(levels: Sequence[Level]) -> NDArray[np.bool_]:
     known = np.isfinite(levels[0].gap)
     for level in levels[:3]:
         # fault: a gap that begins counts as an error of it -> known &= level.covered > -1.0 | coupler/test_estimate
-        known &= level.covered > 0.999
+        known &= level.covered > WHOLLY
     return known
 
 

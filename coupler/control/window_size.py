@@ -25,17 +25,16 @@ Array = NDArray[np.float64]
 # The integral part alone would answer each wiggle of the estimate in full; with the proportional one the size follows
 # the trend (powers near Gustafsson's, with which it is well damped).
 
-# The error a window is meant to have, in tolerances: its problem is not quite that of the last, and a window rejected
-# costs as much as one taken.
-AIM = 0.5
+# The error a window is meant to have, in tolerances: its problem is not quite that of the last, a window rejected costs
+# as much as one taken, and what is carried on from a measured one is known within a factor of 3.
+AIM = 0.2
+AIM_IN_HALVES = 0.5  # the same where it will be kept in halves
 I_POWER, P_POWER = 0.8, 0.3
 # A window is at most so many times the last: what is known of the error is known of windows like the last.  Where the
 # error itself would change it by no more than `STAY`, it stays: that gains less than the unrest costs.
 GROW, SHRINK = 2.0, 0.2
 # fault: no deadband: the size follows every wiggle of the estimate -> STAY = (1.0, 1.0) | coupler/test_stepsize
 STAY = (0.9, 1.25)
-# A rejected window is tried again at this share at most; what was rejected by a hair must not be rejected twice.
-AGAIN = 0.7
 LEAST_ERROR = 1e-4  # an error of nothing at all is no reason for more than the largest growth
 
 
@@ -76,7 +75,7 @@ def proposed(memory: Memory, H: float, error: float | None, order: int, limits: 
 
 def rejected(H: float, error: float, order: int) -> float:
     """The size [s] to try after one of H had too large an error, in tolerances: always smaller."""
-    return H * min(AGAIN, max(SHRINK, (AIM / error) ** (1.0 / (order + 1))))
+    return H * max(SHRINK, (AIM / error) ** (1.0 / (order + 1)))
 
 
 def failed(memory: Memory) -> Memory:

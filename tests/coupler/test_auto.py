@@ -26,7 +26,7 @@ from coupler.control.auto import (
 )
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
 from coupler.schemes.levels import DAMPED, alternating_gain
-from coupler.schemes.state import IterationHistory, Solved, Verdict, Work
+from coupler.schemes.state import MOVED, IterationHistory, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start
@@ -268,6 +268,40 @@ def test_ratios_that_agree_are_believed_and_a_single_one_only_half():
     assert told(-0.9, -0.645, -0.644) == 0.644
     assert told(-0.9, -0.5, -0.4) == 0.9
     assert (told(-0.4), told(-0.02)) == (0.4, 0.15)
+
+
+def test_one_small_ratio_does_not_tell_what_drives_itself_on():
+    """It may be of a miss that the exchange has nothing to do with: 0.01 after 0.3 that turned round."""
+    def told(ratio: float, driven: bool) -> bool:
+        history = IterationHistory((), (), abs(ratio), (ratio,))
+        return learn(Memory(rho=0.3, H=1.0, driven=driven), at_two(), solved(Scheme.ITERATED, 900.0, history),
+                     1.0).driven
+
+    assert [told(0.01, False), told(-0.01, True)] == [False, True]
+    assert [told(0.3, False), told(-0.3, True)] == [True, False]
+
+
+def test_what_drives_itself_on_is_followed_in_windows_like_those_it_was_measured_in():
+    """In windows three times as long rho is only reckoned, nine times as large: those are iterated to measure it."""
+    memory = Memory(rho=0.3, H=1.0, driven=True, rest=64)
+    assert choose(memory, at_two(), 2.0).scheme is Scheme.STAGGERED
+    assert choose(memory, at_two(), 3.0).scheme is Scheme.ITERATED
+
+
+def test_heat_of_squeezing_comes_in_its_own_window_where_two_iterates_agree():
+    """Windows solved once hand it over a window late, of first order; errors must be known for it to be worth it."""
+    state = at_two()
+    memory = Memory(rho=0.01, H=1.0, squeezed=0.1)
+    assert choose(memory, state, 1.0, weighs=True).scheme is Scheme.ITERATED
+    assert choose(memory, state, 1.0).scheme is Scheme.EXTRAPOLATED
+    assert choose(replace(memory, squeezed=0.01), state, 1.0, weighs=True).scheme is Scheme.EXTRAPOLATED
+    assert choose(replace(memory, rho=0.2), state, 1.0, weighs=True).scheme is Scheme.EXTRAPOLATED
+    # 1 J made where nodes took up and gave off 4 J; friction is handed over ahead and counts for nothing.
+    now = replace(state, now=replace(state.now, t=state.now.t + 2.0), past=(state.now, *state.past), accounts={
+        "E_M": replace(state.accounts["E_M"], power=np.array([0.25, -0.25])),
+        "contact.E_friction": replace(state.accounts["E_M"], power=np.array([9.0]))})
+    window = replace(solved(Scheme.EXTRAPOLATED, 900.0), state=now, terms=({MOVED: 4.0},))
+    assert learn(Memory(rho=0.01, H=1.0), state, window, 2.0).squeezed == 0.25
 
 
 def test_entropy_is_frozen_where_heat_of_squeezing_acts_back_and_halves_can():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from scipy.integrate import solve_ivp
 from true_error import ONE, windows
 
 from coupler.control import error_estimate
-from coupler.control.error_estimate import Memory
+from coupler.control.error_estimate import Measured, Memory
 from coupler.control.loop import windows as run_windows
 from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, halved, solve_once
@@ -136,7 +138,7 @@ def test_in_a_window_in_which_a_gap_closes_its_halves_are_taken_to_be_no_better(
     span = Span(Clock(H), 0, 2**40, ONE)
     with SavedStates(halves, 0.0, 1) as saved:
         whole = solve_once(halves, state, span, way, saved)
-        known = Memory(RATIOS, H, 16, 16, Scheme.EXTRAPOLATED.value)
+        known = known_of(Measured(RATIOS, H, 16, 16))
         assert error_estimate.wanted(known, state, span, Scheme.EXTRAPOLATED, whole.state.now)
         both = doubled(halves, state, span, way, saved, whole)
         saved.roll_back("")
@@ -170,22 +172,33 @@ def told(memory: Memory, levels: list[Level], heat: float = 0.0, scheme: Scheme 
 
 
 RATIOS = {"temperature": 0.5, "gap": 0.5, "heat": 0.5, "displacement": 0.5}
+X = Scheme.EXTRAPOLATED
+
+
+def known_of(measured: Measured, rate: float = math.nan, scheme: Scheme = X) -> Memory:
+    return Memory({scheme.value: measured}, rate)
+
+
+def ratio_of(H: float, rate: float = math.nan, scheme: Scheme = X) -> Memory:
+    """Ratios of one half, of windows of H [s]."""
+    return known_of(Measured(RATIOS, H), rate, scheme)
 
 
 def test_between_measurements_it_goes_with_the_second_difference() -> None:
     """T = t^2: H^2 T'' = 2 H^2, whatever the windows before; a window grown twice has twice the ratio."""
     levels = [level(t, t * t) for t in (6.0, 4.0, 3.0, 1.0)]
-    assert told(Memory(RATIOS, 2.0), levels).errors["temperature"] == pytest.approx(0.5 * 8.0)
-    assert told(Memory(RATIOS, 1.0), levels).errors["temperature"] == pytest.approx(2 * 0.5 * 8.0)
+    assert told(ratio_of(2.0), levels).errors["temperature"] == pytest.approx(0.5 * 8.0)
+    assert told(ratio_of(1.0), levels).errors["temperature"] == pytest.approx(2 * 0.5 * 8.0)
     # One that has shrunk keeps its ratio: a stiff part would not shrink with it.
-    assert told(Memory(RATIOS, 4.0), levels).errors["temperature"] == pytest.approx(0.5 * 8.0)
+    assert told(ratio_of(4.0), levels).errors["temperature"] == pytest.approx(0.5 * 8.0)
     # A scheme of first order makes an error of H^2.
-    assert told(Memory(RATIOS, 1.0), levels, scheme=Scheme.STAGGERED).errors["temperature"] == pytest.approx(0.5 * 8.0)
+    first = told(ratio_of(1.0, scheme=Scheme.STAGGERED), levels, scheme=Scheme.STAGGERED)
+    assert first.errors["temperature"] == pytest.approx(0.5 * 8.0)
 
 
 def test_heat_is_judged_by_how_its_rate_changes() -> None:
     levels = [level(t, 900.0) for t in (4.0, 2.0, 0.0)]
-    found = told(Memory(RATIOS, 2.0, rate=10.0), levels, heat=26.0)  # 13 W after 10 W
+    found = told(ratio_of(2.0, rate=10.0), levels, heat=26.0)  # 13 W after 10 W
     assert found.errors["heat"] == pytest.approx(0.5 * 3.0 * 2.0)
     assert found.shares["heat"] == pytest.approx(3.0 / (1e-3 + 1e-2 * 26.0))
 
@@ -193,7 +206,7 @@ def test_heat_is_judged_by_how_its_rate_changes() -> None:
 def test_heat_that_crosses_is_held_against_what_is_rubbed_there_too() -> None:
     """1 J of 26 that cross where 1000 J are rubbed is little: nearly all of them go into the bodies on their own."""
     levels = [level(t, 900.0) for t in (4.0, 2.0, 0.0)]
-    found, rubbed = (told(Memory(RATIOS, 2.0, rate=10.0), levels, heat=26.0, friction=J) for J in (0.0, 1000.0))
+    found, rubbed = (told(ratio_of(2.0, rate=10.0), levels, heat=26.0, friction=J) for J in (0.0, 1000.0))
     assert rubbed.errors["heat"] == found.errors["heat"]
     assert rubbed.shares["heat"] == pytest.approx(3.0 / (1e-3 + 1e-2 * 1026.0))
 
@@ -201,9 +214,9 @@ def test_heat_that_crosses_is_held_against_what_is_rubbed_there_too() -> None:
 def test_gaps_that_begin_or_end_are_no_error() -> None:
     gaps = ((1e-3, 1e-3), (2e-3, 0.1), (3e-3, 0.1))
     levels = [level(t, 900.0, gap, float(gap[1] < 0.1)) for t, gap in zip((3.0, 2.0, 1.0), gaps, strict=True)]
-    assert told(Memory(RATIOS, 1.0), levels).errors["gap"] == pytest.approx(0.0, abs=1e-15)
+    assert told(ratio_of(1.0), levels).errors["gap"] == pytest.approx(0.0, abs=1e-15)
     faced = [replace(v, covered=np.ones(2)) for v in levels]
-    assert told(Memory(RATIOS, 1.0), faced).errors["gap"] > 0.04
+    assert told(ratio_of(1.0), faced).errors["gap"] > 0.04
 
 
 def test_without_a_measurement_nothing_is_known() -> None:
@@ -219,12 +232,13 @@ def test_when_it_is_measured_again() -> None:
     def asked(memory: Memory, H: int, at: CoupledState = state, by: Scheme = scheme) -> bool:
         return error_estimate.wanted(memory, at, Span(clock, 0, H * 2**36, ONE), by, at.now)
 
-    known = Memory(RATIOS, 2.0, 3, 4, scheme.value)
+    measured = Measured(RATIOS, 2.0, 3, 4)
+    known = known_of(measured)
     assert not asked(known, 2)
     assert not asked(known, 4)
     assert asked(known, 6)
-    assert asked(replace(known, H=6.0), 2)
-    assert asked(replace(known, left=0), 2)
+    assert asked(known_of(replace(measured, H=6.0)), 2)
+    assert asked(known_of(replace(measured, left=0)), 2)
     assert asked(known, 2, by=Scheme.ITERATED)
     assert asked(Memory(), 2)
     assert asked(known, 2, at=replace(state, past=()))
@@ -235,29 +249,76 @@ def test_when_it_is_measured_again() -> None:
 def test_while_a_front_moves_every_window_is_measured(before, now, measured: bool) -> None:
     """However well ratios agreed: the next node that begins or ends to freeze is announced by none of them."""
     levels = [replace(level(t, 900.0), f_s=np.array(f)) for t, f in ((0.0, now), (-1.0, before))]
-    memory = Memory(RATIOS, 2.0, 16, 16, Scheme.EXTRAPOLATED.value)
+    memory = known_of(Measured(RATIOS, 2.0, 16, 16))
     at = solved_at(levels[0], (levels[1],)).state
     assert error_estimate.wanted(memory, at, Span(Clock(16.0), 0, 2**37, ONE), Scheme.EXTRAPOLATED, at.now) is measured
 
 
+def measured_after(known: Measured, ratios: Sequence[float], t: Sequence[float] = (3.0, 2.0, 1.0)) -> list[Measured]:
+    """What is known of a scheme after windows measured with these ratios, each like the one that ends at t[0] [s]."""
+    levels = [level(v, 900.0 + v * v) for v in t]
+    before, solved = solved_at(levels[1], tuple(levels[2:])).state, solved_at(levels[0], tuple(levels[1:]))
+    found, memory, out = told(ratio_of(1.0), levels), known_of(known), []
+    for ratio in ratios:
+        memory = error_estimate.after(memory, before, solved, replace(found, ratios=dict.fromkeys(RATIOS, ratio)))
+        out.append(memory.of(X))
+    return out
+
+
 def test_ratios_that_agree_make_the_next_measurement_wait() -> None:
+    def pauses(ratio: float, known: Measured) -> list[int]:
+        out = measured_after(known, [ratio] * 6)
+        assert all(m.left == m.pause for m in out)
+        return [m.pause for m in out]
+
+    assert pauses(0.6, Measured(RATIOS, 1.0)) == [1, 2, 4, 8, 16, 16]
+    assert pauses(0.9, Measured(RATIOS, 1.0)) == [0, 1, 2, 4, 8, 16]
+    # What was told was too much: that is on the safe side, and looked at again soon where it was far too much.
+    assert pauses(0.3, Measured(RATIOS, 1.0, pause=4))[0] == 8
+    assert pauses(0.2, Measured(RATIOS, 1.0, pause=4))[0] == 3
     levels = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]
     before, solved = solved_at(levels[1], (levels[2],)).state, solved_at(levels[0], tuple(levels[1:]))
-    found = told(Memory(RATIOS, 1.0), levels)
+    passed = error_estimate.after(known_of(Measured(RATIOS, 1.0, 3)), before, solved, told(ratio_of(1.0), levels))
+    assert passed.of(X).left == 2
+    assert error_estimate.forgotten(passed) == Memory()
 
-    def pauses(ratio: float, memory: Memory) -> list[int]:
-        out = []
-        for _ in range(6):
-            memory = error_estimate.after(memory, before, solved, replace(found, ratios=dict.fromkeys(RATIOS, ratio)))
-            assert memory.left == memory.pause
-            out.append(memory.pause)
-        return out
 
-    assert pauses(0.6, Memory(RATIOS, 1.0)) == [1, 2, 4, 8, 16, 16]
-    assert pauses(0.8, Memory(RATIOS, 1.0)) == [0, 1, 2, 4, 8, 16]
-    assert pauses(0.3, Memory(RATIOS, 1.0, pause=16))[0] == 0
-    assert error_estimate.after(Memory(RATIOS, 1.0, 3), before, solved, found).left == 2
-    assert error_estimate.forgotten(Memory(RATIOS, 1.0, 3)) == Memory()
+def test_a_ratio_found_much_smaller_is_believed_by_and_by() -> None:
+    told = [m.ratios["temperature"] for m in measured_after(Measured(RATIOS, 1.0), [0.01] * 4)]
+    assert told == pytest.approx([0.25, 0.125, 0.0625, 0.03125])
+
+
+def test_every_scheme_has_ratios_of_its_own() -> None:
+    """A window that was iterated to measure the contraction leaves what is known of those before it."""
+    levels = [level(t, 900.0 + t * t) for t in (3.0, 2.0, 1.0)]
+    before, solved = solved_at(levels[1], (levels[2],)).state, solved_at(levels[0], tuple(levels[1:]),
+                                                                         scheme=Scheme.ITERATED)
+    known = Measured(RATIOS, 1.0, 3, 4)
+    after = error_estimate.after(known_of(known), before, solved, replace(
+        told(ratio_of(1.0), levels), ratios=dict.fromkeys(RATIOS, 0.1)))
+    assert after.of(X) == replace(known, left=2)
+    assert after.of(Scheme.ITERATED).ratios == pytest.approx(dict.fromkeys(RATIOS, 0.1))
+    assert not error_estimate.wanted(after, before, Span(Clock(16.0), 2 * 2**36, 3 * 2**36, ONE), X, before.now)
+
+
+def test_a_window_longer_by_what_has_become_slower_is_no_worse() -> None:
+    """T = log t in windows that grow with t: third differences over second ones stay, and so does the ratio."""
+    early, late = ([level(t0 * 1.2**k, 900.0 + 50.0 * math.log(t0 * 1.2**k)) for k in (3, 2, 1, 0)]
+                   for t0 in (1.0, 4.0))
+    before, solved = solved_at(early[1], tuple(early[2:])).state, solved_at(early[0], tuple(early[1:]))
+    known = error_estimate.after(Memory(), before, solved, replace(told(ratio_of(1.0), early), ratios=RATIOS))
+    H = late[0].t - late[1].t
+    assert pytest.approx(4.0 * known.of(X).H) == H
+    assert told(known, late).errors["temperature"] == pytest.approx(told(ratio_of(H), late).errors["temperature"])
+    # Where it has become no slower, a window four times as long is four times as bad for its bend.
+    fast = known_of(replace(known.of(X), bend=math.nan))
+    assert told(fast, late).errors["temperature"] == pytest.approx(4.0 * told(known, late).errors["temperature"])
+
+
+@pytest.mark.parametrize(("covered", "closes"), [(1.0, True), (0.5, False)])
+def test_nodes_at_the_end_of_a_surface_close_no_gap(covered: float, closes: bool) -> None:
+    start, end = (level(t, 900.0, (1e-3, g), covered) for t, g in ((0.0, 1e-4), (1.0, 1e-6)))
+    assert error_estimate.gap_closes(start, end) is closes
 
 
 def adaptive(scheme: Scheme, tolerance: float) -> tuple[float, list]:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from coupler.control.window_size import (
-    AGAIN,
     AIM,
     GROW,
     SHRINK,
@@ -49,8 +48,8 @@ def test_noise_does_not_move_it() -> None:
 
 
 def test_the_proportional_part_leans_against_what_grows() -> None:
-    rising, _ = proposed(Memory(0.01), 1.0, 0.2, 2, WIDE)
-    falling, _ = proposed(Memory(5.0), 1.0, 0.2, 2, WIDE)
+    rising, _ = proposed(Memory(0.02 * AIM), 1.0, 0.4 * AIM, 2, WIDE)
+    falling, _ = proposed(Memory(10.0 * AIM), 1.0, 0.4 * AIM, 2, WIDE)
     assert rising < 1.0 < falling
 
 
@@ -72,7 +71,7 @@ def test_right_after_a_rejection_nothing_grows() -> None:
 
 def test_a_rejected_window_is_always_shorter() -> None:
     sizes = [rejected(1.0, error, 2) for error in (1.0 + 1e-9, 2.0, 10.0, 1e9)]
-    assert sizes[0] == AGAIN
+    assert sizes[0] == pytest.approx(AIM ** (1 / 3))
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] == SHRINK
     assert rejected(1.0, 10.0, 2) == pytest.approx((AIM / 10.0) ** (1 / 3))
