@@ -9,15 +9,16 @@ points; slots (ne, nn, nn) places in the matrix data.  An empty `data` skips the
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from contact.compiled import kernel
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 Slots = NDArray[np.int64]
 
 
-@njit(cache=True)
+@kernel
 def at_points(T: Floats, cells: Ints, N: Floats) -> Floats:
     """Interpolate the nodal field T : (n,) to the quadrature points; return (ne, nq) in the unit of T.
 
@@ -32,7 +33,7 @@ def at_points(T: Floats, cells: Ints, N: Floats) -> Floats:
     return T_q
 
 
-@njit(cache=True)
+@kernel
 def add_conduction(T: Floats, cells: Ints, N: Floats, G: Floats, k_q: Floats, dk_q: Floats, f: Floats,
                    slots: Slots, scale: float, data: Floats) -> None:
     """Add conduction: f -= sum_q k grad N_i . grad T [W] and data += scale * (its derivative by T) [W/K].
@@ -61,7 +62,7 @@ def add_conduction(T: Floats, cells: Ints, N: Floats, G: Floats, k_q: Floats, dk
                         data[slots[e, i, j]] += scale * (k_q[e, q] * dot + dk_q[e, q] * flow * N[q, j])
 
 
-@njit(cache=True)
+@kernel
 def add_conduction_tensor(T: Floats, cells: Ints, N: Floats, G: Floats, K_q: Floats, dK_q: Floats, dK_f: Floats,
                           dT: Floats, df: Floats, f: Floats, slots: Slots, scale: float, data: Floats) -> None:
     """Add conduction by a symmetric tensor, for nodal unknowns s: T and f_s change with s by dT [1] and df [1/K].
@@ -98,13 +99,13 @@ def add_conduction_tensor(T: Floats, cells: Ints, N: Floats, G: Floats, K_q: Flo
                         data[slots[e, i, j]] += scale * change
 
 
-@njit(cache=True)
+@kernel
 def _form(K: Floats, a: Floats, bx: float, by: float) -> float:
     """a . K b for K = (xx, xy, yy)."""
     return float(a[0] * (K[0] * bx + K[1] * by) + a[1] * (K[1] * bx + K[2] * by))
 
 
-@njit(cache=True)
+@kernel
 def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Floats:
     """Return (ne, 2) volume means of -K grad T [W/m2].
 
@@ -136,7 +137,7 @@ def mean_flux(T: Floats, cells: Ints, G: Floats, K_q: Floats, dV: Floats) -> Flo
     return flux
 
 
-@njit(cache=True)
+@kernel
 def times(indptr: Ints, indices: Ints, data: Floats, x: Floats) -> Floats:
     """Return A x : (n,) of a CSR matrix: indptr (n + 1,), indices and data (nnz,); x : (n,)."""
     out = np.empty(indptr.size - 1)
@@ -148,7 +149,7 @@ def times(indptr: Ints, indices: Ints, data: Floats, x: Floats) -> Floats:
     return out
 
 
-@njit(cache=True)
+@kernel
 def with_blocks(indptr: Ints, indices: Ints, data: Floats, nodes: Ints, values: Floats,
                 fixed: NDArray[np.bool_]) -> tuple[Ints, Ints, Floats]:
     """Add blocks to a CSR matrix, but for rows and columns that are fixed : (n,); columns stay in order.
@@ -199,7 +200,7 @@ def with_blocks(indptr: Ints, indices: Ints, data: Floats, nodes: Ints, values: 
     return new_indptr, new_indices[:end].copy(), new_data[:end].copy()
 
 
-@njit(cache=True)
+@kernel
 def turn_of(x: Floats, cells: Ints, G: Floats) -> Floats:
     """Return (ne, nq) the angle [rad] of the rotation R in F = dx/dX = R U (polar decomposition).
 

@@ -20,11 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from contact.compiled import kernel
 from thermal_fmu.cells import MatrixEntries
 from thermal_fmu.edges import AddedConduction, Couplings
 from thermal_fmu.exchange import ConductionGroup, radiated_along_edges
@@ -35,7 +35,7 @@ from thermal_fmu.scene import SubstepData, ThermalScene
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-@njit(cache=True)
+@kernel
 def extremes(indptr: Ints, indices: Ints, T: Floats, sign: Signs) -> Signs:
     """Return sign : (n,), 1 or -1, at those of its nodes that are as warm as their warmest neighbour, or as cold; else
 

@@ -9,7 +9,7 @@ from typing import Any
 from griffe import Extension, Module, Object
 
 # `name : text` at the start of a line or, behind a full stop and two blanks, within one.
-_ENTRY = re.compile(r"(?:^|(?<=\.  ))((?:\w[\w.]*(?:, )?)+(?: \[[^\]]+\])?) : ", re.M)
+_ENTRY = re.compile(r"(?:^|(?<=\.  ))(\w[\w.]*(?:, \w[\w.]*)*(?: \[[^\]]+\])?) : ", re.M)
 _RAISES = re.compile(r"(?:^|(?<=\.  ))Raises (?=\w)", re.M)
 
 

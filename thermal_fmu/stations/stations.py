@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgbsv
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from contact.compiled import kernel
 from contact.half.interface import Columns, Interface, columns_of
 from contact.half.linalg import SingularMatrixError
 from thermal_fmu.cells import CellMesh, InvertedMeshError, cell_mesh, shapes_of
@@ -218,7 +218,7 @@ def _between(values: Floats) -> Floats:
 # Arrays: own (m + 1,) the stations of a rod from left to right; *_q (m, 2) values at the Gauss points between two of
 # them; N (2, 2) shape functions at these points; band (3 w + 1, n) with entry (i, j) of the matrix at [2 w + i - j, j].
 
-@njit(cache=True)
+@kernel
 def rod_points(values: Floats, own: Ints, N: Floats) -> Floats:
     """Return (m, 2) values at Gauss points of values : (n,) at stations.
 
@@ -233,7 +233,7 @@ def rod_points(values: Floats, own: Ints, N: Floats) -> Floats:
     return out
 
 
-@njit(cache=True)
+@kernel
 def add_rod_conduction(T: Floats, own: Ints, N: Floats, kA: Floats, dkA: Floats, f: Floats) -> Floats:
     """Add conduction: f -= the heat that leaves each station.
 
@@ -254,7 +254,7 @@ def add_rod_conduction(T: Floats, own: Ints, N: Floats, kA: Floats, dkA: Floats,
     return slope
 
 
-@njit(cache=True)
+@kernel
 def add_rod_slopes(own: Ints, slope: Floats, by_s: Floats, scale: float, band: Floats) -> None:
     """Add derivatives to the band: band += scale * slope * by_s.
 
@@ -272,7 +272,7 @@ def add_rod_slopes(own: Ints, slope: Floats, by_s: Floats, scale: float, band: F
         band[2 * w, j] -= b
 
 
-@njit(cache=True)
+@kernel
 def add_melting_fields(s: Floats, own: Ints, T_s: float, T_l: float, W: float, T: Floats, f_s: Floats, dT: Floats,
                        df: Floats) -> None:
     """Fill T, f_s, dT/ds and df_s/ds at the stations of a body that melts (thermal_fmu/phase_change.py).
@@ -291,7 +291,7 @@ def add_melting_fields(s: Floats, own: Ints, T_s: float, T_l: float, W: float, T
             T[i], f_s[i], dT[i], df[i] = s[i] - (W - (T_l - T_s)), 0.0, 1.0, 0.0
 
 
-@njit(cache=True)
+@kernel
 def melting_heat(s0: Floats, s1: Floats, T_m: float, W: float, L: float, c_solid: float, c_liquid: float,
                  C: Floats) -> Floats:
     """Return (m,) increase of enthalpy [J/kg] from s0 to s1 : (m,) [K] at one melting point.
