@@ -39,14 +39,17 @@ class Tls:
             if not (self.folder / name).is_file():
                 raise LinkSpecError(f"{self.folder / name} is not there; `slideline host --init-tls` makes it, and the "
                                     "folder of a role is copied to the machine of that role")
-        if self.open_key():
-            raise LinkSpecError(f"others may read {self.folder / KEY}: `chmod 600` it")
+        if others := self.open_files():
+            raise LinkSpecError(f"others may read {', '.join(map(str, others))}: `chmod 600` it")
 
-    def open_key(self) -> bool:
-        """Whether others than its owner may read the key."""
-        # fault: a key that others may read is used -> return False |
+    def open_files(self) -> list[Path]:
+        """Its key and secrets (of the coupler, those of all roles) that others than their owner may read."""
+        # fault: a secret that others may read is used -> kept = [self.folder / KEY] |
         #   coupler/test_hosts::test_certificates_are_made_once_and_their_keys_are_their_owners
-        return bool((self.folder / KEY).stat().st_mode & 0o077)
+        kept = [self.folder / KEY, *sorted(self.folder.glob(f"{SECRET}*"))]
+        # fault: a key that others may read is used -> return [] |
+        #   coupler/test_hosts::test_certificates_are_made_once_and_their_keys_are_their_owners
+        return [path for path in kept if path.stat().st_mode & 0o077]
 
     def settings(self) -> dict[str, object]:
         """The settings of zenoh."""

@@ -78,6 +78,7 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
             typer.echo(f"note: {note}", err=True)
     with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
         results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written))
+        written.done(results.outcome)
     if judged and results.outcome == "completed":
         with TrialLine() as trials:
             # fault: the companions of a run are built twice -> found = errors_of_probes(s, results,
@@ -108,14 +109,22 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
 def resume_command(results: Annotated[Path, typer.Argument(help="The results file of a run that ended early.",
                                                            show_default=False)],
                    processes: ProcessesOption = False, hosts: HostsOption = None, until: UntilOption = None,
-                   log: LogOption = None) -> None:
+                   log: LogOption = None,
+                   quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no progress.")] = False,
+                   as_json: JsonOption = False) -> None:
     """Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."""
     continued = resumed(results, processes=processes, hosts=hosts)
     scenario = continued.scenario
-    typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s", err=True)
-    with ProgressLine(scenario.temperature_unit) as line, RunLog(log, results) as written:
+    if not quiet:
+        typer.echo(f"{scenario.title}: resuming at t = {continued.start:.9g} s of {scenario.coupling.end:g} s",
+                   err=True)
+    with ProgressLine(scenario.temperature_unit, quiet=quiet) as line, RunLog(log, results) as written:
         done = resume(continued, until=until, on_window=_each(line, written))
-    typer.echo(summary(done))
+        written.done(done.outcome)
+    if as_json:
+        typer.echo(json.dumps(facts(done), indent=1, allow_nan=False))
+    else:
+        typer.echo(summary(done, printed=() if quiet else line.printed))
     leave(done)
 
 

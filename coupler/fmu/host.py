@@ -45,8 +45,9 @@ from coupler.fmu.remote import (
 )
 
 PARENT_PATIENCE = 120.0  # s to hear of the contact service, which may be compiling
-# s that a half waits for a contact service that is silent: one that died is named by the coupler before.
-CONTACT_PATIENCE = 60.0
+# s that a half waits for a contact service that is silent: one that died is named by the coupler before, or started
+# anew, which takes as long as seeing that it is gone (60 s on another machine) and its start (120 s).
+CONTACT_PATIENCE = 200.0
 ROUND_OFF = 8  # ulps by which the time of a step may differ from the sum of the steps before it
 Load = Callable[[Path, Path, str], Half]
 

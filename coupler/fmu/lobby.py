@@ -8,10 +8,13 @@ coupler, when that is gone for too long, or with whoever started it.
 
 from __future__ import annotations
 
+import hmac
 import os
 import sys
 import threading
 import time
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -27,7 +30,7 @@ from coupler.fmu.fmi import load_half
 from coupler.fmu.host import CONTACT_PATIENCE, Hosted, answer_or_stop, role_of
 from coupler.fmu.hosts import CONTACT, COUPLER, read_hosts
 from coupler.fmu.launch import cache_directory, is_whole, put_ready, ready_place
-from coupler.fmu.lobby_messages import ASKED, LOBBY, Begin, Begun, End, Has, Knock, Take
+from coupler.fmu.lobby_messages import ASKED, LOBBY, Begin, Begun, End, Has, Knock, Take, proof_of
 from coupler.fmu.remote import VERBS, Acknowledged, Text
 
 OWNER_PERIOD = 2.0  # s between two looks for it
@@ -41,7 +44,7 @@ class Lobby:
 
     def __init__(self, last: str) -> None:
         self._last = last
-        self._begun = ""
+        self._begun = self._proof = ""
         self.begins: SimpleQueue[Begin] = SimpleQueue()
         self.answers: SimpleQueue[Begun | Text] = SimpleQueue()
 
@@ -55,16 +58,21 @@ class Lobby:
                 return Text("yes" if place.is_file() and is_whole(place) else "")
             case Take(data):
                 put_ready(data, cache_directory())
-            case Begin(run):
+            case Begin(run, secret):
                 if self._begun:
                     return Text(f"it serves run {self._begun} already")
-                self._begun = run
+                self._begun, self._proof = run, proof_of(run, secret)
                 self.begins.put(asked)
                 return self.answers.get()
-            case End():
+            # fault: a coupler ends the run of another -> case End(): |
+            #   coupler/test_lobby::test_a_run_is_ended_by_who_began_it
+            case End(run, proof) if self._is_ours(run, proof):
                 # When the answer is on its way.
                 threading.Timer(0.2, _end, (0,)).start()
         return Acknowledged()
+
+    def _is_ours(self, run: str, proof: str) -> bool:
+        return bool(run) and run == self._begun and hmac.compare_digest(proof.encode(), self._proof.encode())
 
 
 def main(role: str, file: Path, patience: float) -> None:
@@ -118,7 +126,11 @@ def _watch_owner(session: Session, seal: Seal, patience: float) -> None:
     seen = time.monotonic()
     while True:
         time.sleep(OWNER_PERIOD)
-        keys = session.tokens(token, lambda: None)
+        keys: Iterable[str] = ()
+        # fault: whoever looks for the coupler has lost the network once and looks no more -> with suppress(OSError): |
+        #   coupler/test_lobby::test_a_network_that_is_lost_for_a_while_does_not_end_the_watch
+        with suppress(LinkError):
+            keys = session.tokens(token, lambda: None)
         # fault: a host waits for ever for a coupler that is gone -> if True: |
         #   coupler/test_hosts::test_a_coupler_that_was_killed_leaves_hosts_that_are_free_again
         if any(seal.made(COUPLER, key.rsplit("/", 1)[1]) for key in keys):

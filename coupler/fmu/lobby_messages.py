@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contact.codec import kinds_of
+from contact.rpc.seal import Seal
 from coupler.fmu.remote import Acknowledged, Text
 
 LOBBY = "hosts"  # the run of those who have none
@@ -49,11 +50,19 @@ class Begun:
 
 @dataclass(frozen=True)
 class End:
-    """The run is over.  Answered by Acknowledged."""
+    """A run is over: obeyed by who serves it.  proof : by `proof_of`.  Answered by Acknowledged."""
+
+    run: str
+    proof: str
 
 
 ASKED = kinds_of((Knock, Has, Take, Begin, End))
 TOLD = kinds_of((Text, Begun, Acknowledged))
+
+
+def proof_of(run: str, secret: bytes) -> str:
+    """What only those have who have the secret of a run: other couplers have that of the lobby too."""
+    return Seal(run, secret).sign("end of the run", b"")
 
 
 def digest_of(fmu: Path) -> str:

@@ -75,6 +75,7 @@ class RunRecord:
     framed [s]: the time of the last frame; -1: none yet.  seconds, setup_seconds : wall-clock time spent so far.
     resumed : the times [s] from which it was resumed.  rows : of the windows table.  rules : those in
     force, which the user may have changed.  trust : what was measured of the run.  choice : of frames.
+    restarts : who was started anew, in words.
     """
 
     mark: Mark
@@ -90,6 +91,7 @@ class RunRecord:
     rules: tuple[Rule, ...] = ()
     trust: TrustLog = field(default_factory=TrustLog)
     choice: FrameChoice = field(default_factory=FrameChoice)
+    restarts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 from contact.rpc.calls import LinkError
 from coupler.control.loop import Tried, finished, step
 from coupler.control.state import Committed, first
-from coupler.errors import CouplingError, HalfError, ResultsError
+from coupler.errors import CouplingError, HalfError, ResultsError, SlidelineError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
 from coupler.record.checkpoint import (
@@ -132,6 +132,8 @@ class Run:
         self._until = float("inf")
         self._spent = self.setup_seconds = 0.0
         self._resumed: tuple[float, ...] = ()
+        self._restarts: list[str] = []
+        self._told = 0  # of the restarts of this process
 
     def __enter__(self) -> Run:
         check_target(self.out)
@@ -179,7 +181,6 @@ class Run:
                                       self._since.record.mark if self._since else None)
             self._recorder.rows = self._since.record.rows if self._since else 0
             self._keeper = Keeper(self.scenario, self._recorder, both, _places_option(self.processes, self.hosts))
-            self._restarts: list[str] = []
             self._stand()
             self._stack = stack.pop_all()
         self.setup_seconds += time.perf_counter() - started
@@ -196,22 +197,43 @@ class Run:
         elif error is None and not self._finished:
             outcome, message = "stopped", f"left at t = {self.state.now.t:.9g} s by its caller"
         memory: Mapping[str, Array] = {}
+        late: Exception | None = None
         try:
-            at_end = error is None or isinstance(error, CouplingError)
-            if at_end or self._recovered(error):
-                # fault: a run that ends early leaves the checkpoint it had written last, not one of its end -> if
-                #   False: | coupler/test_resume::test_ctrl_c_and_resume
-                if not self._finished and self._keeper.on:
-                    self._keeper.keep(*self._committed)
-                if at_end or error is self._broken:
-                    self._frame()  # where the run stopped; both halves are at the end of the last accepted window
-                    memory = self._memory()
+            try:
+                memory = self._kept_at_end(error)
+            # fault: a half that dies at the very end takes the results along -> except TypeError as exc: |
+            #   coupler/test_last_words::test_a_half_that_dies_at_the_very_end_leaves_results
+            except (SlidelineError, LinkError) as exc:
+                late = exc
+                if error is None:
+                    outcome, message = "failed", _in_full(exc)
+                else:
+                    error.add_note(f"the end of the run could not be kept: {exc}")
+                    message = _in_full(error)
             self._restarted()
             self._recorder.end(outcome, message, self._totals(), self.state.now.t, memory)
-            if error is not None and self._keeper.remedy:
-                error.add_note(self._keeper.remedy)
+            if (told := error or late) is not None and self._keeper.remedy:
+                told.add_note(self._keeper.remedy)
         finally:
             self._stack.close()
+        if error is None and late is not None:
+            raise late
+
+    def _kept_at_end(self, error: BaseException | None) -> Mapping[str, Array]:
+        """Keep where the run stands for a resume, the last frame, and what another run may start from: returned."""
+        at_end = error is None or isinstance(error, CouplingError)
+        if not (at_end or self._recovered(error)):
+            return {}
+        # fault: a run that ends early leaves the checkpoint it had written last, not one of its end -> if
+        #   False: | coupler/test_resume::test_ctrl_c_and_resume
+        if not self._finished and self._keeper.on:
+            self._restarted()
+            committed, record = self._committed
+            self._keeper.keep(committed, replace(record, restarts=tuple(self._restarts)))
+        if not (at_end or error is self._broken):
+            return {}
+        self._frame()  # where the run stopped; both halves are at the end of the last accepted window
+        return self._memory()
 
     @property
     def state(self) -> CoupledState:
@@ -377,8 +399,9 @@ class Run:
 
     def _restarted(self) -> list[str]:
         """Return who was started anew since this was asked last, and note it."""
-        news = [f"at t = {self.state.now.t:.9g} s: {text}" for text in self._launched.restarts[len(self._restarts):]]
+        news = [f"at t = {self.state.now.t:.9g} s: {text}" for text in self._launched.restarts[self._told:]]
         self._restarts += news
+        self._told += len(news)
         return news
 
     def _stand(self) -> None:
@@ -398,7 +421,7 @@ class Run:
         contact, warned = self._warnings.memory
         return RunRecord(self._recorder.mark, self.ledger, contact, warned, tuple(self.noticed), self._framed,
                     self._seconds(), self.setup_seconds, self._resumed, self._recorder.rows,
-                    tuple(self.plan.rules), self._trust, self._choice)
+                    tuple(self.plan.rules), self._trust, self._choice, tuple(self._restarts))
 
     def _continue_from(self, since: Checkpoint, halves: Mapping[str, Half]) -> None:
         """Restore everything from a checkpoint."""
@@ -426,6 +449,9 @@ class Run:
         self._time_to_go = RemainingTime(number / self._total if self._total else t / self.scenario.coupling.end)
         self._spent, self.setup_seconds = record.seconds, record.setup_seconds
         self._resumed = (*record.resumed, self.state.now.t)
+        # fault: a resume forgets who was started anew before -> pass |
+        #   coupler/test_last_words::test_who_was_started_anew_is_told_of_a_resumed_run_too
+        self._restarts = list(record.restarts)
 
     def _seconds(self) -> float:
         """Return the wall time spent on windows [s], before this run was resumed too."""
@@ -531,7 +557,11 @@ def _journal(path: Path) -> Path:
         if path.exists() and Results(path).outcome == "completed":
             raise ResultsError(f"{path}: its run is complete; there is nothing to resume")
         raise ResultsError(f"{path}: there is no journal of a run beside it, so nothing can be resumed; run it anew")
-    if being_written(journal):
+    try:
+        goes_on = being_written(journal)
+    except FileNotFoundError:  # the run ended meanwhile, and has moved it
+        return _journal(path)
+    if goes_on:
         raise ResultsError(f"{path}: its run still goes on; there is nothing to resume")
     if not checkpoint_of(path).exists():
         raise ResultsError(f"{path}: its run left no checkpoint (it ended before its first window, "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,12 +19,14 @@ class RunLog:
     """Appends a line when the run begins, after every window tried, and at its end.
 
     Each has `at` (UTC) and `kind`: `begin` (out), `window` (the fields of Progress; null for what is not finite),
-    `end` (outcome: done, or the error's class, and its text).  None for the path: nothing is written.
-    Raises ResultsError where the file cannot be written.
+    `end` (outcome: that of the run, as `done` was told it, or the error's class, and its text).  None for the path:
+    nothing is written.  Raises ResultsError where the file cannot be begun; where it cannot be gone on with, that is
+    said once on stderr, for it ends no run.
     """
 
     def __init__(self, path: Path | None, out: Path) -> None:
         self._path, self._out = path, out
+        self._outcome = "left"
 
     def __enter__(self) -> Self:
         self._write("begin", {"out": str(self._out)})
@@ -32,10 +35,14 @@ class RunLog:
     def __call__(self, progress: Progress) -> None:
         self._write("window", {**asdict(progress), "taken": progress.taken})
 
+    def done(self, outcome: str) -> None:
+        """How the run ended that raised no error, as its results say: completed, stopped, interrupted."""
+        self._outcome = outcome
+
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        how: dict[str, Any] = {"outcome": "done"}
-        # fault: a run that failed is logged as done -> if False: | coupler/test_status
+        how: dict[str, Any] = {"outcome": self._outcome}
+        # fault: a run that failed is logged as if it had not -> if False: | coupler/test_status
         if kind is not None:
             how = {"outcome": kind.__name__, "message": str(error), "notes": list(getattr(error, "__notes__", ()))}
         self._write("end", how)
@@ -49,4 +56,10 @@ class RunLog:
             with self._path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(line) + "\n")
         except OSError as exc:
-            raise ResultsError(f"{self._path}: the log cannot be written ({exc.strerror})") from exc
+            # fault: a disk that is full for the log ends the run -> if True: |
+            #   coupler/test_status::test_a_log_on_a_full_disk_ends_no_run
+            if kind == "begin":
+                raise ResultsError(f"{self._path}: the log cannot be written ({exc.strerror})") from exc
+            print(f"{self._path}: the log cannot be gone on with ({exc.strerror}); the run goes on without",
+                  file=sys.stderr, flush=True)
+            self._path = None

@@ -225,6 +225,8 @@ def test_certificates_are_made_once_and_their_keys_are_their_owners(tmp_path, sc
         assert (folder / role / "key.pem").stat().st_mode & 0o077 == 0
     with pytest.raises(ScenarioError, match="nothing was written"):
         init_tls(read_hosts(file))
-    (folder / "thermal" / "key.pem").chmod(0o644)
-    with pytest.raises(ScenarioError, match="others may read"):
-        read_hosts(file).tls_of("thermal")
+    for role, name in (("thermal", "key.pem"), ("mechanical", "secret"), (COUPLER, "secret.contact")):
+        assert read_hosts(file).tls_of(role)
+        (folder / role / name).chmod(0o644)
+        with pytest.raises(ScenarioError, match=f"others may read .*{role}/{name}: "):
+            read_hosts(file).tls_of(role)

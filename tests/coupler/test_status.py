@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 from coupler import ResultsError, load_scenario
 from coupler.cli.cli import app
 from coupler.errors import HalfError
+from coupler.record.journal import being_written
+from coupler.running import status as status_module
 from coupler.running.run import Run
 from coupler.running.runlog import RunLog
 from coupler.running.status import status
@@ -87,10 +89,55 @@ def test_a_log_is_a_line_of_json_for_whatever_happens(tmp_path):
     assert done.exit_code == 0, done.output
     lines = [json.loads(line) for line in log.read_text().splitlines()]
     assert [line["kind"] for line in lines] == ["begin", *["window"] * status(out).windows, "end"]
-    assert lines[-1]["outcome"] == "done"
+    assert lines[-1]["outcome"] == "completed"
     assert [line["t"] for line in lines[1:-1]] == sorted(line["t"] for line in lines[1:-1])
+    out.unlink()
+    CliRunner().invoke(app, ["run", str(SCENARIO), "-o", str(out), "--log", str(log), "--until", "0.03", *sets])
+    assert json.loads(log.read_text().splitlines()[-1])["outcome"] == "stopped"
     with pytest.raises(HalfError), RunLog(log, out):
         raise HalfError("it died", half="thermal")
     assert json.loads(log.read_text().splitlines()[-1])["outcome"] == "HalfError"
     with pytest.raises(ResultsError, match="the log cannot be written"):
         RunLog(tmp_path / "no" / "log", out).__enter__()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full disk at hand")
+def test_a_log_on_a_full_disk_ends_no_run(tmp_path, capsys):
+    out, log = tmp_path / "run.h5", tmp_path / "run.jsonl"
+    with RunLog(log, out) as written, Run(load_scenario(SCENARIO, CHANGED), out) as run:
+        log.unlink()
+        log.symlink_to("/dev/full")
+        for w in run.windows():
+            written(w)
+    assert status(out).state == "completed"
+    assert capsys.readouterr().err.count("the log cannot be gone on with (No space left on device)") == 1
+
+
+def test_windows_are_counted_as_by_the_run_itself(tmp_path):
+    """Those that were rejected beside those of the run, while it goes on and when it is done."""
+    out = tmp_path / "run.h5"
+    rejecting = {"coupling.end": 2.0, "coupling.windows": [{"until": 2, "size": 0.5}], "coupling.scheme": "iterated",
+                 "coupling.iteration.max_iterations": 3}
+    with Run(load_scenario(SCENARIO, rejecting), out) as run:
+        taken = [w.taken for w in run.windows()]
+        now = status(out)
+    assert 0 < sum(taken) < len(taken)
+    for told in (now, status(out)):
+        assert (told.windows, told.rejected) == (sum(taken), len(taken) - sum(taken))
+
+
+def test_a_run_that_ends_while_it_is_looked_at_is_looked_at_again(tmp_path, monkeypatch):
+    out = tmp_path / "run.h5"
+    run = Run(load_scenario(SCENARIO, CHANGED), out)
+    run.__enter__()
+    n = len(list(run.windows()))
+    looks = []
+
+    def ends(journal: Path) -> bool:
+        if not looks:
+            run.__exit__(None, None, None)
+        looks.append(journal)
+        return being_written(journal)
+
+    monkeypatch.setattr(status_module, "being_written", ends)
+    assert (status(out).state, status(out).windows, len(looks)) == ("completed", n, 1)
