@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -55,10 +56,35 @@ def compare_command(first: Annotated[Path, typer.Argument(help="The results file
 
 def compare(a: Results, b: Results, out: Path | None, within: str) -> None:
     """Tell the comparison and the verdict, and end with its exit code."""
+    found = compared(a, b, out, within)
+    typer.echo(f"{found.text}\n  {found.page}\n{found.verdict}")
+    found.leave()
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two runs against each other, in words, on a page, and judged.  same : whether they are of one scene and agree."""
+
+    text: str
+    page: Path
+    verdict: str
+    same: bool
+
+    @property
+    def facts(self) -> dict[str, str | bool]:
+        """What a script reads of it."""
+        return {"same": self.same, "verdict": self.verdict, "differences": self.text, "page": str(self.page)}
+
+    def leave(self) -> None:
+        """End with the exit code of runs that differ, where they do."""
+        # fault: runs that differ end with 0 -> if False: | coupler/test_verdict
+        if not self.same:
+            raise typer.Exit(DIFFER)
+
+
+def compared(a: Results, b: Results, out: Path | None, within: str) -> Compared:
+    """Hold run b against run a.  Raises ScenarioError for bounds that are none, ResultsError as `verdict` does."""
     bounds = bounds_of(within)
     page, text = write_comparison(a, b, out or b.path.with_name(f"{b.path.stem}-against-{a.path.stem}.html"))
     judged = verdict(a, b, bounds)
-    typer.echo(f"{text}\n  {page}\n{judged.text(short_names(a, b))}")
-    # fault: runs that differ end with 0 -> if False: | coupler/test_verdict
-    if judged.differs or judged.changed:
-        raise typer.Exit(DIFFER)
+    return Compared(text, page, judged.text(short_names(a, b)), not (judged.differs or judged.changed))

@@ -87,23 +87,37 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         write_confidence(out, found)
         results = Results(out)
     page = write_report(results, out.with_suffix(".html")) if report else None
-    if as_json:
-        typer.echo(json.dumps(facts(results) | {"page": str(page) if page else None}, indent=1, allow_nan=False))
-    else:
+    told = facts(results) | {"page": str(page) if page else None}
+    if not as_json:
         typer.echo(summary(results, printed=() if quiet else {*s.notes, *line.printed}))
         for name, of in results.confidence.items():
             typer.echo(f"  {name}: {of.failed or f'error {100 * of.share:.2g} % of its range, {of.words}'}")
         typer.echo(f"  {page}" if page else f"  report: slideline report {out}")
     if against and results.outcome == "completed":
         # Here and not above: a run that compares nothing starts without matplotlib.
-        from coupler.cli.drawn import compare
+        from coupler.cli.drawn import compare, compared
 
         own, path = scenario_of(scenario, sets, None), out.with_name(f"{out.stem}-own.h5")
         check_target(path)
-        typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
-        with ProgressLine(own.temperature_unit) as line:
-            compare(run(own, path, processes=processes, hosts=hosts, on_window=line), results, None, within)
+        if not quiet:
+            typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
+        # fault: --quiet: the run that is compared with tells its progress -> with ProgressLine(own.temperature_unit) as
+        #   line: | coupler/test_verdict
+        with ProgressLine(own.temperature_unit, quiet=quiet, verbose=verbose) as line:
+            reference = run(own, path, processes=processes, hosts=hosts, on_window=line)
+        if not as_json:
+            compare(reference, results, None, within)
+        else:
+            against_own = compared(reference, results, None, within)
+            _print_json(told | {"comparison": against_own.facts})
+            against_own.leave()
+    elif as_json:
+        _print_json(told)
     leave(results)
+
+
+def _print_json(told: dict[str, Any]) -> None:
+    typer.echo(json.dumps(told, indent=1, allow_nan=False))
 
 
 def resume_command(results: Annotated[Path, typer.Argument(help="The results file of a run that ended early.",

@@ -22,6 +22,7 @@ Ints = NDArray[np.integer]
 
 EXTRA = {"pandas": "data", "xarray": "data", "pyvista": "vtk"}
 PLACES = {On.NODES: "node", On.CELLS: "cell", On.CONTACT_NODES: "node", On.PAIR_NODES: "node", On.BODIES: "body"}
+ENDS = {"start": 0, "end": -1}  # words for times -> frames
 SAME_TIME = 1e-9  # of the length of the run
 ROWS = 12  # of a table in a notebook
 
@@ -79,10 +80,11 @@ class Fields(dict[str, OutputField]):
         super().__init__(known)
         self._results = results
 
-    def __call__(self, name: str, t: float | None = None) -> Any:
+    def __call__(self, name: str, t: float | str | None = None) -> Any:
         """Return the values of a field in SI, at one time or with the times of all frames.
 
-        name : HALF.NAME, or NAME where one half alone has it.  t [s] : between two frames on a straight line.
+        name : HALF.NAME, or NAME where one half alone has it.  t [s] : between two frames on a straight line, or
+        "start" or "end".
         Values at t : (n_nodes,), (n_cells, k), ...; without t : (times (n_t,), values (n_t, ...)).
         Raises ResultsError for an unknown field and a time outside the frames.
         """
@@ -99,13 +101,18 @@ class Fields(dict[str, OutputField]):
         raise ResultsError(f"{self._results.path} has no field {name!r}. {did_you_mean(name, self)}")
 
 
-def between(times: Array, values: Array, t: float) -> Array:
+def between(times: Array, values: Array, t: float | str) -> Array:
     """Return values (...) at a time t [s] from values (n_t, ...) at times (n_t,) [s], ascending, on a straight line.
 
-    Raises ResultsError for a time outside them.
+    t : or "start" or "end".  Raises ResultsError for a time outside them, and what is no time.
     """
     if not len(times):
         raise ResultsError("there are no frames of fields")
+    if isinstance(t, str) and t in ENDS:
+        return np.asarray(values[ENDS[t]])
+    if isinstance(t, str) or np.ndim(t):
+        raise ResultsError(f"t = {t!r} is no time: give one in seconds, \"start\" or \"end\"; of several times, ask "
+                           "one after the other, or without t for all frames")
     slack = SAME_TIME * max(float(times[-1] - times[0]), abs(t))
     if not times[0] - slack <= t <= times[-1] + slack:
         raise ResultsError(f"t = {t:g} s is outside the frames, from {times[0]:g} to {times[-1]:g} s")
@@ -172,10 +179,11 @@ def to_xarray(results: Source) -> Any:
     return xarray.Dataset(data, coordinates, {"title": results.header["title"], "outcome": results.outcome})
 
 
-def to_pyvista(results: Source, t: float | None = None) -> Any:
+def to_pyvista(results: Source, t: float | str | None = None) -> Any:
     """Return an UnstructuredGrid of both halves' fields at a time [s] (None: the last frame), on the deformed mesh.
 
-    Point and cell data by HALF.NAME, in SI; `body` : number of the body of each cell, its names in field data "bodies".
+    t : as in `Fields`.  Point and cell data by HALF.NAME, in SI;
+    `body` : number of the body of each cell, its names in field data "bodies".
     """
     pyvista, mesh = _package("pyvista"), results.mesh()
     fields = results.fields
@@ -195,25 +203,34 @@ def to_pyvista(results: Source, t: float | None = None) -> Any:
 
 
 def plot(results: Source, *names: str, unit: str | None = None) -> Any:
-    """Draw probes over time and return the axes (matplotlib).  unit : of all of them, as in `Results.probe`.
+    """Draw probes over time and return the axes (matplotlib).
 
+    unit : of all of them, as in `Results.probe`; without it SI, of temperatures the scenario's own.
     Raises ResultsError for an unknown probe or unit, and for probes of different units.
     """
     # Not pyplot: a figure that nobody closes would stay in memory.
     figure = importlib.import_module("matplotlib.figure").Figure(figsize=(8.0, 4.0), layout="constrained")
     names = names or results.probe_names
-    units = {unit or results.unit(n) for n in names}
+    # fault: plot: temperatures of a scene in degC are drawn in K -> own = {} | coupler/test_access
+    own = {"K": str(results.header["temperature_unit"])}
+    units = {unit or own.get(results.unit(n), results.unit(n)) for n in names}
     if len(units) > 1:
         raise ResultsError(f"{results.path}: these probes have several units ({', '.join(sorted(units))}): "
                            "one axis cannot show them; plot them one unit at a time")
     axes = figure.subplots()
     for name in names:
-        axes.plot(*results.probe(name, unit), label=name)
+        axes.plot(*results.probe(name, next(iter(units))), label=name)
     axes.set_xlabel("time [s]")
     axes.set_ylabel(f"[{next(iter(units), '1')}]")
     axes.grid(alpha=0.3)
     axes.legend()
     return axes
+
+
+def line(results: Source) -> str:
+    """Return what `repr` says of results: title, outcome, the time reached of the run's end, file."""
+    t, end = float(results.t[-1]) if len(results.t) else 0.0, float(results.header["coupling"]["end"])
+    return f"Results({str(results.header['title'])!r}: {results.outcome}, t = {t:.6g} of {end:.6g} s, {results.path})"
 
 
 def html(results: Source) -> str:

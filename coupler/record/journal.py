@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import struct
 import sys
+import time
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +22,7 @@ from coupler.errors import ResultsError
 
 MAGIC = b"SLIDELINE-JOURNAL-1\n"
 _HEAD = struct.Struct("<QI")  # length of the record, crc32 of the record
+LOOKS, LOOK = 5, 0.02  # times, [s]: whoever looks whether a journal is written holds it for microseconds
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Journal:
         except OSError as exc:
             raise ResultsError(f"{path}: cannot be written ({exc.strerror})") from exc
         try:
-            if not _lock(self._file):
+            if not _lock_soon(self._file):
                 raise ResultsError(f"{path}: another run is writing to it; give this one another results file")
             if since is not None:
                 check_mark(path, since)
@@ -161,19 +164,45 @@ def check_mark(path: Path, mark: Mark) -> None:
 
 
 def being_written(path: Path) -> bool:
-    """True while the run that writes this journal lives."""
-    with path.open("rb") as file:
-        return not _lock(file)
+    """True while the run that writes this journal lives, and until its results file stands."""
+    try:
+        with path.open("rb") as file:
+            # Shared: two that look at once do not take each other for the writer.
+            return not _lock(file, shared=True)
+    except FileNotFoundError:  # its run has just ended
+        return False
 
 
-def _lock(file: BinaryIO) -> bool:
+@contextmanager
+def taken(path: Path) -> Iterator[bool]:
+    """Hold the journal of a killed run, so that nobody else makes its results file; False where that cannot be."""
+    try:
+        file = path.open("rb")
+    except FileNotFoundError:
+        yield False
+        return
+    with file:
+        # Who had it before may have put it away.
+        yield _lock(file) and path.exists()
+
+
+def _lock_soon(file: BinaryIO) -> bool:
+    """Lock a journal, also where somebody looks at it just now."""
+    for _ in range(LOOKS):
+        if _lock(file):
+            return True
+        time.sleep(LOOK)
+    return _lock(file)
+
+
+def _lock(file: BinaryIO, shared: bool = False) -> bool:
     """Lock a journal until the file is closed or its process dies; False if another has the lock."""
     if sys.platform == "win32":  # no such lock there: two runs to one file are not noticed
         return True
     import fcntl
 
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

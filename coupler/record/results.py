@@ -21,7 +21,7 @@ from coupler.record.access import Fields, RunSurface
 from coupler.record.checksums import check_texts
 from coupler.record.confidence import read_confidence
 from coupler.record.finish import finish, reason_of
-from coupler.record.journal import being_written
+from coupler.record.journal import taken
 from coupler.record.mesh import RunMesh
 from coupler.record.paths import journal_of
 from coupler.record.tables import (
@@ -351,13 +351,16 @@ class Results:
         """Return an xarray Dataset with the fields; see coupler.record.access.to_xarray."""
         return access.to_xarray(self)
 
-    def to_pyvista(self, t: float | None = None) -> Any:
+    def to_pyvista(self, t: float | str | None = None) -> Any:
         """Return a pyvista UnstructuredGrid at a time [s]; see coupler.record.access.to_pyvista."""
         return access.to_pyvista(self, t)
 
     def plot(self, *names: str, unit: str | None = None) -> Any:
         """Draw probes over time and return matplotlib axes; see coupler.record.access.plot."""
         return access.plot(self, *names, unit=unit)
+
+    def __repr__(self) -> str:
+        return access.line(self)
 
     def _repr_html_(self) -> str:
         return access.html(self)
@@ -387,7 +390,9 @@ def iteration_words(results: Results) -> str:
 
 
 def _recover(journal: Path, path: Path) -> None:
-    """Make run.h5 from the journal of a killed run."""
-    if being_written(journal):
-        raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")
-    finish(journal, path)
+    """Make run.h5 from the journal of a killed run; nothing where somebody else has just done so."""
+    with taken(journal) as mine:
+        if mine and not path.exists():
+            finish(journal, path)
+        elif not path.exists():
+            raise ResultsError(f"{path}: its run still goes on; the results file is made when it ends")

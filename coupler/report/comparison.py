@@ -42,6 +42,7 @@ class ProbeCurves:
     t : (n,) [s], every end of a window of either run, up to the earlier end.  a, b : (n,) in `unit` (SI), linear in
     between; not a number where a gap faces nothing.  place : where it is taken, in the scenario's words; where the
     two runs take it at different places, both.
+    told : (n,) True where both runs tell something: see `told_by_both`.
     """
 
     name: str
@@ -51,11 +52,12 @@ class ProbeCurves:
     t: Array
     a: Array
     b: Array
+    told: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Where b is farthest from a: at t [s], b - a = by (SI)."""
+    """Where b is farthest from a, of what both tell: at t [s], b - a = by (SI)."""
 
     curves: ProbeCurves
     t: float
@@ -106,7 +108,8 @@ def compare(a: Results, b: Results) -> Comparison:
     t = t[(t >= low) & (t <= until)]
     if not len(t):
         raise ResultsError(f"{a.path} and {b.path} have no time in common")
-    found = {n: _difference(_curves(a, b, n, t)) for n in a.probe_names if _alike(a, b, n)}
+    told = told_by_both(a.t, b.t, t)
+    found = {n: _difference(_curves(a, b, n, t, told)) for n in a.probe_names if _alike(a, b, n)}
     differences = {n: d for n, d in found.items() if d is not None}
     if not differences:
         raise ResultsError(f"{a.path} and {b.path} have no probe in common: {', '.join(a.probe_names) or 'none'} "
@@ -119,9 +122,32 @@ def _alike(a: Results, b: Results, name: str) -> bool:
     return name in b.probe_names and a.quantity(name) == b.quantity(name)
 
 
-def _curves(a: Results, b: Results, name: str, t: Array) -> ProbeCurves:
+def told_by_both(of_a: Array, of_b: Array, t: Array) -> NDArray[np.bool_]:
+    """(n,) which of the times t [s] tell two runs apart: ends of both, else of the longer of the two windows there.
+
+    of_a, of_b : (n_a,), (n_b,) [s] ends of windows, ascending.  Inside a window a run says nothing: the straight line
+    through one is off by its curvature, which is no difference of the runs.  The line through the shorter is the better
+    one, so the end of a window is held against the line through one that is no longer, never the other way round.
+    """
+    return _held(of_a, of_b, t) | _held(of_b, of_a, t)
+
+
+def _held(own: Array, other: Array, t: Array) -> NDArray[np.bool_]:
+    """(n,) whether t is an end of `own`, and the window of `other` around it none or no longer than own's beside it."""
+    def sides(ends: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        first = np.searchsorted(ends, t, side="left").clip(max=len(ends) - 1)
+        at = ends[first] == t
+        return ends[np.maximum(first - 1, 0)], ends[np.where(at, np.minimum(first + 1, len(ends) - 1), first)], at
+
+    (before, after, is_own), (left, right, is_other) = sides(own), sides(other)
+    # fault: compare: inside a long window its straight line counts -> return is_own | coupler/test_compare
+    return is_own & (is_other | (right - left <= np.maximum(t - before, after - t) * (1.0 + TIE)))
+
+
+def _curves(a: Results, b: Results, name: str, t: Array, told: NDArray[np.bool_]) -> ProbeCurves:
     places = dict.fromkeys(p for p in (place_of(a, name), place_of(b, name)) if p)
-    return ProbeCurves(name, a.quantity(name), a.unit(name), " / ".join(places), t, _at(a, name, t), _at(b, name, t))
+    return ProbeCurves(name, a.quantity(name), a.unit(name), " / ".join(places), t, _at(a, name, t), _at(b, name, t),
+                       told)
 
 
 def _at(run: Results, name: str, t: Array) -> Array:
@@ -138,8 +164,8 @@ def _at(run: Results, name: str, t: Array) -> Array:
 
 
 def _difference(c: ProbeCurves) -> Difference | None:
-    """Where |b - a| is largest, the first time; None where there are never two values."""
-    off = np.abs(c.b - c.a)
+    """Where |b - a| is largest of what both tell, the first time; None where there are never two values."""
+    off = np.where(c.told, np.abs(c.b - c.a), np.nan)
     if np.isnan(off).all():
         return None
     k = int(np.nanargmax(off))

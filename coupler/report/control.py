@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,11 +21,12 @@ SHORT = 1.0 / 3.0
 LISTED = 40
 EACH = 200  # windows listed one by one
 SCHEDULED = "as the schedule says"
+NUMBER = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?!\w)"  # no part of a name
 
 
 @dataclass(frozen=True)
 class Choice:
-    """So many windows by a scheme; reasons : the commonest in words, numbers left out."""
+    """So many windows by a scheme; reasons : the commonest in words, numbers as ranges."""
 
     scheme: str
     windows: int
@@ -53,7 +54,7 @@ def choices(results: Results) -> list[Choice]:
         rows = np.flatnonzero(w.taken & (w.scheme == scheme))
         sizes = w.H[rows]
         found.append(Choice(scheme, len(rows), f"{number(float(sizes.min()), 3)} to {number(float(sizes.max()), 3)} s",
-                            int(w.solves[w.scheme == scheme].sum()), _commonest(results, rows.tolist())))
+                            int(w.solves[w.scheme == scheme].sum()), commonest(results, rows.tolist())))
     return found
 
 
@@ -93,7 +94,7 @@ def _stretch(results: Results, rows: NDArray[np.integer]) -> Stretch:
     return Stretch(number(float(w.t[0]), 8), number(float(w.t[-1] + (w.H[-1] if w.taken[-1] else 0.0)), 8),
                    str(w.scheme[0]), len(good), len(w) - len(good), most if least == most else f"{least} to {most}",
                    int(w.solves.sum()), number(float(known.max()), 2) if len(known) else "",
-                   _commonest(results, rows[w.taken].tolist()))
+                   commonest(results, rows[w.taken].tolist()))
 
 
 @dataclass(frozen=True)
@@ -157,14 +158,24 @@ def errors_picture(results: Results) -> Picture | None:
     return svg(figure, f"{text}.", f"{text}.")
 
 
-def _commonest(results: Results, rows: list[int]) -> str:
-    """The three commonest reasons, without the numbers in them."""
-    counts: dict[str, int] = {}
+def commonest(results: Results, rows: list[int]) -> str:
+    """The three commonest reasons; where numbers in them differ, from the least to the largest."""
+    alike: dict[tuple[str, ...], list[list[str]]] = {}
     for k in rows:
-        text = re.sub(r"-?\d[\d.e+-]*", "#", results.reasons.get(k, SCHEDULED))
-        counts[text] = counts.get(text, 0) + 1
-    best = sorted(counts.items(), key=lambda item: -item[1])[:3]
-    return "; ".join(f"{text} ({n})" for text, n in best)
+        reason = results.reasons.get(k, SCHEDULED)
+        alike.setdefault(tuple(re.split(NUMBER, reason)), []).append(re.findall(NUMBER, reason))
+    best = sorted(alike.items(), key=lambda item: -len(item[1]))[:3]
+    return "; ".join(f"{_filled(words, numbers)} ({len(numbers)})" for words, numbers in best)
+
+
+def _filled(words: Sequence[str], numbers: Sequence[Sequence[str]]) -> str:
+    """Text between whose words stand numbers, of several windows: (n_windows, len(words) - 1)."""
+    ranges = []
+    for column in zip(*numbers, strict=True):
+        low, high = min(column, key=float), max(column, key=float)
+        # fault: of several windows' numbers one is told -> ranges.append(low) | coupler/test_report_windows
+        ranges.append(low if float(low) == float(high) else f"{low} to {high}")
+    return "".join(f"{word}{text}" for word, text in zip(words, [*ranges, ""], strict=True))
 
 
 def _row(results: Results, k: int, text: str) -> Row:

@@ -195,6 +195,7 @@ Array = NDArray[np.float64]
 MULTIPLES = {
     "Pa": ((1.0, "Pa"), (1e-3, "kPa"), (1e-6, "MPa"), (1e-9, "GPa")),
     "J": ((1.0, "J"), (1e-3, "kJ"), (1e-6, "MJ"), (1e-9, "GJ")),
+    "N": ((1.0, "N"), (1e-3, "kN"), (1e-6, "MN"), (1e-9, "GN")),
     "W/m2": ((1.0, "W/m²"), (1e-3, "kW/m²"), (1e-6, "MW/m²")),
 }
 MICROMETRES_TO, METRES_FROM = 1e-3, 2.0  # m: between them engineers read lengths in mm

@@ -200,7 +200,7 @@ def _probes(a: Results, b: Results, c: Comparison, within: Mapping[str, Bound]) 
         # fault: what both runs may be off by is not allowed -> allowed = max(0.0 * sum(known), UNSEEN * (high - low)) |
         #   coupler/test_verdict
         allowed = bound.of(low, high) if bound is not None else max(sum(known), UNSEEN * (high - low))
-        beyond = np.abs(curve.b - curve.a) > allowed
+        beyond = curve.told & (np.abs(curve.b - curve.a) > allowed)
         first = float(curve.t[int(np.argmax(beyond))]) if beyond.any() else None
         judged.append(Judged(name, curve.unit, abs(d.by), d.t, allowed, first))
     return judged, unjudged

@@ -31,6 +31,29 @@ def test_a_field_at_a_time_is_on_the_line_between_frames(ran: Results) -> None:
     assert ran.fields["mechanical.sigma_v"].unit == "Pa"
 
 
+def test_times_have_words_and_what_is_no_time_is_told(ran: Results) -> None:
+    T = ran.fields("T")[1]
+    assert np.array_equal(ran.fields("T", t="end"), T[-1])
+    assert np.array_equal(ran.fields("T", t="start"), T[0])
+    assert not np.array_equal(T[0], T[-1])
+    for t in ("last", [1.0, 2.0], np.array([1.0])):
+        with pytest.raises(ResultsError, match='is no time: give one in seconds, "start" or "end"'):
+            ran.fields("T", t=t)
+
+
+def test_temperatures_are_drawn_in_the_unit_of_the_scene(ran: Results) -> None:
+    assert ran.header["temperature_unit"] == "degC"
+    axes = ran.plot("lower.top.left")
+    assert axes.get_ylabel() == "[degC]"
+    assert axes.lines[0].get_ydata() == pytest.approx(ran.probe("lower.top.left", "degC")[1])
+    assert ran.plot("lower.top.left", unit="K").get_ylabel() == "[K]"
+
+
+def test_repr_is_one_line_on_the_run(ran: Results) -> None:
+    title, end = ran.header["title"], ran.header["coupling"]["end"]
+    assert repr(ran) == f"Results({title!r}: {ran.outcome}, t = {ran.t[-1]:g} of {end:g} s, {ran.path})"
+
+
 def test_what_is_not_there_is_named(ran: Results) -> None:
     with pytest.raises(ResultsError, match="sigma_v"):
         ran.fields("sigma_w")

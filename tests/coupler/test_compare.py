@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from coupler.cli.cli import app
 from coupler.errors import ResultsError
 from coupler.record.results import Results
-from coupler.report.comparison import compare, sentence, write_comparison
+from coupler.report.comparison import compare, sentence, told_by_both, write_comparison
 from coupler.trust.checks import Check, TrustVerdict
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -53,6 +53,38 @@ def test_times_of_both_are_looked_at_and_none_beyond_the_shorter_run(runs: tuple
     a, b = runs
     t = compare(b, a).differences[0].curves.t
     np.testing.assert_array_equal(t, np.union1d(a.t, b.t))
+
+
+def test_the_line_through_a_long_window_is_no_difference(tmp_path: Path) -> None:
+    """One curved history, in windows of 20 and of 2 s, in turns: neither run is off at an end of its own."""
+    write_run(tmp_path / "a.h5", CASE)
+    write_run(tmp_path / "b.h5", CASE)
+    long, short = np.arange(0.0, 1000.0, 20.0), np.arange(0.0, 1000.0, 2.0)
+    ends = {"a": np.concatenate([long[long < 400], short[short >= 400]]),
+            "b": np.concatenate([short[short < 400], long[long >= 400]])}
+    for jump in (0.0, 0.5):
+        runs = []
+        for name, t in ends.items():
+            run = Results(tmp_path / f"{name}.h5")
+            T = 300.0 + 0.005 * (t - 500.0) ** 2 + jump * (name == "b") * (t > 700.0)
+            run.t, run._terms = t, {}
+            run._probes = {NAME: replace(run._probes[NAME], values=T)}
+            runs.append(run)
+        for one, other in (runs, runs[::-1]):
+            d = compare(one, other).differences[0]
+            at_all_times = np.abs(d.curves.b - d.curves.a).max()
+            # A parabola's chord over 20 s: 0.005 * (20 / 2)**2; over the shorter windows a hundredth of it.
+            assert at_all_times > 0.49
+            assert abs(d.by) == pytest.approx(jump, abs=0.0051)
+            if jump:
+                assert d.t > 700.0
+
+
+def test_what_both_tell_is_at_ends_of_both_and_of_the_longer_window() -> None:
+    a, b = np.array([0.0, 10.0, 20.0]), np.array([0.0, 4.0, 8.0, 12.0, 16.0, 20.0])
+    t = np.union1d(a, b)
+    for told in (told_by_both(a, b, t), told_by_both(b, a, t)):
+        assert t[told].tolist() == [0.0, 10.0, 20.0]
 
 
 def test_where_nothing_is_faced_no_gap_is_compared(runs: tuple[Results, Results], tmp_path: Path) -> None:

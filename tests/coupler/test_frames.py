@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from coupler.record.finish import gathered
 from coupler.record.frames import EVENT, frame_choice, thinned
+from coupler.record.journal import JournalRecord
 from coupler.record.results import Results
+from coupler.record.tables import WINDOW_FIELDS
 from coupler.schemes.levels import Level
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -93,3 +96,25 @@ def test_what_was_asked_for_stays_when_the_others_are_thinned(tmp_path: Path) ->
     r.end("completed", "", {"seconds": 1.0})
     # Chosen 100, 200, 400 to 700: each second goes.
     assert Results(r.out).field("thermal.T")[0].tolist() == [0.0, 100.0, 300.0, 400.0, 600.0, 900.0]
+
+
+def test_a_rewind_behind_a_thinning_brings_back_the_frames_from_before_it(tmp_path: Path) -> None:
+    """Snapshot with frames 0 to 5, on to 19 with three thinnings, back to 5: as if nothing after it had been."""
+    def row(k: int) -> JournalRecord:
+        zero = {n: "" if kind.startswith("S") else 0 for n, kind in WINDOW_FIELDS}
+        return JournalRecord("window", {**zero, "taken": True, "t_now": float(k), "terms": {}}, {"probes": NONE})
+
+    def frame(k: int) -> JournalRecord:
+        return JournalRecord("frame", {"t_now": float(k), "chosen": k > 0}, {})
+
+    records = [JournalRecord("start", {"t_now": 0.0, "terms": {}}, {"probes": NONE}), frame(0)]
+    for k in range(1, 20):
+        records += [row(k), *[JournalRecord("thin", {}, {})] * (k in (8, 12, 16)), frame(k)]
+    assert len(gathered(records).frames) < 10
+    back = JournalRecord("rewind", {"t_now": 5.0, "rows": 5}, {})
+    assert list(gathered([*records, back]).frames.values()) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    # One behind a thinning keeps that one, and undoes those after it.
+    at_9 = list(gathered(records[:2 + 2 * 9 + 1]).frames.values())
+    behind = JournalRecord("rewind", {"t_now": 9.0, "rows": 9}, {})
+    assert list(gathered([*records, behind]).frames.values()) == at_9
+    assert at_9 == [0.0, 1.0, 3.0, 5.0, 7.0, 8.0, 9.0]

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -129,6 +130,41 @@ def test_fields_of_both_halves_arrows_mesh_and_magnification_change_the_picture(
 
 
 @needs_browser
+def test_the_whole_view_holds_the_bodies_at_all_times(page: Browser) -> None:
+    """The upper block slides by more than its own width, and not at first; a narrow window has no room to spare."""
+    page.resize(380, 900)
+    page.value("[...document.querySelectorAll('#player button')].find((b) => b.textContent === 'Whole').click()")
+    edge = """(() => { const c = document.querySelector("canvas.bodies"), x = c.getContext("2d");
+      const at = (...box) => [...x.getImageData(...box).data];
+      const all = [at(0, 0, c.width, 1), at(0, c.height - 1, c.width, 1), at(0, 0, 1, c.height),
+        at(c.width - 1, 0, 1, c.height)].flat();
+      return [...new Set(all)].length; })()"""
+    for k in (0, 15, 20):
+        page.value(SLIDE % k)
+        assert page.value(edge) == 1, "something is drawn at the very edge"
+    assert page.troubles == []
+
+
+@needs_browser
+def test_numbers_beside_an_axis_are_whole_and_clear_of_its_name(browser: Browser, tmp_path: Path) -> None:
+    results = write_run(tmp_path / "run.h5", Case(frames=3))
+    with h5py.File(results.path, "r+") as f:
+        for name in results.probe_names:
+            f[f"probes/{name}"][:] *= -1.2345e21
+    browser.open(write_report(Results(results.path), tmp_path / "run.html"))
+    told = browser.value("""[...document.querySelectorAll("svg.plot")].map((plot) => {
+      const box = (e) => e.getBoundingClientRect(), own = box(plot);
+      const ticks = [...plot.querySelectorAll("text.tick[text-anchor=end]")].filter(
+        (e) => box(e).right < own.left + 120);
+      const name = [...plot.querySelectorAll("text.name")].find((e) => e.hasAttribute("transform"));
+      return [Math.max(...ticks.map((e) => e.textContent.length)), Math.min(...ticks.map((e) => box(e).left)),
+        box(name).right]; })""")
+    assert max(length for length, _, _ in told) >= 5
+    for _, left, right in told:
+        assert left >= right, "a number lies across the name of its axis"
+
+
+@needs_browser
 def test_the_value_under_the_pointer_is_that_of_the_field(page: Browser, ran: Results) -> None:
     page.value(SLIDE % 0)
     box = page.value("""(() => { const c = document.querySelector("canvas.bodies").getBoundingClientRect();
@@ -136,7 +172,8 @@ def test_the_value_under_the_pointer_is_that_of_the_field(page: Browser, ran: Re
     T = ran.field("thermal.T")[1][0] - 273.15
     seen = {}
     for j in np.linspace(0.05, 0.95, 40):
-        page.mouse("mouseMoved", box[0] + 0.5 * box[2], box[1] + j * box[3])
+        # The view holds the slide as well, by 1.1 edges to the right: both blocks are left of its middle now.
+        page.mouse("mouseMoved", box[0] + 0.5 * box[2] - 0.22 * box[3], box[1] + j * box[3])
         text = page.value("""(() => { const t = document.querySelector("#player .tip");
           return t.hidden ? "" : t.children[0].textContent + "|" + t.children[1].textContent; })()""")
         if text:

@@ -11,7 +11,7 @@ import pytest
 
 from coupler.record.results import Results, _ProbeSeries
 from coupler.record.tables import ERROR_FIELDS
-from coupler.report.control import EACH, every_window, stretches
+from coupler.report.control import EACH, commonest, every_window, stretches
 from coupler.report.curves import error_of, probe_pictures
 from coupler.report.page import about, answer, render
 
@@ -99,3 +99,10 @@ def test_axes_of_a_round_scene_are_r_and_z(tmp_path: Path) -> None:
     results._probes["lift"] = _ProbeSeries(np.arange(5) * 1e-3, "m", "u_y")
     caption = next(p.caption for p in probe_pictures(results) if "lift" in p.caption)
     assert caption.startswith("Displacement u_z of")
+
+
+def test_reasons_of_several_windows_tell_the_range_of_their_numbers(run: Results) -> None:
+    run.reasons = {k: f"error of temperature is {0.5 + k / 4:g} tolerances; block2 at 3 s" for k in range(3)}
+    run.reasons[3] = "extrapolated: contraction 2.5e-05"
+    assert commonest(run, [0, 1, 2, 3]) == ("error of temperature is 0.5 to 1 tolerances; block2 at 3 s (3); "
+                                            "extrapolated: contraction 2.5e-05 (1)")

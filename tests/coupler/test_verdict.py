@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -167,3 +168,16 @@ def test_run_with_compare_swaps_runs_and_judges(tmp_path):
     assert Results(tmp_path / "rod-own.h5").header["halves"]["thermal"] == "thermal"
     with pytest.raises(ScenarioError, match="no half is swapped"):
         CliRunner().invoke(app, ["run", str(BARS), "--compare"], catch_exceptions=False)
+
+
+def test_run_with_compare_and_json_prints_one_document_and_quiet_holds_for_both_runs(tmp_path):
+    out = tmp_path / "rod.h5"
+    done = CliRunner().invoke(app, ["run", str(BARS), "-o", str(out), "--swap", "thermal=lumped", "--compare", "--set",
+                                    "coupling.end=5", "--set", "coupling.windows=[{until: 5, size: 1}]",
+                                    "--within", "T=1e-3K", "--json", "-q"])
+    assert done.exit_code == 5, done.output
+    told = json.loads(done.stdout)
+    assert (told["file"], told["comparison"]["same"]) == (str(out), False)
+    assert "rod.h5 differs from rod-own.h5, first at t = " in told["comparison"]["verdict"]
+    assert Path(told["comparison"]["page"]).exists()
+    assert done.stderr == ""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from coupler.errors import ResultsError
+from coupler.record.finish import finish, snapshot
 from coupler.record.paths import journal_of
 from coupler.record.results import Results
 from coupler.report import watch_report
+from coupler.running.status import status
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import Case, record, write_run
@@ -61,3 +64,62 @@ def test_a_run_that_has_ended_has_its_page_at_once_and_none_is_named(tmp_path: P
     assert [r.outcome for r in pages] == ["completed"]
     with pytest.raises(ResultsError, match="no such results file"):
         watch_report(tmp_path / "none.h5", tmp_path / "none.html", 1.0, pages.append)
+
+
+def test_a_run_is_being_written_until_its_results_file_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever looked between the end of the journal and the file made the file too, in the same folder."""
+    out, asked = tmp_path / "run.h5", []
+    run = record(out, Case(windows=3, frames=2, reject=0))
+
+    def watched(journal: Path, path: Path) -> None:
+        with pytest.raises(ResultsError, match="its run still goes on"):
+            Results(out)
+        asked.append(status(out))
+        finish(journal, path)
+
+    monkeypatch.setattr("coupler.record.recorder.finish", watched)
+    run.end("completed", "", {"seconds": 1.0})
+    assert len(asked) == 1
+    assert Results(out).outcome == "completed"
+    assert Results(out).later is None
+
+
+def test_a_journal_that_goes_between_two_looks_is_the_end_of_the_run(tmp_path: Path,
+                                                                     monkeypatch: pytest.MonkeyPatch) -> None:
+    out, looks = tmp_path / "run.h5", []
+    run = record(out, Case(windows=3, frames=2, reject=0))
+
+    def ended_meanwhile(journal: Path, path: Path) -> None:
+        looks.append(path)
+        run.end("completed", "", {"seconds": 1.0})
+        snapshot(journal, path)
+
+    monkeypatch.setattr("coupler.report.watch.snapshot", ended_meanwhile)
+    pages: list[str] = []
+    done = watch_report(out, tmp_path / "run.html", 0.05, lambda r: pages.append(r.outcome))
+    assert (len(looks), pages, done.outcome) == (1, ["completed"], "completed")
+
+
+RUN = """
+import sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from synthetic_run import Case, record
+run = record(Path({out!r}), Case(windows=40, frames=41, reject=0))
+print("goes on", flush=True)
+time.sleep({wait})
+run.end("completed", "", {{"seconds": 1.0}})
+"""
+
+
+def test_a_run_and_who_watches_it_both_end_well(tmp_path: Path) -> None:
+    for k in range(3):
+        out = tmp_path / f"run{k}.h5"
+        code = RUN.format(tests=str(Path(__file__).parent), out=str(out), wait=0.3 + 0.1 * k)
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as run:
+            assert next(iter(run.stdout or ())) == "goes on\n"
+            pages: list[str] = []
+            watch_report(out, out.with_suffix(".html"), 0.01, lambda r, seen=pages: seen.append(r.outcome))
+            assert run.wait(60) == 0
+        assert (pages[0], pages[-1]) == ("running", "completed")
+        assert "This run goes on." not in out.with_suffix(".html").read_text("utf-8")

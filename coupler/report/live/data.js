@@ -60,6 +60,12 @@ function shownNumber(value, digits = 4) {
   return String(Number(value.toPrecision(digits)));
 }
 
+/** A number as short as it can be on an axis: 2e7, -1.5e-5, 120000. */
+function tickNumber(value) {
+  return Math.abs(value) < 1e5 ? shownNumber(value, 6).replace(/\.?0+e/, "e")
+    : value.toExponential(5).replace(/\.?0+e/, "e").replace("e+", "e");
+}
+
 /** Round values for an axis: about `count` of them from low to high. */
 function ticksOf(low, high, count) {
   const raw = (high - low) / Math.max(count, 1);

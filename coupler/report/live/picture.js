@@ -20,7 +20,8 @@ class Picture {
     this.means = data.numbers(frames.means);
     this.own = frames.own.map((table) => tableOf(table, data.numbers));
     this.tables = Object.fromEntries(Object.entries(maps).map(([name, colours]) => [name, colourTable(colours)]));
-    this.count = frames.t.length;
+    // Not the length of frames.t, which is a reference into the numbers of the page.
+    this.count = data.numbers(frames.t).length;
     this.view = null;
   }
 

@@ -1,6 +1,7 @@
 // A chart of curves in SVG: axes, a legend that hides curves, values under the pointer, a cursor, zoom by dragging.
 
 const SPACE = { left: 58, right: 14, top: 12, bottom: 40 };
+const TITLE = 28, LETTER = 7; // pixels: beside the axis' name, and of a digit
 const COLOURS = ["var(--c0)", "var(--c1)", "var(--c2)", "var(--c3)", "var(--c4)", "var(--c5)", "var(--c6)"];
 const DASHES = ["", "7 4", "2 3", "8 3 2 3"];
 let plotsMade = 0;
@@ -20,6 +21,7 @@ class Plot {
     this.svg = drawn("svg", { class: "plot", role: "img", tabindex: 0, "aria-label": this.label });
     this.tip = element("div", { class: "tip", hidden: true });
     this.legend = element("div", { class: "legend" });
+    this.left = SPACE.left;
     host.append(element("div", { class: "plotbox" }, this.svg, this.tip), this.legend);
     this.makeLegend();
     this.listen();
@@ -90,14 +92,17 @@ class Plot {
   draw() {
     const width = this.width = Math.max(this.svg.parentNode.clientWidth, 200);
     const [low, high] = this.heights();
-    const across = width - SPACE.left - SPACE.right, up = this.height - SPACE.top - SPACE.bottom;
-    this.toX = (x) => SPACE.left + across * (x - this.range[0]) / (this.range[1] - this.range[0]);
-    this.fromX = (px) => this.range[0] + (px - SPACE.left) / across * (this.range[1] - this.range[0]);
+    // As wide as the longest number beside the axis, so that none is cut off or lies across the axis' name.
+    const longest = Math.max(...ticksOf(low, high, 5).map((y) => tickNumber(y).length));
+    this.left = Math.max(SPACE.left, TITLE + LETTER * longest);
+    const across = width - this.left - SPACE.right, up = this.height - SPACE.top - SPACE.bottom;
+    this.toX = (x) => this.left + across * (x - this.range[0]) / (this.range[1] - this.range[0]);
+    this.fromX = (px) => this.range[0] + (px - this.left) / across * (this.range[1] - this.range[0]);
     this.toY = (y) => SPACE.top + up * (high - y) / (high - low);
     this.svg.setAttribute("viewBox", `0 0 ${width} ${this.height}`);
     const parts = [...this.axes(low, high)];
     const clip = drawn("clipPath", { id: this.id });
-    clip.append(drawn("rect", { x: SPACE.left, y: SPACE.top - 2, width: across, height: up + 4 }));
+    clip.append(drawn("rect", { x: this.left, y: SPACE.top - 2, width: across, height: up + 4 }));
     const curves = drawn("g", { "clip-path": `url(#${this.id})` });
     for (const mark of this.marks) {
       curves.append(drawn("line", { class: "mark", x1: this.toX(mark), x2: this.toX(mark), y1: SPACE.top,
@@ -118,9 +123,9 @@ class Plot {
   *axes(low, high) {
     const bottom = this.height - SPACE.bottom;
     for (const y of ticksOf(low, high, 5)) {
-      yield drawn("line", { class: "grid", x1: SPACE.left, x2: this.width - SPACE.right, y1: this.toY(y), y2: this.toY(y) });
-      yield drawn("text", { class: "tick", x: SPACE.left - 6, y: this.toY(y) + 4, "text-anchor": "end",
-        text: shownNumber(y, 6) });
+      yield drawn("line", { class: "grid", x1: this.left, x2: this.width - SPACE.right, y1: this.toY(y), y2: this.toY(y) });
+      yield drawn("text", { class: "tick", x: this.left - 6, y: this.toY(y) + 4, "text-anchor": "end",
+        text: tickNumber(y) });
     }
     const count = Math.max(2, Math.floor((this.width - 80) / 110));
     for (const x of ticksOf(this.range[0], this.range[1], count)) {
@@ -129,7 +134,7 @@ class Plot {
       yield drawn("text", { class: "tick", x: this.toX(x), y: bottom + 16, text: shownNumber(x, 7),
         "text-anchor": this.toX(x) > this.width - 40 ? "end" : "middle" });
     }
-    yield drawn("text", { class: "name", x: (SPACE.left + this.width - SPACE.right) / 2, y: this.height - 5,
+    yield drawn("text", { class: "name", x: (this.left + this.width - SPACE.right) / 2, y: this.height - 5,
       "text-anchor": "middle", text: this.xLabel });
     yield drawn("text", { class: "name", "text-anchor": "middle", text: this.yLabel,
       transform: `translate(12 ${(SPACE.top + bottom) / 2}) rotate(-90)` });
@@ -200,7 +205,7 @@ class Plot {
 
   showTip(px) {
     const i = nearest(this.x, this.fromX(px)), at = this.toX(this.x[i]);
-    if (at < SPACE.left - 1 || at > this.width - SPACE.right + 1) { this.hideTip(); return; }
+    if (at < this.left - 1 || at > this.width - SPACE.right + 1) { this.hideTip(); return; }
     for (const end of ["x1", "x2"]) this.hover.setAttribute(end, at);
     this.hover.setAttribute("visibility", "visible");
     const rows = this.shownSeries().map((s) => {
