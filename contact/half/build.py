@@ -56,14 +56,17 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
     packages = {name: entry.sources_hash(package_directory(name)) for name in ("contact", *uses, package)}
     module, _, function = load.partition(":")
     half = getattr(importlib.import_module(module), function)(interface, model)
-    guid = content_hash(interface, model, packages)
+    needs = papers.requirements({name: package_directory(name) for name in packages}, {*packages, "pythonfmu"})
+    origin = papers.origin_of(package)
+    # fault: FMUs with other requirements inside have one name -> guid = content_hash(interface, model, packages) |
+    #   contact/test_half_build
+    guid = content_hash(interface, model, packages, [*needs, origin.name, origin.version, origin.license])
     kind = "".join(c if c.isalnum() else "_" for c in str(model.get("half", package)))
     identifier = f"{kind}_half_{guid[:8]}"
     standard = standard_variables(interface, " ".join(f"{k}:{v}" for k, v in packages.items()))
-    layout, origin = layout_of(half.variables, standard), papers.origin_of(package)
+    layout = layout_of(half.variables, standard)
     xml = model_description(layout, identifier, guid, tool=f"PythonFMU {_version(pythonfmu)} (Slideline)",
                             description=f"{kind} half", version=origin.version, rights=origin.license).encode()
-    needs = papers.requirements({name: package_directory(name) for name in packages}, {*packages, "pythonfmu"})
     script = _ENTRY.format(tag=guid[:8], load=load, packages=packages, identifier=identifier, guid=guid)
     members: dict[str, bytes | Path] = {
         "modelDescription.xml": xml,
@@ -98,8 +101,12 @@ def main(package: str, load: str | Mapping[str, str], uses: Sequence[str] = ()) 
         raise SystemExit(2) from exc
 
 
-def content_hash(interface: Interface, model: dict[str, Any], packages: dict[str, str]) -> str:
-    """32 hex digits that change with anything an FMU's answers depend on."""
+def content_hash(interface: Interface, model: dict[str, Any], packages: dict[str, str],
+                 told: Sequence[str] = ()) -> str:
+    """32 hex digits that change with anything an FMU's answers depend on.
+
+    told : what else it says of itself, the versions it needs and where it is from.
+    """
     digest = hashlib.sha256()
 
     def add(name: str, value: bytes) -> None:
@@ -110,7 +117,7 @@ def content_hash(interface: Interface, model: dict[str, Any], packages: dict[str
         for name, value in _parts(field.name, getattr(interface, field.name)):
             add(name, value)
     versions = {"python": sys.version_info[:3], "pythonfmu": _version(pythonfmu), "numpy": np.__version__}
-    add("rest", json.dumps([model, packages, versions], sort_keys=True).encode())
+    add("rest", json.dumps([model, packages, versions, *told], sort_keys=True).encode())
     return digest.hexdigest()[:32]
 
 

@@ -138,8 +138,11 @@ class ElasticBoundary(Supported):
             if getattr(self, key) is not None and place != "body":
                 raise problem("only a rigid body has an angle", "Use `body: NAME`.", at=(key,))
         if len(given) > 1 and self.name is not None:
+            entries = [f"{{{place}: {getattr(self, place)}, name: {self.name}{k * f'_{k + 1}'}, {key}: ...}}"
+                       for k, key in enumerate(given)]
             raise problem(f"a name stands for one factor, but {' and '.join(given)} are given",
-                          "Write an entry with a name for each.", at=("name",))
+                          f"Write an entry for each, of which only what is driven needs a name: {', '.join(entries)}.",
+                          at=("name",))
         return self
 
 

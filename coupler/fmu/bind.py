@@ -16,11 +16,11 @@ from xml.etree import ElementTree
 
 from contact.half.layout import base_exponents
 from contact.problem.values import did_you_mean
-from coupler.errors import ScenarioError, together
+from coupler.errors import HalfError, ScenarioError, together
 from coupler.fmu.bounds import border_scene
-from coupler.fmu.description import with_description
+from coupler.fmu.description import check_size, with_description
 from coupler.fmu.names import BLOCKS, OUT, Face, face_of
-from coupler.fmu.units import COMMON, Conversion, DeclaredUnit, conversion_of, declared_units
+from coupler.fmu.units import COMMON, Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
 from coupler.scenario import Scenario
 from coupler.scenario.schema import Binding
 
@@ -51,11 +51,13 @@ def bind(scenario: Scenario, role: str, fmu: Path, out: Path) -> Path:
     rows = border_scene(scenario.interface, scenario.models["thermal"], stated).rows
     try:
         with zipfile.ZipFile(fmu) as archive:
+            # fault: a description of any size is read -> pass | coupler/test_bind
+            check_size(archive, fmu)
             root = ElementTree.fromstring(archive.read(XML))
             errors = list(_bound(root, bindings, role, rows, lambda *a: _error(scenario, role, *a)))
             if errors:
                 raise together(errors)
-    except (OSError, KeyError, zipfile.BadZipFile, ElementTree.ParseError) as exc:
+    except (HalfError, OSError, KeyError, zipfile.BadZipFile, ElementTree.ParseError) as exc:
         raise ScenarioError(f"{fmu} cannot be read as an FMU ({exc})", file=str(scenario.file), key=f"{role}.half",
                             remedy="Give an FMU of FMI 2.0 for co-simulation") from exc
     xml = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -91,7 +93,8 @@ def _bound(root: ElementTree.Element, bindings: Mapping[str, Binding], role: str
            error: Callable[[str, str, str], ScenarioError]) -> Iterator[ScenarioError]:
     """Give variables of a description the names of the border, in place; yields what does not fit."""
     nodes = {node.get("name", ""): node for node in root.iterfind("ModelVariables/ScalarVariable")}
-    declared = declared_units(root)
+    declared, types = declared_units(root), type_units(root)
+    taken: dict[int, str] = {}
     for number, (name, binding) in enumerate(bindings.items()):
         try:
             face = face_of(name)
@@ -101,8 +104,14 @@ def _bound(root: ElementTree.Element, bindings: Mapping[str, Binding], role: str
             found = _variables(nodes, name, binding, face, rows.get(name))
             if found[0].name in nodes:
                 raise BindError(f"the FMU has variables {name} already", "Leave this binding out")
+            # fault: of two bindings of the same variables the first is lost -> twice = None | coupler/test_bind
+            twice = next((taken[id(one.node)] for one in found if id(one.node) in taken), None)
+            if twice is not None:
+                raise BindError(f"{binding.name!r} are bound as {twice} already",
+                                "A variable is one block at the border: leave one of the two out")
             unit = f"bound_{number}"
-            how = _conversion(found, binding, face, declared)
+            how = _conversion(found, binding, face, declared, types)
+            taken |= {id(one.node): name for one in found}
             for one in found:
                 _rename(one, role, face, unit)
             _define(root, unit, face.unit, how)
@@ -113,7 +122,12 @@ def _bound(root: ElementTree.Element, bindings: Mapping[str, Binding], role: str
 def _variables(nodes: Mapping[str, ElementTree.Element], name: str, binding: Binding, face: Face,
                rows: int | None) -> list[_Bound]:
     """The variables that a pattern names, one of each index.  rows : how many the scene has, where it says so."""
-    used = set(PLACEHOLDER.findall(binding.name))
+    words = PLACEHOLDER.findall(binding.name)
+    used = set(words)
+    # fault: a placeholder that comes twice ends in the error of a library -> if False: | coupler/test_bind
+    if len(words) > len(used):
+        raise BindError(f"the pattern {binding.name!r} has {{{next(w for w in words if words.count(w) > 1)}}} twice",
+                        "Each placeholder stands once")
     across = used - {"i", "i0"}
     if len(used - across) != min(face.rank, 1) or len(across) != max(face.rank - 1, 0):
         want = ("no {i}", "one {i} (or {i0}, from 0)", "one {i} (or {i0}) and one {j}, {j0}, {xy} or {XY}")[face.rank]
@@ -123,7 +137,12 @@ def _variables(nodes: Mapping[str, ElementTree.Element], name: str, binding: Bin
     pattern = _pattern(binding.name)
     for text, node in nodes.items():
         if match := pattern.fullmatch(text):
-            found[_index(match)] = node
+            at = _index(match)
+            # fault: of two variables of one number the later is taken -> if False: | coupler/test_bind
+            if at in found:
+                raise BindError(f"the pattern {binding.name!r} names {found[at].get('name')!r} and {text!r}, both "
+                                f"{_at(at)}", "Each number must be one variable: let the pattern name one of them")
+            found[at] = node
     if not found:
         near = difflib.get_close_matches(_example(binding.name), nodes, NAMED, 0.0)
         raise BindError(f"no variable of the FMU has a name like {binding.name!r}", f"It has {', '.join(near)}, ...")
@@ -165,13 +184,23 @@ def _example(pattern: str) -> str:
 
 
 def _conversion(found: list[_Bound], binding: Binding, face: Face,
-                declared: Mapping[str, DeclaredUnit]) -> Conversion:
-    """How numbers of variables become those of the border: by the unit stated, else by the one the FMU declares."""
+                declared: Mapping[str, DeclaredUnit], types: Mapping[str, str]) -> Conversion:
+    """How numbers of variables become those of the border: by the unit stated, else by the one the FMU declares.
+
+    types : the units of the FMU's types, by name.
+    """
     kinds = {child.tag for one in found for child in one.node} & {"Integer", "Boolean", "String", "Enumeration"}
     if kinds:
         raise BindError(f"{binding.name!r} are of type {kinds.pop()}, not Real", "Bind variables of type Real")
     units = {binding.unit} if binding.unit else {
-        child.get("unit", face.unit) for one in found for child in one.node.iterfind("Real")}
+        # fault: numbers without a unit are taken for SI -> unit_of(child, types) or face.unit for one in found for
+        #   child in one.node.iterfind("Real")} | coupler/test_bind
+        unit_of(child, types) for one in found for child in one.node.iterfind("Real")}
+    if "" in units and face.unit == "1":
+        units = (units - {""}) | {"1"}
+    if "" in units:
+        raise BindError(f"the FMU does not say what {binding.name!r} are in", f"State a `unit`: {face.unit}, or what "
+                        "they are in")
     if len(units) > 1:
         raise BindError(f"{binding.name!r} are in {' and '.join(sorted(units))}", "State one `unit`")
     unit = units.pop() if units else face.unit
@@ -203,7 +232,9 @@ def _define(root: ElementTree.Element, name: str, unit: str, how: Conversion) ->
     place = root.find("UnitDefinitions")
     if place is None:
         place = ElementTree.Element("UnitDefinitions")
-        at = next(k for k, child in enumerate(root) if child.tag == "ModelVariables")
+        # Before the types, as the schema of FMI 2.0 has it.
+        after = ("TypeDefinitions", "LogCategories", "DefaultExperiment", "VendorAnnotations", "ModelVariables")
+        at = next(k for k, child in enumerate(root) if child.tag in after)
         root.insert(at, place)
     new = ElementTree.SubElement(place, "Unit", name=name)
     powers = {} if unit == "1" else {base: str(n) for base, n in base_exponents(unit.replace(".", "")).items()}

@@ -29,9 +29,9 @@ from contact.half.model import PLACES
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
 from coupler.fmu.names import face_of
-from coupler.fmu.units import SI, Conversion, DeclaredUnit, conversion_of, declared_units
+from coupler.fmu.units import SI, Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
 
-_CACHE_VERSION = 3
+_CACHE_VERSION = 4
 _INDEXED = re.compile(r"^(.+)\[(\d+(?:,\d+)*)\]$")
 _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
@@ -146,13 +146,14 @@ def _parse(text: bytes, path: Path, told: dict[str, VariableBlock] | None) -> De
     simulation = root.find("CoSimulation")
     if simulation is None:
         raise HalfError(f"{path}: no CoSimulation; a half must be FMI 2.0 for co-simulation")
+    types = type_units(root)
     return Description(
         guid=root.get("guid", ""), identifier=simulation.get("modelIdentifier", ""),
         tool=root.get("generationTool", ""),
         can_save=simulation.get("canGetAndSetFMUstate") in ("true", "1"),
         can_serialise=simulation.get("canSerializeFMUstate") in ("true", "1"),
         fields=_in_si(told if told is not None
-                      else gather([_scalar(node) for node in root.iterfind("ModelVariables/ScalarVariable")],
+                      else gather([_scalar(node, types) for node in root.iterfind("ModelVariables/ScalarVariable")],
                                   _places(root)), declared_units(root)))
 
 
@@ -178,11 +179,11 @@ def _places(root: ElementTree.Element) -> dict[str, str]:
     return {block.get("name", ""): block.get("on", "") for block in blocks if block.get("on") in PLACES}
 
 
-def _scalar(node: ElementTree.Element) -> _Scalar:
+def _scalar(node: ElementTree.Element, types: Mapping[str, str]) -> _Scalar:
     value = next(child for child in node if child.tag in _KINDS)
     return _Scalar(node.attrib["name"], int(node.attrib["valueReference"]), node.get("causality", "local"),
                    node.get("variability", "continuous" if value.tag == "Real" else "discrete"),
-                   value.tag, value.get("unit", "1"), value.get("start"), node.get("description", ""))
+                   value.tag, unit_of(value, types) or "1", value.get("start"), node.get("description", ""))
 
 
 def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyType({})) -> dict[str, VariableBlock]:
@@ -259,6 +260,12 @@ def is_safe(path: Path) -> bool:
     return _SAFE.fullmatch(str(path.absolute())) is not None
 
 
+def check_size(archive: zipfile.ZipFile, fmu: Path) -> None:
+    """Raise HalfError where an archive would unpack to more than any half has; to ask before anything is read."""
+    if sum(info.file_size for info in archive.infolist()) > LIMIT:
+        raise HalfError(f"{fmu} unpacks to more than {LIMIT >> 30} GiB")
+
+
 def unpack(fmu: Path, target: Path) -> Path:
     """Unpack an FMU into a new directory, whole or not at all; kept as it is if it is there already.
 
@@ -273,8 +280,7 @@ def unpack(fmu: Path, target: Path) -> Path:
     scratch = Path(tempfile.mkdtemp(dir=target.parent, prefix=".unpack-"))
     try:
         with zipfile.ZipFile(fmu) as archive:
-            if sum(info.file_size for info in archive.infolist()) > LIMIT:
-                raise HalfError(f"{fmu} unpacks to more than {LIMIT >> 30} GiB")
+            check_size(archive, fmu)
             archive.extractall(scratch)
         try:
             os.replace(scratch, target)

@@ -199,7 +199,8 @@ def _read_text(path: Path) -> str:
     file = str(path)
     if not path.exists():
         raise ScenarioError(
-            "there is no such file", file=file, remedy="Check the path."
+            "there is no such file", file=file,
+            remedy="Check the path; `slideline list` names the scenarios that are installed."
         )
     if not path.is_file():
         raise ScenarioError("this is not a regular file", file=file, remedy="Give the path of the YAML file.")

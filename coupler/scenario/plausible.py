@@ -45,6 +45,7 @@ USUAL = {
     "plastic.s_y": Usual(1e3, 1e11, "Pa", STRESS),
 }
 SOLID_RHO = 12.0  # kg/m3; a solid is no lighter
+DENSE, DENSE_E = 1500.0, 1e7  # kg/m3, Pa: what is denser than foams, gels and rubbers is stiffer than they are, too
 LENGTH = Usual(1e-6, 10.0, "m", {"mm": 1e-3, "um": 1e-6})
 COLD = (10.0, 60.0)  # K; written so, a temperature at the start is rather in degrees Celsius
 
@@ -70,7 +71,7 @@ def unlikely(stated: ScenarioFile, interface: Interface) -> list[str]:
         if not LENGTH.holds(size):
             slip = LENGTH.slip(size)
             notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in metres, those of a "
-                         "mesh file times its `scale`" if slip else ""))
+                         "mesh file times its `unit`" if slip else ""))
     return notes + _cold(stated)
 
 
@@ -79,18 +80,27 @@ def _odd(material: Material) -> Iterator[tuple[str, float, Usual]]:
     for key, usual in USUAL.items():
         if key == "rho" and material.E is not None:
             usual = replace(usual, least=SOLID_RHO)
-        part, _, name = key.rpartition(".")
-        holder = getattr(material, part) if part else material
-        for _, spec in properties_in(None if holder is None else getattr(holder, name), ()):
-            if isinstance(spec, PropertyTable):
-                values = [v for v in spec.value if v != 0.0]
-            else:
-                # Of a polynomial what it has where its argument is 0.
-                values = [spec.polynomial[0] if isinstance(spec, Polynomial) else float(spec)]
+        # fault: 210000 meant in MPa is taken for the stiffness of a metal -> if False: |
+        #   coupler/test_scenario_plausible
+        if key == "E" and any(min(values) > DENSE for values in _values(material, "rho") if values):
+            usual = replace(usual, least=DENSE_E)
+        for values in _values(material, key):
             # A stray value of a table is a fit's; a unit moves all of them.
             if values and not any(usual.holds(v) for v in values):
                 yield key, max(values, key=abs), usual
                 break
+
+
+def _values(material: Material, key: str) -> Iterator[list[float]]:
+    """The values of a property, a list for each of its parts (directions, states)."""
+    part, _, name = key.rpartition(".")
+    holder = getattr(material, part) if part else material
+    for _, spec in properties_in(None if holder is None else getattr(holder, name), ()):
+        if isinstance(spec, PropertyTable):
+            yield [v for v in spec.value if v != 0.0]
+        else:
+            # Of a polynomial what it has where its argument is 0.
+            yield [spec.polynomial[0] if isinstance(spec, Polynomial) else float(spec)]
 
 
 def _told(key: str, value: float, usual: Usual) -> str:

@@ -63,7 +63,7 @@ def _taken(document: Document, role: str, stated: str, interface: Interface, end
             # fault: a run of another scene is played -> pass | coupler/test_replay
             _same_scene(f, run, interface)
             windows = np.asarray(dataset(f, "t", "f", 1)[()], dtype=np.float64)
-            made = {str(n): float(v) for n, v in json.loads(f.attrs["totals"]).get("made", {}).items()}
+            made = _made(f, run)
         # fault: a recording that ends early is played on -> if False: | coupler/test_replay
         if run.times[-1] < end * (1.0 - ENDS_AT):
             raise EarlierRunError(f"{run.path.name} ends at {run.times[-1]:.9g} s, this scenario at {end:.9g} s",
@@ -85,14 +85,34 @@ def _taken(document: Document, role: str, stated: str, interface: Interface, end
 
 def _same_scene(f: h5py.File, run: EarlierRun, interface: Interface) -> None:
     """Raises EarlierRunError where a run was of another mesh or of other pairs."""
-    known = json.loads(f.attrs["header"]).get("mesh")
+    known = _told(f, "header", run).get("mesh")
     if not isinstance(known, dict) or GROUP not in f:
         raise EarlierRunError(f"{run.path.name} was written by a version that kept no exchange in it", "Run it again.")
-    for name, own, what in (("mesh.hash", interface.mesh_hash, "mesh"),
-                            ("surfaces.hash", interface.surfaces_hash, "contact pairs")):
+    for name, own, what in (("mesh.hash", interface.mesh_hash, "mesh is not that"),
+                            ("surfaces.hash", interface.surfaces_hash, "contact pairs are not those")):
         if known.get(name) != own:
-            raise EarlierRunError(f"{run.path.name} is a run of another scene: its {what} are not those of this one "
-                                  f"({name} is {known.get(name)}, here {own})", "Record a run of this scene.")
+            raise EarlierRunError(f"{run.path.name} is a run of another scene: its {what} of this one ({name} is "
+                                  f"{known.get(name)}, here {own})", "Record a run of this scene.")
+
+
+def _told(f: h5py.File, name: str, run: EarlierRun) -> dict[str, Any]:
+    """An attribute of a results file that holds an object of JSON.  Raises EarlierRunError."""
+    try:
+        found = json.loads(f.attrs[name])
+    except (KeyError, TypeError, ValueError):
+        found = None
+    # fault: totals of a stranger's file end in the error of a list -> if False: | coupler/test_replay
+    if not isinstance(found, dict):
+        raise EarlierRunError(f"{run.path.name}: {name} is not as this program writes it", "Run it again.")
+    return found
+
+
+def _made(f: h5py.File, run: EarlierRun) -> dict[str, float]:
+    """Energy -> what the run made of it in all [J].  Raises EarlierRunError."""
+    made = _told(f, "totals", run).get("made", {})
+    if not isinstance(made, dict) or not all(isinstance(v, int | float) for v in made.values()):
+        raise EarlierRunError(f"{run.path.name}: totals are not as this program writes them", "Run it again.")
+    return {str(name): float(value) for name, value in made.items()}
 
 
 def _is_whole(rows: Floats | None, made: float) -> bool:

@@ -49,6 +49,25 @@ def test_the_same_content_gives_the_same_file_and_another_gives_another_name(fmu
     assert len({guid(fmu), guid(build(tmp_path / "rate", rate=0.2)), guid(build(tmp_path / "mesh", n=5))}) == 3
 
 
+@pytest.mark.parametrize("change", ["papers.requirements = lambda *_: ['h5py==0']",
+                                    "papers.origin_of = lambda _: papers.Origin('toy', '9', 'MIT')"])
+def test_what_it_needs_and_where_it_is_from_are_in_its_name(fmu, tmp_path, change):
+    """Two files of one guid are one file."""
+    code = f"""
+        from contact.half import build_main, papers
+        {change}
+        build_main("toy_half", "toy_half.model:load")
+    """
+    out = directory(tmp_path) / "other.fmu"
+    fresh(code, tmp_path, out)
+    assert out.read_bytes() != fmu.read_bytes()
+    guids = []
+    for path in (fmu, out):
+        with zipfile.ZipFile(path) as archive:
+            guids.append(ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid"))
+    assert guids[0] != guids[1]
+
+
 @pytest.mark.parametrize(("spoil", "match"), [
     (lambda d: (d / "model.json").unlink(), "model.json"),
     (lambda d: (d / "model.json").write_text('{"half": "other"}'), "not 'toy'"),

@@ -43,6 +43,28 @@ def test_a_pair_beside_each_other_is_told_from_one_too_far_apart() -> None:
     assert "beside each other" in note
 
 
+@pytest.mark.parametrize(("gap", "more", "told"), [
+    (-0.02, {}, True), (-1e-5, {}, False), (0.0, {}, False), (-0.02, {"tied": True}, False)])
+def test_bodies_drawn_into_each_other_are_told_with_depth_and_place(gap: float, more: dict[str, bool],
+                                                                    told: bool) -> None:
+    """Less than a rounding of coordinates is no news, and a tie leaves the drawn gap aside."""
+    interface = strips(gap, **more)
+    x = interface.nodes.copy()
+    x[1, 1] += 0.5 * gap
+    notes = start_notes(replace(interface, nodes=x), {})
+    assert len(notes) == told
+    if told:
+        assert "pair p: upper.bottom and lower.top are drawn 0.03 m into each other" in notes[0]
+        assert "deepest at (0.25, -0.03) m" in notes[0]
+        assert "`clearance: 0`" in notes[0]
+
+
+def test_a_pair_that_states_its_fit_is_not_told_of_the_drawing() -> None:
+    interface = strips(-0.02)
+    assert len(start_notes(interface, {})) == 1
+    assert start_notes(replace(interface, offset={"p": np.full(2 * N, 0.01)}), {}) == []
+
+
 def test_a_surface_that_faces_itself_says_what_it_leaves_out() -> None:
     interface = strips(master="upper.bottom")
     notes = start_notes(interface, {})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -15,8 +16,9 @@ from typer.testing import CliRunner
 from coupler import Results, load_scenario, run
 from coupler.cli import cli
 from coupler.errors import ScenarioError
+from coupler.fmu import description
 from coupler.fmu.bind import bind, check_bindings
-from coupler.fmu.description import read_description, unpack
+from coupler.fmu.description import read_description, unpack, with_description
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "foreign_fmu"))
@@ -78,6 +80,8 @@ def test_an_offset_is_added_in_si(folder: Path, tmp_path: Path) -> None:
     ("T", {"name": "Temp_{i}"}, "no variable of the FMU has a name like 'Temp_{i}'", "wall.T_"),
     ("T", {"name": "press({i})"}, "names 7 variables, the last one [7], but T has shape (69,)", "of one mesh"),
     ("T", {"name": "wall.T_{i}"}, "but T has shape (69,)", "({i0}: at 0)"),
+    ("T", {"name": "wall.T_{i}{i}"}, "'wall.T_{i}{i}' has {i} twice", "stands once"),
+    ("x", {"name": "node{i}.{xy}"}, "does not say what 'node{i}.{xy}' are in", "State a `unit`: m"),
     ("T", {"name": "wall.T_1"}, "must have one {i}", "number of a row"),
     ("contact.t_N", {"name": "press({i})"}, "are in furlong, which cannot be made Pa", "MPa"),
     ("contact.t_N", {"name": "press({i})", "unit": "stone"}, "are in stone, which cannot be made Pa", "MPa"),
@@ -93,6 +97,50 @@ def test_what_does_not_fit_is_one_error_with_its_place(folder: Path, tmp_path: P
     assert raised.value.key == f"thermal.bind.{name}"
     assert text in raised.value.message
     assert remedy in raised.value.remedy
+
+
+TYPED = (b'<TypeDefinitions><SimpleType name="Temp"><Real unit="degC"/></SimpleType><SimpleType name="Bare"><Real/>'
+         b"</SimpleType></TypeDefinitions><ModelVariables>")
+
+
+def typed(name: bytes) -> Any:
+    """Changes a description so that the unit of the temperatures stands in a type."""
+    return lambda xml: xml.replace(b"<ModelVariables>", TYPED).replace(
+        b'<Real unit="degC"/></ScalarVariable>', b'<Real declaredType="' + name + b'"/></ScalarVariable>')
+
+
+def test_the_unit_of_a_declared_type_is_the_variables(folder: Path, tmp_path: Path) -> None:
+    """Those of an FMU that needs no bind, too."""
+    fmu = with_description(folder / "wall.fmu", typed(b"Temp"), tmp_path / "typed.fmu")
+    bound = bind(load_scenario(folder / "s.yaml", overrides=overrides()), "thermal", fmu, tmp_path / "bound.fmu")
+    assert read_description(unpack(bound, tmp_path / "bound")).fields["T"].conversion.offset == 273.15
+    own = with_description(fmu, lambda xml: re.sub(rb"wall\.T_([0-9]+)", lambda m: b"T[%d]" % (int(m[1]) + 1), xml),
+                           tmp_path / "own.fmu")
+    T = read_description(unpack(own, tmp_path / "own")).fields["T"]
+    assert (T.declared, T.conversion.offset) == ("degC", 273.15)
+
+
+@pytest.mark.parametrize(("change", "more", "key", "text"), [
+    (typed(b"Bare"), {}, "T", "does not say what 'wall.T_{i0}' are in"),
+    (lambda xml: xml.replace(b'"wall.T_1"', b'"wall.T_00"'), {}, "T",
+     "names 'wall.T_0' and 'wall.T_00', both [1]"),
+    (lambda xml: xml, {"f_s": {"name": "wall.T_{i0}", "unit": "1"}}, "f_s", "'wall.T_{i0}' are bound as T already"),
+], ids=["a type without a unit", "a number twice", "a variable twice"])
+def test_what_a_description_leaves_open_is_told(folder: Path, tmp_path: Path, change: Any, more: Any, key: str,
+                                                text: str) -> None:
+    fmu = with_description(folder / "wall.fmu", change, tmp_path / "changed.fmu")
+    with pytest.raises(ScenarioError) as raised:
+        bind(load_scenario(folder / "s.yaml", overrides=overrides(**more)), "thermal", fmu, tmp_path / "bound.fmu")
+    assert (raised.value.key, raised.value.others) == (f"thermal.bind.{key}", ())
+    assert text in raised.value.message
+
+
+def test_an_archive_that_unpacks_to_more_than_any_half_has_is_not_read(folder: Path, tmp_path: Path,
+                                                                       monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(description, "LIMIT", 1000)
+    with pytest.raises(ScenarioError, match="unpacks to more than 0 GiB"):
+        bind(load_scenario(folder / "s.yaml", overrides=overrides()), "thermal", folder / "wall.fmu", tmp_path / "b")
+    assert not (tmp_path / "b").exists()
 
 
 def test_check_and_run_tell_it_and_end_with_2(folder: Path) -> None:

@@ -34,6 +34,15 @@ def test_check_says_what_would_run(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_name_that_list_tells_is_a_scenario(tmp_path):
+    done = slideline(tmp_path, "check", "heated_bars")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == slideline(tmp_path, "check", BARS).stdout
+    done = slideline(tmp_path, "check", "heated_barz")
+    assert (done.returncode, "no such file" in done.stderr) == (2, True)
+    assert "slideline list" in done.stderr
+
+
 def test_check_tells_what_is_odd_though_no_error(tmp_path):
     done = slideline(tmp_path, "check", BLOCKS, "--set", "bodies.upper.mesh.rectangle.origin=[0, 0.03]")
     assert done.returncode == 0, done.stderr

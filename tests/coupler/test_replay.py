@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -70,7 +72,7 @@ def refusal(folder: Path, overrides: dict[str, Any]) -> ScenarioError:
 
 
 @pytest.mark.parametrize(("more", "text"), [
-    ({"bodies.upper.mesh.rectangle.cells": [6, 3]}, "its mesh are not those of this one"),
+    ({"bodies.upper.mesh.rectangle.cells": [6, 3]}, "its mesh is not that of this one"),
     ({"contact.joint.gap_max": 0.001}, "its contact pairs are not those of this one"),
     ({"coupling.end": 4, "coupling.windows": [{"until": 4, "size": 1}]}, "ends at 3 s, this scenario at 4 s"),
     ({"mechanical.replay.from": "none.h5"}, "there is no file"),
@@ -81,6 +83,25 @@ def test_a_run_of_another_scene_is_refused(folder: Path, more: dict[str, Any], t
     assert text in error.message
     assert error.key == "mechanical.replay.from"
     assert error.remedy
+
+
+@pytest.mark.parametrize("totals", ["[]", '{"made": [1]}', '{"made": {"E_M": "x"}}'])
+def test_totals_of_another_form_are_told(folder: Path, totals: str) -> None:
+    shutil.copy(folder / "run.h5", folder / "odd.h5")
+    with h5py.File(folder / "odd.h5", "r+") as f:
+        f.attrs["totals"] = totals
+    error = refusal(folder, swapped("mechanical", "odd.h5"))
+    assert "totals" in error.message
+    assert error.key == "mechanical.replay.from"
+
+
+def test_a_probe_of_a_force_that_no_record_has_is_told_in_the_words_of_the_scenario(folder: Path) -> None:
+    text = (folder / "s.yaml").read_text().replace("probes: {", "probes: {F: {'heat.pair.joint[1]': value}, ")
+    (folder / "forces.yaml").write_text(text)
+    with pytest.raises(ScenarioError, match="half does not tell heat") as raised:
+        run(load_scenario(folder / "forces.yaml", overrides=swapped("thermal")), out=folder / "forces.h5")
+    assert "condition." not in str(raised.value)
+    assert "leave this probe out" in raised.value.remedy
 
 
 def test_without_a_run_it_is_told_where_one_is_named(folder: Path) -> None:

@@ -41,7 +41,9 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("wrong", "told"), [
     ({"E": 200}, "material steel: E is 200 Pa (in GPa it would be 2e+11)"),
-    ({"E": 210000}, ""),  # a gel, a foam: usual, if nothing else is odd
+    ({"E": 210000}, "material steel: E is 210000 Pa (in MPa it would be 2.1e+11)"),
+    ({"E": 210000, "rho": 1100}, ""),  # a gel, a foam, a rubber
+    ({"E": "2.0e7"}, ""),  # a soil
     ({"rho": 7.85}, "rho is 7.85 kg/m3 (in g/cm3 it would be 7850)"),
     ({"rho": "7.85e-9"}, "rho is 7.85e-09 kg/m3 (in t/mm3 it would be 7850)"),
     ({"c": 0.46}, "c is 0.46 J/kgK (in kJ/kgK it would be 460)"),
@@ -51,6 +53,7 @@ def test_what_is_usual_is_not_told(tmp_path: Path) -> None:
     ({"s_y": 250}, "plastic.s_y is 250 Pa (in MPa it would be 2.5e+08)"),
     ({"E": 200, "alpha": 12}, "E is 200 Pa (in GPa it would be 2e+11), alpha is 12 1/K"),
     ({"length": 100}, "body bar is 100 m long: is mm meant?"),
+    ({"length": 100}, "Lengths are in metres, those of a mesh file times its `unit`"),
     ({"unit": "K"}, "body bar starts at 20 K (-253.15 degC): for degrees Celsius write units: {temperature: degC}"),
 ])
 def test_a_unit_mistaken_is_told_with_the_one_meant(tmp_path: Path, wrong: dict[str, object], told: str) -> None:
