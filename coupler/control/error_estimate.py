@@ -285,7 +285,7 @@ def _grown(known: Measured, H: float, order: int, bend: float) -> float:
     A longer window of what has become slower is no worse than the shorter one was: third differences over second ones
     tell, and no more than that of them.
     """
-    # fault: a longer window has the error of a shorter one -> return 1.0 | coupler/test_estimate
+    # fault: a longer window has the error of a shorter one -> most = 1.0 | coupler/test_estimate
     most = max(H / known.H, 1.0)
     # fault: a window as long for what goes on as the one before is taken to be as much worse as it is longer ->
     #   slower = most | coupler/test_estimate

@@ -228,7 +228,9 @@ def answers_pressure(bench: Bench, check: str) -> Finding:
     does not fall with pressure, and t_N is a pressure where it is below 0.
     """
     t_N = bench.starts.get("contact.t_N")
-    if bench.scene is None or role_of(bench.blocks) != THERMAL or t_N is None:
+    if role_of(bench.blocks) != THERMAL:
+        return not_applicable(check, "it takes no heat through contact", "")
+    if bench.scene is None or t_N is None:
         return not_applicable(check, "no scene is known, or it takes no contact.t_N", "give one with --scenario")
     i, first = bench.scene.interface, _first(bench)["T"]
     sides = [(np.unique(i.surfaces[pair.slave]), np.unique(i.surfaces[pair.master])) for pair in i.pairs]
