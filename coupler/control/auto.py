@@ -160,10 +160,12 @@ class SchemeChoice:
     loose: float = 0.0
 
 
-def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False, weighs: bool = False) -> SchemeChoice:
+def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False, weighs: bool = False,
+           breaks: bool = False) -> SchemeChoice:
     """The scheme of a window of H seconds.  freezes : the halves can be run by the scheme `adiabatic`.
 
     weighs : errors are known, so that what iterating costs is; windows that measure are then iterated to the end.
+    breaks : a drive has a kink at its end, or the run is over.
     """
     loose = 0.0 if weighs else LOOSE
     if not state.past or math.isnan(memory.rho):
@@ -172,6 +174,10 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False,
     wary = 0.0 < WARY_FROM * memory.wary < H
     if memory.costs.waits and not (memory.driven and rho > MAX_GAIN):
         return SchemeChoice(Scheme.ITERATED, f"contraction {rho:.2g}, and iterating costs less for the error wanted")
+    # fault: what was handed ahead of the last window that makes heat is never settled -> if False: |
+    #   coupler/test_auto
+    if breaks and _hands_ahead(state) and not (memory.driven and rho > MAX_GAIN):
+        return SchemeChoice(Scheme.ITERATED, "friction may end with this window: it hands over the heat it makes")
     # fault: heat of squeezing is handed over a window late where two iterates would agree -> if False: |
     #   coupler/test_auto
     if weighs and memory.squeezed > MIN_SQUEEZED and not wary and rho < MIN_GAIN_SPLIT:
@@ -270,6 +276,11 @@ def _makes_heat(state: CoupledState) -> bool:
     """Whether the mechanical half has: at frozen entropy all of it is E_S."""
     # fault: entropy that moved is no heat of squeezing -> return state.accounts["E_M"].made != 0.0 | coupler/test_auto
     return any(account.made != 0.0 for account in state.accounts.values())
+
+
+def _hands_ahead(state: CoupledState) -> bool:
+    """Whether windows solved once are given heat before it is made: none would be left to make up for too much."""
+    return any(a.power is not None and a.power.any() for n, a in state.accounts.items() if n in AHEAD)
 
 
 def _squeezed(solved: Solved) -> float:

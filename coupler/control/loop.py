@@ -156,7 +156,7 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
     started = time.perf_counter()
     span, reason = _span(at, plan)
     t0 = span.clock.seconds(span.k0)
-    options, why = _options(halves, at, span.end - t0, plan.adaptive is not None)
+    options, why = _options(halves, plan, at, span)
     control = at.control
     with SavedStates(halves, t0, control.number + 1) as saved:
         solved = solve_once(halves, at.state, span, options, saved)
@@ -255,7 +255,7 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     """The window to try, ended where an event is expected; and why it is so long."""
     control = at.control
     proposal = propose(plan, control)
-    span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps)
+    span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps, plan.must_end(control.tick))
     if not plan.locate.on or control.failures:
         return span, proposal.reason
     tick = events.expected(control.events, at.state, span, plan, control.settings.scheme)
@@ -265,13 +265,15 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     return replace(span, k1=tick), "to end where an event is expected"
 
 
-def _options(halves: Halves, at: Committed, H: float, adaptive: bool) -> tuple[SolveOptions, str]:
-    """By which scheme and how, and why where that was chosen.  adaptive : windows find their own size."""
+def _options(halves: Halves, plan: Plan, at: Committed, span: Span) -> tuple[SolveOptions, str]:
+    """By which scheme and how, and why where that was chosen."""
     settings = at.control.settings
     if not auto.chooses(settings.scheme):
         return SolveOptions(settings.scheme, settings), ""
     freezes = auto.can_freeze(halves, settings.substeps)
-    choice = auto.choose(at.control.choice, at.state, H, freezes, weighs=adaptive)
+    H = span.end - span.clock.seconds(span.k0)
+    choice = auto.choose(at.control.choice, at.state, H, freezes, weighs=plan.adaptive is not None,
+                         breaks=span.breaks)
     if choice.loose:
         settings = replace(settings, iteration=auto.loosened(settings.iteration, choice.loose))
     instead = partial(auto.instead, freezes=freezes, seen=settings.iteration.level)

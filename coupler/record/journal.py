@@ -164,13 +164,13 @@ def check_mark(path: Path, mark: Mark) -> None:
 
 
 def being_written(path: Path) -> bool:
-    """True while the run that writes this journal lives, and until its results file stands."""
-    try:
-        with path.open("rb") as file:
-            # Shared: two that look at once do not take each other for the writer.
-            return not _lock(file, shared=True)
-    except FileNotFoundError:  # its run has just ended
-        return False
+    """True while the run that writes this journal lives, and until its results file stands.
+
+    Raises FileNotFoundError where it has ended and put its journal away.
+    """
+    with path.open("rb") as file:
+        # Shared: two that look at once do not take each other for the writer.
+        return not _lock(file, shared=True)
 
 
 @contextmanager

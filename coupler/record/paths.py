@@ -88,8 +88,11 @@ def check_target(out: Path, *, report: bool = False) -> None:
                            if out.is_dir() else f"{out}: is no ordinary file; results cannot go there")
     if out.exists() and out.stat().st_size and not _is_ours(out):
         raise ResultsError(f"{out}: exists and is not a results file; it is left as it is. Give another name")
-    journal = journal_of(out)
-    if journal.is_file() and being_written(journal):
+    try:
+        taken = being_written(journal_of(out))
+    except OSError:  # none, or none that can be read: the journal says so when it begins
+        taken = False
+    if taken:
         raise ResultsError(f"{out}: another run is writing to it; give this one another results file")
 
 

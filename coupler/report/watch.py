@@ -59,4 +59,7 @@ def _so_far(journal: Path, copy: Path) -> Results | None:
 
 def goes_on(journal: Path) -> bool:
     """True while the journal is there and its run lives, and until its results file stands."""
-    return being_written(journal)
+    try:
+        return being_written(journal)
+    except FileNotFoundError:
+        return False

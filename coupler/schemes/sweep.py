@@ -144,7 +144,7 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
         terms.append({n: float(v) for n, v in outputs.items() if n.startswith(PREFIX) or n in NO_TERMS})
         told = _told(told, outputs)
     return Pass("thermal", outputs, sent, work, tuple(terms), told=told,
-                accounts=delivered(state.accounts, handed, halves.thermal.blocks))
+                accounts=delivered(state.accounts, handed, halves.thermal.blocks, ahead))
 
 
 def _stored(terms: list[dict[str, float]], times: list[float]) -> tuple[Array, Array | None]:
@@ -273,7 +273,8 @@ def thermal_first(halves: Halves, state: CoupledState, span: Span, slope: Slope 
     thermal = thermal_pass(halves, state, span.times("thermal"), slope, NO_WORK, ahead=H if ahead else None)
     mechanical = mechanical_pass(halves, replace(state, sent=thermal.sent), span.times("mechanical"),
                                  thermal.outputs, thermal.work)
-    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), not state.past)
+    fresh = not (ahead and state.past)
+    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), fresh)
     return _swept(state, span, thermal, mechanical, accounts)
 
 
@@ -284,7 +285,7 @@ def at_once(halves: Halves, state: CoupledState, span: Span) -> Swept:
                                  # fault: parallel mechanics given the new T -> thermal.outputs, thermal.work) |
                                  #   coupler/test_schemes
                                  exchanged(state.now), thermal.work)
-    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), not state.past)
+    accounts = with_made(thermal.accounts, mechanical.made, span.times("mechanical"), fresh=True)
     return _swept(state, span, thermal, mechanical, accounts)
 
 

@@ -14,7 +14,16 @@ from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, EnergyAccount, Ledger, imbalance, schedule, share_of, wanted_outputs
+from coupler.schemes.state import (
+    CoupledState,
+    EnergyAccount,
+    Ledger,
+    delivered,
+    imbalance,
+    schedule,
+    share_of,
+    wanted_outputs,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf
@@ -29,7 +38,7 @@ def test_places_left_behind_are_paid_for_by_the_others():
     """
     account = EnergyAccount(np.array([5.0, -3.0, 0.0]))
     assert account.due(0.0) == pytest.approx([2.0, 0.0, 0.0])
-    paid = account.deliver(account.due(0.0))
+    paid = account.deliver(account.due(0.0), None)
     assert paid.carry.sum() == 0.0
     assert not paid.due(0.0).any()
     rubs = EnergyAccount(np.array([1.0, -3.0, 0.0]), power=np.array([2.0, 0.0, 2.0]))
@@ -136,6 +145,21 @@ def test_friction_that_stops_takes_no_heat_back():
     assert abs(account.carry.sum()) <= account.made / 8.0 * (1.0 + 1e-9)
     steady = handed_over(Scheme.EXTRAPOLATED, 16, lambda t: 1.0, kinks=(0.5 * END,))[0]
     assert steady[[0, 1, 2, 7, 8, 9]] == pytest.approx([0.0, 2.0, 1.0, 1.0, 0.0, 2.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_what_belonged_to_later_times_is_settled_where_friction_ends(fresh):
+    """What the trapezoidal rule says was made; 0.107 of 3510 J stayed for ever, delivered and never made."""
+    account = EnergyAccount(np.array([-0.1, 0.02]), made=10.0, delivered=10.08, power=np.ones(2),
+                            late=np.array([-0.1, 0.02]), at_end=True)
+    ended = account.make(np.zeros(2) if not fresh else np.ones(2), 1.0, 1.0, fresh)
+    assert ended.carry == pytest.approx([float(fresh), float(fresh)], abs=1e-15)
+    assert ended.late is None
+    assert ended.made == pytest.approx(10.08 + 2.0 * fresh)
+    # What is handed over with all the rest is not kept back, so nothing is settled again.
+    paid = delivered({"E": account}, {"E": account.carry}, ["E"], ahead=None)["E"].make(np.ones(2), 1.0, 1.0, True)
+    assert paid.carry == pytest.approx([1.0, 1.0])
+    assert paid.made == pytest.approx(12.0)
 
 
 def test_the_entropy_part_comes_at_the_start_and_friction_evenly():

@@ -56,7 +56,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 def solve(built: Built, out: Path, monkeypatch: pytest.MonkeyPatch, **instead: Half) -> Any:
     @contextmanager
-    def launched(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
+    def launched(scenario: Scenario, *, processes: bool, hosts: Path | None = None) -> Iterator[Launched]:
         with launch(scenario, processes=processes) as both:
             yield replace(both, **instead)
 

@@ -68,7 +68,7 @@ WRONG = {
     "no place": (LAMP, "{flux: 1}", "thermal.boundary.1", "exactly one of on, at"),
     "unknown thermal half": ("half: thermal", "half: termal", "thermal.half", "Did you mean 'thermal'"),
     "unknown mechanical half": ("half: elastic", "half: plastic", "mechanical.half", "Did you mean 'elastic'"),
-    "a half in the wrong place": ("half: thermal", "half: elastic", "thermal.half", "lumped, rod, thermal"),
+    "a half in the wrong place": ("half: thermal", "half: elastic", "thermal.half", "lumped, replay, rod, thermal"),
     "unknown scheme": ("scheme: extrapolated", "scheme: extrapolate", "coupling.scheme", "Did you mean 'extrapolated'"),
     "unknown method": ("half: thermal", "half: thermal\n  method: euler", "thermal.method", "backward_euler"),
     "unknown link": ("  end: 40", "  end: 40\n  link: carrier-pigeon", "coupling.link", "zenoh"),

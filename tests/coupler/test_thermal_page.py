@@ -28,7 +28,8 @@ SCENES = scenes()
 PARTS = (FieldSum, Term, Axes, Latent, Phases, Conduction, InnerSteps, Convection, FilmGap, NearRadiation, Radiation,
          RadiationGap, Thermal, ThermalBoundary)
 # Said in scenario.md and starts.md.
-ELSEWHERE = {"half", "options", "ignore", "tolerance", "at", "body", "name", "T_s", "T_l", "closed_factor"}
+ELSEWHERE = {"half", "bind", "replay", "options", "ignore", "tolerance", "at", "body", "name", "T_s", "T_l",
+             "closed_factor"}
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -154,7 +154,7 @@ class DirectHalf:
 
 
 @contextlib.contextmanager
-def launch_directly(scenario: Scenario, *, processes: bool) -> Iterator[Launched]:
+def launch_directly(scenario: Scenario, *, processes: bool, hosts: Path | None = None) -> Iterator[Launched]:
     """Load both halves of a scenario in this process; the place of coupler.fmu.launch.launch."""
     assert not processes, "halves in processes of their own are FMUs"
     with TemporaryDirectory(prefix="slideline-random-") as scratch, contextlib.ExitStack() as stack:
