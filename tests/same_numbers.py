@@ -43,6 +43,8 @@ from same_scenes import Scene, UsageError, scenes
 # What may differ between two runs of the same code, by name and with the reason.
 EXCLUDED = {
     "*/run.h5/windows/*seconds": "wall-clock time",
+    "*/run.h5/timings*": "wall-clock time",
+    "*/run.h5/calls*": "wall-clock time",
     "*/run.h5/@totals/*seconds": "wall-clock time",
     "*/run.h5/@totals/contact/*/total": "wall-clock time of the contact service",
     "*/run.h5/@totals/contact/*/typical": "wall-clock time of the contact service",

@@ -26,7 +26,7 @@ from contact.half.layout import Layout, checked_output, layout_of, standard_vari
 from contact.half.model import Discard, Done, Floats, HalfModel, Value, Values, load_directory
 from contact.half.state import StateError, from_bytes, frozen_copy, to_bytes
 from contact.messages import Reply, Request
-from contact.rpc.link import Link, open_link
+from contact.rpc.link import Link, open_link, waits
 
 WELL, DISCARDED, FAILED, INTERRUPTED = range(4)  # status.code
 
@@ -170,7 +170,7 @@ class LinkOnDemand:
         """Ask the service.  Raises contact.rpc.calls.LinkError."""
         if self._link is None:
             self._link = open_link(self.spec)
-        return self._link.ask(request)
+        return waits.ask(self._link, request)
 
     def close(self) -> None:
         """Close the link, if it was ever opened."""

@@ -6,6 +6,8 @@ What may go wrong: contact.rpc.calls.
 from __future__ import annotations
 
 import re
+import threading
+import time
 from collections.abc import Callable
 from typing import Protocol
 
@@ -58,6 +60,28 @@ class CodecLink:
         """Nothing is held."""
 
 
+class Waits(threading.local):
+    """What requests to contact cost the halves of this thread: how many, and seconds until the answer, since ever.
+
+    Halves of one process share it: whoever calls a half takes the difference of before and after.
+    """
+
+    requests = 0
+    seconds = 0.0
+
+    def ask(self, link: Link, request: Request) -> Reply:
+        """Ask over a link, and count it; one that raises is counted too.  Raises LinkError."""
+        begun = time.perf_counter()
+        try:
+            return link.ask(request)
+        finally:
+            self.requests += 1
+            # fault: the time of contact is not counted -> pass |
+            #   coupler/test_timings::test_waiting_for_contact_is_counted_also_where_it_fails
+            self.seconds += time.perf_counter() - begun
+
+
+waits = Waits()
 _ZENOH = re.compile(r"zenoh:(?P<endpoint>[^\s]+)/(?P<run>[A-Za-z0-9_-]+)")
 
 

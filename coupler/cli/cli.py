@@ -48,6 +48,8 @@ VERBS = {
         "Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."),
     "status": Verb("coupler.cli.results:status_command", about=
         "Tell how far a run is, from another terminal, or what became of it."),
+    "trace": Verb("coupler.cli.results:trace_command", about=
+        "Write what ran when in a run as a trace that browsers draw (ui.perfetto.dev, chrome://tracing)."),
     "report": Verb("coupler.cli.drawn:report_command", about=
         "Write a self-contained HTML page about a run."),
     "watch": Verb("coupler.cli.drawn:watch_command", about=

@@ -1,4 +1,4 @@
-"""Verbs that read results and draw nothing: `status`."""
+"""Verbs that read results and draw nothing: `status`, `trace`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from typing import Annotated
 import typer
 
 from coupler.cli.options import JsonOption
+from coupler.errors import ResultsError
+from coupler.record.paths import write_whole
+from coupler.record.results import Results
+from coupler.record.trace import trace_text
 from coupler.running.status import status
 
 
@@ -18,3 +22,17 @@ def status_command(results: Annotated[Path, typer.Argument(help="The results fil
     """Tell how far a run is, from another terminal, or what became of it."""
     found = status(results)
     typer.echo(json.dumps(found.as_dict()) if as_json else "\n".join(found.lines))
+
+
+def trace_command(results: Annotated[Path, typer.Argument(help="The results file of a run.", show_default=False)],
+                  out: Annotated[Path | None, typer.Option(
+                      "--out", help="The trace, JSON; default: beside the results, run.trace.json.")] = None) -> None:
+    """Write what ran when in a run as a trace that browsers draw (ui.perfetto.dev, chrome://tracing).
+
+    Windows and records of the coupler and the calls of both halves, over the seconds of the run.
+    """
+    run = Results(results)
+    path = out if out is not None else results.with_suffix(".trace.json")
+    if path.suffix != ".json":
+        raise ResultsError(f"{path}: a trace is JSON; give a name that ends in .json with --out")
+    typer.echo(f"trace: {write_whole(path, trace_text(run))}")

@@ -12,7 +12,7 @@ import weakref
 from collections import deque
 from collections.abc import Mapping, Sequence
 from ctypes import POINTER, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p, create_string_buffer
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -25,6 +25,7 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from contact.half.slave import FAILED, INTERRUPTED
+from contact.rpc.link import waits
 from coupler.errors import HalfError
 from coupler.fmu.description import Description, VariableBlock, read_description, unpack, unpacked_beside
 from coupler.fmu.half import Advance, Array, Block, Status
@@ -189,15 +190,21 @@ class FmuHalf:
         inputs : shape and unit of the block of that name.  outputs : names; the answer holds each in the shape and
         unit of its block.
         """
+        called = perf_counter()
         self._t, self._h = t, h
         for name, value in inputs.items():
             self._set(name, value)
+        # Our halves share this process, and its packages; one that is none of them asks contact by no link of ours.
+        waited, requests = waits.seconds, waits.requests
         begin = perf_counter()
         # Fourth argument: earlier states may be set again.
         status = self._call("fmi2DoStep", t, h, 0, allow=(DISCARD,))
         seconds = perf_counter() - begin
-        if status == DISCARD:
-            return self._discarded(seconds)
+        waited, requests = waits.seconds - waited, waits.requests - requests
+        done = self._discarded(seconds) if status == DISCARD else self._stepped(outputs, seconds)
+        return replace(done, border=perf_counter() - called - seconds, waited=waited, requests=requests)
+
+    def _stepped(self, outputs: Sequence[str], seconds: float) -> Advance:
         values, bad = self._get_all(outputs)
         if bad:
             return Advance(Status.DISCARD, f"output {bad} is not finite", {}, seconds)

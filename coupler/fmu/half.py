@@ -40,13 +40,22 @@ class Block:
 
 @dataclass(frozen=True)
 class Advance:
-    """The answer to one substep.  outputs : what was asked for (empty after a discard).  seconds : inside the half."""
+    """The answer to one substep.  outputs : what was asked for (empty after a discard).  seconds : inside the half.
+
+    Of the time it took besides, as far as it is known [s]: border : to set inputs and get outputs, in the half's
+    process.  transport : of the messages there and back, 0 in one process.
+    waited : of `seconds`, until contact had answered, in so many `requests`.
+    """
 
     status: Status
     message: str
     outputs: dict[str, Array]
     seconds: float
     dt_suggest: float = 0.0
+    border: float = 0.0
+    transport: float = 0.0
+    waited: float = 0.0
+    requests: int = 0
 
 
 class Half(Protocol):

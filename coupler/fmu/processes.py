@@ -164,6 +164,7 @@ class _Crew:
         self._begin, self._seal, self._fmus, self._deadlines = begin, seal, fmus, deadlines
         self._restarts = self.left = restarts
         self.told: list[str] = []
+        self._anew = False  # somebody was started anew, and no call that failed was repeated for it
         self.children: dict[str, Child | Away] = {}
         self.endpoints: dict[str, str] = {}
         self._instances: dict[str, str] = {}
@@ -193,9 +194,15 @@ class _Crew:
         return {} if self._contact_anew else _asked(self._contact)
 
     def mended(self) -> bool:
-        """Start anew who died; whether somebody had, and all live now."""
+        """Start anew who died; whether somebody had, and all live now.
+
+        Who waited for the call may have started contact anew before: then the call is repeated once.
+        """
+        # fault: contact was started anew and the call that it broke is not repeated -> anew = False |
+        #   coupler/test_replayed::test_a_call_that_contact_broke_off_is_repeated_once
+        anew, self._anew = self._anew, False
         if not self._dead():
-            return False
+            return anew
         for _ in range(TRIES):
             wanted = [*self._dead(), *(n for n, half in self.halves.items() if half.spoiled)]
             if not wanted:
@@ -224,9 +231,10 @@ class _Crew:
                 self._start_anew(name)
             half.bring_to(place)
 
-    def dead(self, patience: float) -> None:
+    def dead(self, patience: float) -> bool:
         """Raise the error that names a dead process, if one dies within `patience` seconds.
 
+        Returns whether contact was started anew, now or since a call was repeated last.
         A contact service is started anew where that is allowed: it has no state, and the halves wait for it.
         """
         until = time.monotonic() + patience
@@ -237,17 +245,18 @@ class _Crew:
                     raise _named(name, child.death(), child.log_tail())
                 self._again(name)
             if time.monotonic() >= until:
-                return
+                return self._anew
             time.sleep(0.02)
 
-    def blame(self, patience: float) -> None:
-        """Raise the error that names a dead process, or else one that is stopped."""
-        self.dead(patience)
+    def blame(self, patience: float) -> bool:
+        """Raise the error that names a dead process, or else one that is stopped.  Returns as `dead`."""
+        anew = self.dead(patience)
         for child in self.children.values():
             # fault: a stopped contact service shows as a failure of a half -> if False: | coupler/test_stopped
             if child.is_stopped():
                 raise _named(child.name, f"its process is stopped; `kill -CONT {child.pid}` lets one go on",
                              child.log_tail())
+        return anew
 
     def _dead(self) -> list[str]:
         return [name for name, child in self.children.items() if child.death()]
@@ -258,6 +267,7 @@ class _Crew:
         # fault: one that dies again and again is started for ever -> pass |
         #   coupler/test_restarts::test_who_dies_again_and_again_is_named_when_the_restarts_are_used_up
         self.left -= 1
+        self._anew = True
         who = "contact service" if name == CONTACT else f"half {name!r}"
         last = f" (its log ended: {log.splitlines()[-1]})" if log.strip() else ""
         self.told.append(f"{who}: {death}{last}; started anew, {self._restarts - self.left} of {self._restarts}")

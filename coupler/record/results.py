@@ -25,12 +25,14 @@ from coupler.record.journal import taken
 from coupler.record.mesh import RunMesh
 from coupler.record.paths import journal_of
 from coupler.record.tables import (
+    CALL_FIELDS,
     ERROR_FIELDS,
     ESTIMATE_FIELDS,
     EXCHANGED,
     FORMAT,
     FORMAT_VERSION,
     ITERATE_FIELDS,
+    TIMING_FIELDS,
     WINDOW_FIELDS,
     unrolled,
 )
@@ -106,6 +108,8 @@ class Results:
     windows : one row a window tried (WINDOW_FIELDS); messages : row number -> why it was rejected; reasons : why it had
     its size and scheme, where that was chosen; events : what happened to contact at its end or inside.
     iterates : one row an iterate of a scheme that iterates (ITERATE_FIELDS), else none.
+    timings : one row a window tried, where its time went (TIMING_FIELDS); calls : one row a call of a half
+    (CALL_FIELDS).  Empty for a file of an earlier version.
     estimates, errors : one row a window whose error is known (ESTIMATE_FIELDS, ERROR_FIELDS).  max_T [K] : the highest
     temperature at the start and the ends of windows.  firings : of rules, in order.
     conditions : heat and force of each named condition over time; empty for a file of an earlier version.
@@ -151,6 +155,10 @@ class Results:
                              for k, row in enumerate(words) for rule, text, values in row.get("fired", ()))
         self.iterates: np.recarray[Any, Any] = (
             f["iterates"][()] if "iterates" in f else np.zeros(0, list(ITERATE_FIELDS))).view(np.recarray)
+        self.timings: np.recarray[Any, Any] = (
+            f["timings"][()] if "timings" in f else np.zeros(0, list(TIMING_FIELDS))).view(np.recarray)
+        self.calls: np.recarray[Any, Any] = (
+            f["calls"][()] if "calls" in f else np.zeros(0, list(CALL_FIELDS))).view(np.recarray)
         self.estimates: np.recarray[Any, Any] = (
             f["estimates"][()] if "estimates" in f else np.zeros(0, list(ESTIMATE_FIELDS))).view(np.recarray)
         self.errors: np.recarray[Any, Any] = (

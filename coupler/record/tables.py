@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.fmu.metered import CALL_PARTS, PARTS
 from coupler.record.vtkhdf import FileField
 from coupler.schemes.levels import Level
 
@@ -126,6 +127,17 @@ taken : the run went on from its end.  iterations : of the window, 0 where the s
 largest difference left, in tolerances; contraction : measured ratio of successive residuals of plain iteration;
 error : the largest estimated error, in tolerances, nan where none is known.
 """
+
+TIMING = "timing"
+TIMING_FIELDS: tuple[tuple[str, str], ...] = tuple(
+    (name, "i4" if name in ("calls", "requests") else "f8") for name in PARTS)
+"""Columns of the timings table, one row a row of the windows table: where its time went (coupler.fmu.metered.PARTS);
+nan where that was not told, as of the last window before a run was killed or resumed."""
+
+CALL_FIELDS: tuple[tuple[str, str], ...] = (("window", "i4"), ("side", "u1"), ("call", "u1"), *(
+    (name, "f4") for name in CALL_PARTS[2:]))
+"""Columns of the calls table, one row a call of a half: row of the windows table (from 0), then as
+coupler.fmu.metered.CALL_PARTS; side and call are numbers of SIDES and CALLS there."""
 
 ITERATE_FIELDS: tuple[tuple[str, str], ...] = (
     ("window", "i4"), ("iterate", "i4"), ("temperature", "f8"), ("gap", "f8"), ("pressure", "f8"),

@@ -39,6 +39,7 @@ from coupler.report.heat import heat_picture, heat_table
 from coupler.report.live import live_page
 from coupler.report.player import title_of
 from coupler.report.pressure import largest_at, pressure_pictures
+from coupler.report.timeline import timeline_picture, window_picture
 from coupler.schemes.state import HEATS
 from coupler.trust.checks import TrustVerdict
 
@@ -334,7 +335,8 @@ def render(results: Results, renew: int = 0) -> str:
         tried=len(results.windows), short=short_windows(results), events=event_rows(results),
         errors=errors_picture(results), windows=windows_picture(results),
         iterates=iterates_picture(results), shares=parts, asked=asked(results),
-        shares_picture=shares_picture(parts), duration=duration, rejected=rejected,
+        shares_picture=shares_picture(parts), timelines=[timeline_picture(results), window_picture(results)],
+        duration=duration, rejected=rejected,
         rejected_count=rejected_count, rules=rules_that_fired(results), watched=watched_pictures(results),
         notes=[*_notes(results), *remarks, *live.remarks], trust=trust_rows(results),
         trust_in_a_word=trust_in_a_word(results),

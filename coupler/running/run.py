@@ -25,6 +25,7 @@ from coupler.control.state import Committed, first
 from coupler.errors import CouplingError, HalfError, ResultsError, SlidelineError
 from coupler.fmu.half import Half
 from coupler.fmu.launch import launch
+from coupler.fmu.metered import Meter, MeteredHalf
 from coupler.record.checkpoint import (
     Checkpoint,
     Keeper,
@@ -141,7 +142,10 @@ class Run:
         with ExitStack() as stack:
             stack.enter_context(self._interrupts)
             loaded = stack.enter_context(launch(self.scenario, processes=self.processes, hosts=self.hosts))
-            self._launched = launched = held_halves(loaded, self.scenario)
+            self._launched = held = held_halves(loaded, self.scenario)
+            self._meter = Meter(self._since.record.seconds if self._since is not None else 0.0)
+            launched = replace(held, thermal=MeteredHalf(held.thermal, "thermal", self._meter),
+                               mechanical=MeteredHalf(held.mechanical, "mechanical", self._meter))
             # As in processes of their own: BLAS rounds otherwise on more threads, and on matrices of this size waits
             # for them more than it gains.  After the launch, for it holds for libraries that are loaded.
             # fault: halves in the caller's process run on as many threads of BLAS as there are -> pass |
@@ -169,7 +173,7 @@ class Run:
                                         self._outputs.fields)
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
                                          rules.first_loads(self.plan.rules)), self.plan)
-            self.notes += not_told(launched, self.scenario.foreign)
+            self.notes += not_told(held, self.scenario.foreign)
             self.notes += heat_of_the_start(launched.mechanical)
             self._trust = self._trust_watch.begun(self.state.now, self.plan.watched(self.state.now))
             if self._since is not None:
@@ -263,7 +267,9 @@ class Run:
             self._choice = self._choice.begun(self.state.now)
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
+            self._meter.begin()
             tried = self._tried = self._step()
+            self._meter.solved()
             notes = (*tried.notes, *self._restarted())
             if tried.accepted:
                 notes = (*notes, *self._warnings.after(self.state.now, tried.solved.state.now),
@@ -289,6 +295,7 @@ class Run:
                 if due:
                     self._frame(chosen=not asked)
                 self._commit()
+            self._recorder.timed(self._meter.end())
             elapsed = time.perf_counter() - self._started
             status = RunStatus(self.scenario.coupling.end, self._total, elapsed, self.ledger)
             yield progress(tried, status, self._time_to_go, notes)

@@ -28,6 +28,7 @@ from coupler.running.run import resume
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 WALL_CLOCK = {"thermal_seconds", "mechanical_seconds", "fmi_seconds", "seconds", "recording_seconds"}
+TIMES = {"timings", "calls"}  # tables of wall-clock time
 OF_THE_PROCESS = {"seconds", "setup_seconds", "resumed_at", "started", "processes", "contact", "restarts"}
 FRESH = 10  # every so many processes is not forked
 SHARE = 0.1  # of the undisturbed run's time: the longest a process is let go on before it is killed
@@ -223,8 +224,10 @@ def _lasting(facts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _datasets(group: h5py.Group) -> Iterator[tuple[str, bytes]]:
-    """Name and bytes of every dataset, column by column; the columns of wall-clock time left out."""
+    """Name and bytes of every dataset, column by column; tables and columns of wall-clock time left out."""
     for name, item in group.items():
+        if name in TIMES:
+            continue
         if isinstance(item, h5py.Group):
             yield from ((f"{name}/{inner}", data) for inner, data in _datasets(item))
         elif item.dtype.names:

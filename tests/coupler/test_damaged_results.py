@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -13,6 +14,7 @@ from coupler.errors import ResultsError
 from coupler.record.checksums import DIGEST
 from coupler.record.confidence import write_confidence
 from coupler.record.results import Results
+from coupler.record.vtkhdf import FieldReader
 from coupler.trust.confidence import ProbeConfidence
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -95,3 +97,21 @@ def test_what_is_added_later_is_checked_too(whole, tmp_path):
         f["confidence/p"].attrs["unit"] = "C"
     with pytest.raises(ResultsError, match="its texts are not those that were written: it is damaged"):
         Results(path)
+
+
+def test_a_field_file_that_was_damaged_is_refused(whole, tmp_path):
+    file = sorted(whole.parent.glob("*.vtkhdf"))[0]
+    with FieldReader(file) as reader:
+        name, k = reader.point_fields[0], len(reader.times) - 1
+        points = np.column_stack([reader.points(k), np.zeros(len(reader.points(k)))])
+        arrays = {"field": reader.point_field(name, k).tobytes(), "points": points.tobytes()}
+    data, damaged = file.read_bytes(), tmp_path / file.name
+    for what, array in arrays.items():
+        spoiled = bytearray(array)
+        spoiled[len(array) // 2] ^= 1
+        assert array in data, "the array does not stand in the file as it is: nothing was flipped"
+        damaged.write_bytes(data.replace(array, bytes(spoiled)))  # frames in which nothing moves are alike
+        with FieldReader(damaged) as reader:
+            read = partial(reader.point_field, name) if what == "field" else reader.points
+            with pytest.raises(ResultsError, match="damaged"):
+                read(k)
