@@ -104,7 +104,7 @@ def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
                  Variable("contact.gap", (n_q,), unit="m", description="normal gap", on="pair_nodes"),
                  Variable("contact.covered", (n_q,), unit="1", description="share of a node's side that is faced",
                           on="pair_nodes"),
-                 Variable("contact.touching", description="facing points that touch")]
+                 Variable("contact.touching", description="contact quadrature points that touch")]
     if with_status:
         variables.append(Variable("contact.status", (n_q,), unit="1", on="pair_nodes", description="0 faces nothing, "
                                   "1 open, 2 touches (with friction: sticks), 3 slips: most of what it touches"
@@ -118,7 +118,7 @@ def contact_variables(n_q: int, slips: bool = False, with_status: bool = False,
                       Variable("contact.E_friction.at", (), "output", start="end", kind="String",
                                variability="constant",
                                description="at which time of a step the pressure is that makes its friction heat"),
-                      Variable("contact.slipping", description="facing points that slip"),
+                      Variable("contact.slipping", description="contact quadrature points that slip"),
                       Variable("contact.slip_share", (n_q,), unit="1",
                                description="of what a slave node touches, the share at Coulomb's bound",
                                on="pair_nodes"),

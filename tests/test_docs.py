@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import importlib.util
 import io
 import os
 import re
@@ -33,6 +34,7 @@ from coupler.scenario.schema import ScenarioFile
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")),
+         *sorted((ROOT / "docs/scenes").glob("*.md")),
          ROOT / "benchmarks/README.md"]
 
 FENCE = re.compile(r"(?:^<!-- (?P<mark>[^\n]*?) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S)
@@ -204,9 +206,35 @@ def test_commands_and_options_exist(page: Path) -> None:
         assert not unknown, f"{page.name}: slideline {verb} has no {sorted(unknown)}"
 
 
+def made_pages() -> Any:
+    """The script that makes the pages of scenes and cases."""
+    found = importlib.util.spec_from_file_location("scenes", ROOT / "docs/site/scenes.py")
+    assert found is not None
+    assert found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    sys.modules["scenes"] = module
+    found.loader.exec_module(module)
+    return module
+
+
+def test_pages_of_scenes_and_cases_are_those_of_the_script() -> None:
+    made = made_pages().pages()
+    stale = [path.name for path, text in made.items() if not path.is_file() or path.read_text("utf-8") != text]
+    assert not stale, "run docs/site/scenes.py"
+    assert {path for path in made if path.parent.name == "scenes"} == set((ROOT / "docs/scenes").glob("*.md"))
+    assert {path.stem for path in (ROOT / "scenarios").glob("*.yaml")} <= {path.stem for path in made}
+
+
+def test_every_case_has_a_test_that_reads_it() -> None:
+    made = made_pages()
+    assert not [case.name for case in made.CASES if not made.tests_of(case.code)]
+
+
 def test_every_page_is_on_the_site() -> None:
     site = (ROOT / "docs/site/mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
-    missing = [page.name for page in (ROOT / "docs").glob("*.md") if f" {page.name}\n" not in site]
+    docs = ROOT / "docs"
+    pages = [str(page.relative_to(docs)) for page in (*docs.glob("*.md"), *docs.glob("scenes/*.md"))]
+    missing = [name for name in pages if f" {name}\n" not in site]
     assert not missing, f"docs/site/mkdocs.yml, nav: {missing}"
 
 

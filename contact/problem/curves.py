@@ -135,7 +135,7 @@ def _profile_form(value: Any) -> str:
 
 
 ANumber = Annotated[Number, Tag("<number>")]
-ASignalName = Annotated[SignalName, WithJsonSchema({"type": "string"}), Tag("<name>")]
+ASignalName = Annotated[SignalName, WithJsonSchema({"type": "string", "pattern": "^[A-Za-z_]"}), Tag("<name>")]
 ASignalTable = Annotated[SignalTable, Tag("<table>")]
 APropertyTable = Annotated[PropertyTable, Tag("<table>")]
 APolynomial = Annotated[Polynomial, Tag("<polynomial>")]

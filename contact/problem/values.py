@@ -16,24 +16,12 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, GetCoreSchemaHandler, WithJsonSchema
 from pydantic_core import PydanticCustomError, core_schema
 
+from contact.problem.units import NUMBER, UnitError, as_float, quantity_from, si_name
+
 At = tuple[str | int, ...]
 
-# What people write behind a number, as (factor, SI unit); temperatures are in the unit the scenario states.
-UNITS: dict[str, tuple[float, str]] = {
-    "m": (1, "m"), "cm": (1e-2, "m"), "mm": (1e-3, "m"), "um": (1e-6, "m"), "µm": (1e-6, "m"),
-    "μm": (1e-6, "m"), "nm": (1e-9, "m"), "in": (0.0254, "m"), "inch": (0.0254, "m"), "ft": (0.3048, "m"),
-    "s": (1, "s"), "sec": (1, "s"), "ms": (1e-3, "s"), "min": (60, "s"), "h": (3600, "s"),
-    "Pa": (1, "Pa"), "kPa": (1e3, "Pa"), "MPa": (1e6, "Pa"), "GPa": (1e9, "Pa"), "bar": (1e5, "Pa"),
-    "psi": (6894.757293168, "Pa"), "N/mm2": (1e6, "Pa"),
-    "W/mK": (1, "W/mK"), "W/m/K": (1, "W/mK"), "W/(mK)": (1, "W/mK"),
-    "J/kgK": (1, "J/kgK"), "kJ/kgK": (1e3, "J/kgK"),
-    "kg/m3": (1, "kg/m3"), "g/cm3": (1e3, "kg/m3"), "W/m2K": (1, "W/m2K"), "kW/m2K": (1e3, "W/m2K"),
-    "W/m2": (1, "W/m2"), "kW/m2": (1e3, "W/m2"), "W/m3": (1, "W/m3"), "1/K": (1, "1/K"),
-    "%": (1e-2, "a fraction"),
-}
 # Longer lists than this are not read.
 MANY = 16
-_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
 def problem(text: str, remedy: str = "", at: At = ()) -> PydanticCustomError:
@@ -58,11 +46,14 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def looks_like_number(text: str) -> bool:
     """Tell whether a text begins with a number, such as "40 mm"."""
-    return _QUANTITY.fullmatch(text) is not None
+    return NUMBER.fullmatch(text) is not None
 
 
 def number(value: Any) -> float:
-    """Return a finite number; text with a unit is answered with the number to write.  Raises PydanticCustomError."""
+    """Return a finite number; text with a unit is answered with the number to write.  Raises PydanticCustomError.
+
+    Values with units were made numbers before, where the key says its unit (coupler.scenario.quantities).
+    """
     if isinstance(value, str):
         raise _text_for_number(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -77,24 +68,37 @@ def number(value: Any) -> float:
     return as_float
 
 
+class Refused(str):
+    """A text of a file that cannot be what its key needs: 20 mm for a temperature.  message, remedy : what is told."""
+
+    message: str
+    remedy: str
+
+    def __new__(cls, text: str, message: str = "", remedy: str = "") -> Refused:
+        made = super().__new__(cls, text)
+        made.message, made.remedy = message, remedy
+        return made
+
+
 def _text_for_number(text: str) -> PydanticCustomError:
-    match = _QUANTITY.fullmatch(text)
+    if isinstance(text, Refused):
+        return problem(text.message, text.remedy)
+    match = NUMBER.fullmatch(text)
     if match is None:
         return problem("a number is needed here, not text")
     digits, unit = match.groups()
     if not unit:
         return problem("a number is needed here, not text", f"Write {digits} without quotes.")
-    if unit in UNITS:
-        factor, si = UNITS[unit]
-        return problem("a number without its unit is needed here; all is SI",
-                       f"Write {float(digits) * factor:.12g} ({si}).")
-    if unit in ("K", "C", "degC", "°C", "F", "degF", "°F"):
+    if unit in ("K", "degC", "°C", "degF", "°F"):
         return problem("a number without its unit is needed here",
                        "Temperatures are in the unit that units.temperature states (degC or K).")
-    return problem(
-        "a number without its unit is needed here; all is SI",
-        f"Convert it to SI and write the number alone (m, s, kg, Pa, W, J); the unit {unit!r} is not known.",
-    )
+    try:
+        quantity = quantity_from(text)
+        assert quantity is not None, "a number and a unit were found"
+        return problem("a number without its unit is needed here; all is SI",
+                       f"Write {as_float(quantity.si()):.12g} ({si_name(quantity.powers)}).")
+    except UnitError as exc:
+        return problem(f"a number is needed here; {exc}", exc.remedy)
 
 
 def whole(value: Any) -> int:
@@ -140,6 +144,8 @@ def dotted_name(value: Any) -> str:
 
 def text(value: Any) -> str:
     """Return a text.  Raises PydanticCustomError for anything else."""
+    if isinstance(value, Refused):
+        raise problem(value.message, value.remedy)
     if not isinstance(value, str):
         raise problem("text is needed here", "Put it in quotes.")
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 
 from coupler.cli.codes import DIFFER
-from coupler.cli.options import ScenarioFile, SetOption, SwapOption, WithinOption, leave, scenario_of
+from coupler.cli.options import JsonOption, ScenarioFile, SetOption, SwapOption, WithinOption, leave, scenario_of
 from coupler.record.results import Results
 from coupler.report import watch_report, write_report
 from coupler.report.comparison import short_names, write_comparison
@@ -49,15 +50,16 @@ def watch_command(results: Annotated[Path, typer.Argument(help="The results file
 def compare_command(first: Annotated[Path, typer.Argument(help="The results file to refer to.", show_default=False)],
                     second: Annotated[Path, typer.Argument(help="The results file to compare.", show_default=False)],
                     out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
-                    within: WithinOption = "") -> None:
+                    within: WithinOption = "", as_json: JsonOption = False) -> None:
     """Compare two runs: the largest differences on a page, and a verdict.  Code 5: they differ, or are two scenes."""
-    compare(Results(first), Results(second), out, within)
+    compare(Results(first), Results(second), out, within, as_json=as_json)
 
 
-def compare(a: Results, b: Results, out: Path | None, within: str) -> None:
+def compare(a: Results, b: Results, out: Path | None, within: str, *, as_json: bool = False) -> None:
     """Tell the comparison and the verdict, and end with its exit code."""
     found = compared(a, b, out, within)
-    typer.echo(f"{found.text}\n  {found.page}\n{found.verdict}")
+    said = json.dumps(found.facts, indent=1) if as_json else f"{found.text}\n  {found.page}\n{found.verdict}"
+    typer.echo(said)
     found.leave()
 
 

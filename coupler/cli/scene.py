@@ -8,11 +8,12 @@ import tempfile
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from coupler.cli.options import ScenarioFile, SetOption, SwapOption, scenario_of
+from coupler.cli.codes import BAD_INPUT
+from coupler.cli.options import JsonOption, ScenarioFile, SetOption, SwapOption, scenario_of
 from coupler.control.plan import Plan
 from coupler.errors import ScenarioError
 from coupler.fmu.bind import check_bindings
@@ -22,6 +23,7 @@ from coupler.running.pilot import is_quick
 from coupler.running.pilot import pilot as pilot_run
 from coupler.running.replay import rules_report
 from coupler.running.setup import plan_of
+from coupler.scenario import Scenario
 from coupler.scenario.load import checked_form
 from coupler.scenario.schema import VERSION
 from coupler.scenario.versions import json_schema, migrated, unsaid
@@ -31,16 +33,29 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
                   rules: Annotated[Path | None, typer.Option(
                       "--rules", metavar="RUN", help="Print which rules would have fired in this run.")] = None,
                   pilot: Annotated[bool, typer.Option(
-                      "--pilot", help="Run a few long windows first, to predict the longest stable ones.")] = False
-                  ) -> None:
+                      "--pilot", help="Run a few long windows first, to predict the longest stable ones.")] = False,
+                  as_json: JsonOption = False) -> None:
     """Check a scenario and print what it would run, without running it."""
-    s = scenario_of(scenario, sets, swaps)
+    if as_json and rules is not None:
+        raise ScenarioError("what rules would have done is told in words", key="--json",
+                            remedy="Leave --json or --rules out.")
+    try:
+        s = scenario_of(scenario, sets, swaps)
+        _check_bindings(s)
+    except ScenarioError as exc:
+        if not as_json:
+            raise
+        errors = [{"line": e.line, "key": e.key, "message": e.message, "remedy": e.remedy} for e in (exc, *exc.others)]
+        typer.echo(json.dumps({"file": str(scenario), "valid": False, "errors": errors}, indent=1))
+        raise typer.Exit(BAD_INPUT) from None
     if rules is not None:
         for line in rules_report(s, Results(rules)):
             typer.echo(line)
         return
-    with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
-        check_bindings(s, Path(scratch))
+    if as_json:
+        facts = {"file": str(scenario), "valid": True, "errors": [], **_facts(s, pilot=pilot)}
+        typer.echo(json.dumps(facts, indent=1, allow_nan=False))
+        return
     plan = plan_of(s)
     i, clock = s.interface, plan.schedule.clock
     sizes = [clock.seconds(b) - clock.seconds(a)
@@ -63,6 +78,31 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
         typer.echo(f"  note: {note}")
     if pilot or is_quick(s):
         typer.echo(f"  stable windows, from a pilot run: {pilot_run(s).summary}")
+
+
+def _check_bindings(s: Scenario) -> None:
+    with tempfile.TemporaryDirectory(prefix="slideline-") as scratch:
+        check_bindings(s, Path(scratch))
+
+
+def _facts(s: Scenario, *, pilot: bool) -> dict[str, Any]:
+    """What a script reads of a valid scenario, in SI.  windows : their sizes; of adaptive ones the bounds."""
+    plan, i = plan_of(s), s.interface
+    clock = plan.schedule.clock
+    bounds = [clock.seconds(b) for b in plan.schedule.bounds]
+    sizes = [b - a for a, b in pairwise(bounds)]
+    a = plan.adaptive
+    windows = {"adaptive": False, "count": len(sizes), "least": min(sizes), "most": max(sizes)} if a is None else {
+        "adaptive": True, "first": a.first, "least": a.least, "most": a.most}
+    return {"title": s.title, "hash": s.hash, "geometry": s.geometry, "bodies": list(i.bodies),
+            "nodes": len(i.nodes), "quads": len(i.quads), "triangles": len(i.triangles),
+            "pairs": [{"name": p.name, "slave": p.slave, "master": p.master} for p in i.pairs],
+            "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half}, "scheme": plan.scheme.value,
+            "end": s.coupling.end, "windows": windows,
+            "breakpoints": [clock.seconds(k) for k in sorted(plan.schedule.kinks)],
+            "probes": {name: probe.unit for name, probe in s.probes.items()}, "conditions": list(s.conditions),
+            "notes": [*s.notes, *s.mesh_notes],
+            "stable_windows": pilot_run(s).summary if pilot or is_quick(s) else None}
 
 
 def _sizes(sizes: Sequence[float], plan: Plan) -> str:

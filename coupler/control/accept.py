@@ -30,7 +30,7 @@ MAX_TRIES = 60
 
 @dataclass(frozen=True)
 class Attempt:
-    """A window that was tried.  at : before it.  error : where windows find their own size, if it is known."""
+    """A window that was tried.  at : before it.  error : where windows are adaptive, if it is known."""
 
     plan: Plan
     at: Committed
@@ -74,7 +74,7 @@ def shorter(attempt: Attempt, size: float, why: str) -> ControlState:
 
 
 def at_least(attempt: Attempt) -> bool:
-    """Whether a window that finds its own size may not be shorter."""
+    """Whether an adaptive window may not be shorter."""
     adaptive = attempt.plan.adaptive
     return adaptive is not None and adaptive.least * (1.0 + 1e-6) >= attempt.H
 

@@ -26,7 +26,7 @@ MOST_PIECES = 64.0
 
 @dataclass(frozen=True)
 class Way:
-    """One way out.  share : of the window that is stable by it.  solves : pairs of half-solves for the old window.
+    """One way out.  share : of the window that is stable by it.  solves : pairs of solver calls for the old window.
 
     level : of iterated windows; None: the scheme stays.
     """

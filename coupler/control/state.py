@@ -19,7 +19,7 @@ class ControlState:
     """Put back with a window that is rejected, but for what the next try needs: size, ends, aim, below, failures.
 
     tick : where the last window ended.  number : windows taken.  failures : tries rejected since then.
-    size : the next window [s] where windows find their own size, with the reason in words.
+    size : the next window [s] where windows are adaptive, with the reason in words.
     ends : ticks at which the pieces of a window cut in two end, the next last.
     aim : the tick at which the next try ends, whatever its size; 0: none.
     below : the next try ends before this tick; 0: anywhere.  fresh : the tick where histories were last forgotten.

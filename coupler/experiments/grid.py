@@ -14,6 +14,7 @@ from coupler.errors import ScenarioError
 from coupler.scenario.document import Document, Key, dotted, yaml_value
 from coupler.scenario.edits import Tree, apply_overrides, cells_times, windows_times
 from coupler.scenario.options import ErrorTolerances, Scheme
+from coupler.scenario.quantities import with_plain_numbers
 
 # Axes of a grid: short names for what a study varies most, and any key that `--set` takes.
 
@@ -171,7 +172,7 @@ def setting_at(document: Document, at: Mapping[str, Any]) -> Setting:
     #   False): | coupler/test_study
     for axis, value in sorted(at.items(), key=lambda item: item[0] in FACTORS):
         own = sets_of(axis, value, document.tree)
-        document = apply_overrides(document, own)
+        document = with_plain_numbers(apply_overrides(document, own))
         sets |= own
     return Setting(at, sets)
 

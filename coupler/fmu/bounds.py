@@ -108,7 +108,7 @@ def border_scene(interface: Interface, thermal: Mapping[str, Any],
     """Return the scene of an interface and a thermal model.json (contact.problem.thermal), all in SI.
 
     Where a temperature is prescribed a half may begin with it or with T0, so there the first T is not looked at.
-    stated : the scenario's conditions, of which the model.json of an FMU that lies ready has none.
+    stated : the scenario's conditions, of which the model.json of a prebuilt FMU has none.
     """
     kind = str(thermal["half"])
     problem = read(ForeignThermal if "options" in thermal else ThermalProblem, thermal, kind)

@@ -57,7 +57,7 @@ def known_halves() -> dict[str, EntryPoint]:
 def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
     """The FMU of the half of `kind` whose interface.h5 and model.json are in `directory`.
 
-    kind : an entry point's name, or the path of an FMU that lies ready, which is copied to the cache as it is.
+    kind : an entry point's name, or the path of a prebuilt FMU, which is copied to the cache as it is.
     cache : where FMUs are kept (default: cache_directory()).  The same content is built once; beside the FMU lies
     what it unpacks to, which load_half then uses.  Raises HalfError for an unknown kind, or with the builder's words.
     """
@@ -86,13 +86,13 @@ def _ready(fmu: Path, cache: Path) -> Path:
 
 
 def put_ready(content: bytes, cache: Path) -> Path:
-    """Return the place in the cache of an FMU that lies ready, put there if it is not yet."""
+    """Return the place in the cache of a prebuilt FMU, put there if it is not yet."""
     return _cached(ready_place(hashlib.sha256(content).hexdigest(), cache),
                    lambda new: new.write_bytes(content))
 
 
 def ready_place(digest: str, cache: Path) -> Path:
-    """Return the folder in the cache of an FMU that lies ready.  digest : SHA-256 of it, in hexadecimal digits."""
+    """Return the folder in the cache of a prebuilt FMU.  digest : SHA-256 of it, in hexadecimal digits."""
     return cache / f"ready-{digest[:32]}"
 
 

@@ -38,7 +38,7 @@ from coupler.report.figures import counted, duration, number, shown
 from coupler.report.heat import heat_picture, heat_table
 from coupler.report.live import live_page
 from coupler.report.player import title_of
-from coupler.report.pressure import largest_at, pressure_pictures
+from coupler.report.pressure import largest, largest_at, place_of_peak, pressure_pictures
 from coupler.report.timeline import timeline_picture, window_picture
 from coupler.schemes.state import HEATS
 from coupler.trust.checks import TrustVerdict
@@ -132,7 +132,11 @@ def _contact_sentence(results: Results) -> str:
     first, peak = next(t for t, at in of_t.items() if at > 0.0), max(of_t, key=lambda t: of_t[t])
     begins = "Bodies are pressed together from the start" if first == 0.0 else (
         f"Bodies press on each other first at t = {number(first, 6)} s")
-    return f"{begins}; the highest contact pressure is {shown('Pa', p).text(p, 5)}, at t = {number(peak, 6)} s."
+    told = f"{begins}; the highest contact pressure is {shown('Pa', p).text(p, 5)}, at t = {number(peak, 6)} s"
+    slaves = {pair["name"]: str(pair["slave"]) for pair in results.header["pairs"]}
+    places = [place_of_peak(along, slaves[name]) for name, along in results.contact.items()
+              if np.isclose(largest(along)[0], p, rtol=1e-5)]
+    return f"{told}, {places[0]}." if places else f"{told}."
 
 
 def _exact_sentence(results: Results) -> str:

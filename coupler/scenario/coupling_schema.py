@@ -18,7 +18,7 @@ FIRST = 1e-3
 
 
 class AdaptiveSpec(Part):
-    """Windows that find their own size [s] from the error they make."""
+    """Adaptive windows [s]: their size follows the error they make."""
 
     first: Annotated[Positive | None, Entry(
         "the first window, and the first after a kink or an event; a shorter one follows if its error is too "
@@ -61,7 +61,7 @@ class Events(Part):
     locate: Annotated[bool | None, Entry(
         "windows end where contact opens, closes, sticks or slips",
         kind="true, false",
-        default="true where windows find their own size, else false")] = None
+        default="true where windows are adaptive, else false")] = None
     tolerance: Annotated[Positive | None, Entry(
         "how nearly",
         unit="s",
@@ -161,9 +161,9 @@ class CouplingSpec(Part):
         "ranges, in order, that reach `end` (what lies beyond it is cut off): `{until, size}` or `{until, "
         "first, last}`",
         kind="list",
-        default="windows find their own size")] = None
+        default="adaptive windows")] = None
     adaptive: Annotated[AdaptiveSpec | None, Entry(
-        "how windows find their own size from the error they make",
+        "adaptive windows: their size follows the error they make",
         default="`{}` without `windows`, else none")] = None
     events: Annotated[Events, Entry("where windows end because of contact")] = Events()
     on_cycle: Annotated[OnCycle | None, Entry(
@@ -190,13 +190,13 @@ class CouplingSpec(Part):
     @model_validator(mode="after")
     def _one_way_to_size(self) -> CouplingSpec:
         if self.windows is not None and self.adaptive is not None:
-            raise problem("windows are listed or find their own size: `windows` or `adaptive`, not both",
+            raise problem("windows are listed or adaptive: `windows` or `adaptive`, not both",
                           "Leave one of the two out.")
         return self
 
     @property
     def sized(self) -> AdaptiveSpec | None:
-        """How windows find their own size; None where they are listed."""
+        """The options of adaptive windows; None where they are listed."""
         return self.adaptive or (AdaptiveSpec() if self.windows is None else None)
 
     @model_validator(mode="after")

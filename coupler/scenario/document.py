@@ -36,6 +36,7 @@ class Document:
     """A scenario as read: nothing but dict, list, str, int, float, bool and None.
 
     lines : line number of every key and list item, 1-based.  overridden : keys set from outside the file.
+    written : what stood at keys whose value with a unit was made a plain number.
     """
 
     path: Path
@@ -43,6 +44,7 @@ class Document:
     tree: dict[str, Any]
     lines: Mapping[Key, int]
     overridden: frozenset[Key] = field(default_factory=frozenset)
+    written: Mapping[Key, str] = field(default_factory=dict)
 
     def line(self, key: Key) -> int:
         """Line of a key, or of the nearest thing around it that has one; 0 where an override put it."""
@@ -77,7 +79,7 @@ class Document:
             file=str(self.path),
             line=line,
             key=dotted(key),
-            value=shown(self.value(key)),
+            value=shown(self.written.get(key, self.value(key))),
             remedy=remedy,
         )
 
@@ -245,7 +247,7 @@ def _parse(text: str, file: str) -> Any:
     except DuplicateKeyError as exc:
         # The message lists ways to switch the check off; only its first line is of use here.
         said = str(exc.problem).splitlines()[0]
-        raise ScenarioError(f"a key stands twice: {said}", file=file, line=_line_of(exc),
+        raise ScenarioError(f"a key is duplicated: {said}", file=file, line=_line_of(exc),
                             remedy="Remove or rename one of the two.") from exc
     except MarkedYAMLError as exc:
         raise ScenarioError(

@@ -93,7 +93,7 @@ Tree = Mapping[str, Any]  # a scenario's values, as the file has them
 
 
 def windows_times(tree: Tree, factor: float) -> dict[Key, Any]:
-    """Every fixed window `factor` times as long, none longer than its range; {} where windows find their own size."""
+    """Every fixed window `factor` times as long, none longer than its range; {} where windows are adaptive."""
     ranges = (tree.get("coupling") or {}).get("windows")
     if not isinstance(ranges, list):
         return {}

@@ -43,6 +43,7 @@ from coupler.scenario.problems import (
     understood_by,
     wrongs_of,
 )
+from coupler.scenario.quantities import with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
@@ -148,7 +149,7 @@ class Scenario:
 
     @property
     def foreign(self) -> Mapping[str, bool]:
-        """Role -> whether its half is of another package, or an FMU that lies ready."""
+        """Role -> whether its half is of another package, or a prebuilt FMU."""
         return {role: str(model["half"]) not in OWN[role].values() for role, model in self.models.items()}
 
     def write_half(self, role: str, directory: Path) -> str:
@@ -182,7 +183,7 @@ def scenario_from(text: str, path: Path, overrides: Mapping[str, Any]) -> Scenar
 
 def checked_form(path: Path) -> tuple[Document, ScenarioFile]:
     """Read a scenario and check its form alone, key by key.  Raises ScenarioError."""
-    document = read_document(path)
+    document = with_plain_numbers(read_document(path))
     try:
         return document, ScenarioFile.model_validate(document.tree)
     except ValidationError as exc:
@@ -191,7 +192,7 @@ def checked_form(path: Path) -> tuple[Document, ScenarioFile]:
 
 def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
     """The scenario of a document with values put in place of its own.  Raises ScenarioError."""
-    return _checked(apply_overrides(read, overrides), overrides)
+    return _checked(with_plain_numbers(apply_overrides(read, overrides)), overrides)
 
 
 def _errors_of_form(document: Document, error: ValidationError, overrides: Mapping[str, Any]) -> ScenarioError:
@@ -340,7 +341,7 @@ def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, Taken]) -
     # fault: a study makes another scenario -> values = {key: value for key, value in document.tree.items() if key} |
     #   coupler/test_study_run
     values = {key: value for key, value in document.tree.items() if key != "study"}
-    digest = hashlib.sha256(json.dumps(values, sort_keys=True, allow_nan=False).encode())
+    digest = hashlib.sha256(json.dumps(_as_numbers(values), sort_keys=True, allow_nan=False).encode())
     for body in file.bodies.values():
         # fault: hash of the text, not of the mesh -> if False: | coupler/test_scenario_mesh
         if body.mesh.file is not None:
@@ -356,3 +357,13 @@ def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, Taken]) -
             # fault: an FMU named by its path is not part of the scenario's hash -> pass | coupler/test_fmu_by_path
             digest.update(hashlib.sha256(fmu.read_bytes()).digest())
     return digest.hexdigest()[:32]
+
+
+def _as_numbers(value: Any) -> Any:
+    """A tree whose numbers are all floats: 2, 2.0 and 2 m are one value."""
+    if isinstance(value, dict):
+        return {key: _as_numbers(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_as_numbers(one) for one in value]
+    # fault: 2 and 2.0 make two scenarios -> return value | coupler/test_scenario_units
+    return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -212,7 +212,7 @@ class WindowRange:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """Windows that find their own size [s].  least : shorter ones only end at a kink or an event."""
+    """Adaptive windows [s].  least : shorter ones only end at a kink or an event."""
 
     first: float
     least: float

@@ -207,7 +207,7 @@ COUPLER = {
     **{f"{part}.{name}": "tolerances" for part in ("splitting", "own")
        for name in ("temperature", "gap", "heat", "displacement")},
     "max_T": "hottest node", "max_p": "Pa, largest contact pressure",
-    "touching": "facing points under pressure", "imbalance": "of the heat of the window",
+    "touching": "contact quadrature points under pressure", "imbalance": "of the heat of the window",
     "thermal.status": "0 well, 1 discarded", "mechanical.status": "0 well, 1 discarded",
 }
 """Monitors of the coupler, each with its unit or meaning; one that a window does not have is not known in it."""

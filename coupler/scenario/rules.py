@@ -45,7 +45,7 @@ def rules_of(c: Context, models: Mapping[str, Mapping[str, Any]], conditions: Ma
     """The rules, in the order of the file.  models : as written for both halves.  Raises ScenarioError.
 
     conditions : by name, whose heat and force are known.
-    least : no window that finds its own size is shorter [s].
+    least : no adaptive window is shorter [s].
     """
     found: list[Rule] = []
     for i, spec in enumerate(c.file.rules):

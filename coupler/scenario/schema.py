@@ -167,6 +167,7 @@ class Fields(Part):
         default="never by count")] = None
     at: Annotated[tuple[NotNegative, ...], Entry(
         "keep them at the first window end at or after each time",
+        unit="s",
         kind="[s, ...]",
         default="none")] = ()
     most: Annotated[Count | None, Entry(

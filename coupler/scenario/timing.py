@@ -26,7 +26,7 @@ class CouplingOptions:
     kinks : times [s] in (0, end) at which data jump or change slope: those stated and those of every signal
     the chosen halves use.  bends : those of them where only thermal data change slope: no half need restart damped,
     which would make the midpoint rule first order along a finely sampled table.  substeps : role -> number in a window.
-    iteration : of the scheme `iterated`.  adaptive : of windows that find their own size; then windows is one range.
+    iteration : of the scheme `iterated`.  adaptive : of adaptive windows; then windows is one range.
     locate, event_tolerance [s], branches : of events; 0: as coupler.control.events says.
     steady [K/s]: 0: never stop for that.  deadlines : role -> [s] that a step may take, where it is stated.
     restart : how often one that died is started anew.

@@ -17,10 +17,12 @@ from coupler.errors import ScenarioError
 from coupler.scenario.coupling_schema import CouplingSpec
 from coupler.scenario.document import Key, dotted
 from coupler.scenario.options import Scheme
+from coupler.scenario.quantities import WITHOUT
 from coupler.scenario.schema import VERSION, ScenarioFile
 
 # The JSON Schema of a scenario, so that editors complete and check its keys.
 
+VALUE_WITH_UNIT = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\s\d].*$"
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 
@@ -30,8 +32,26 @@ def json_schema() -> dict[str, Any]:
     It knows keys, types, units (in the descriptions) and bounds; what hangs together across keys only `check` can say.
     """
     schema = _without_titles(ScenarioFile.model_json_schema(mode="validation"))
+    plain = {kind.__name__ for kind in WITHOUT}
+    # fault: editors mark values with units as wrong -> plain = set(schema["$defs"]) | coupler/test_scenario_units
+    schema["$defs"] = {name: part if name in plain else _with_units(part) for name, part in schema["$defs"].items()}
+    schema["properties"] = _with_units(schema["properties"])
     schema["properties"]["slideline"] = {"enum": list(range(1, VERSION + 1)), "description": "version of this form"}
     return {"$schema": DRAFT, "$id": f"slideline-scenario-{VERSION}", "title": "Slideline scenario"} | schema
+
+
+def _with_units(node: Any) -> Any:
+    """A schema whose numbers may be texts with a unit; of which kind, `check` says."""
+    if isinstance(node, list):
+        return [_with_units(value) for value in node]
+    if not isinstance(node, dict):
+        return node
+    made = {key: _with_units(value) for key, value in node.items()}
+    if node.get("type") != "number":
+        return made
+    number = {key: made.pop(key) for key in ("type", "minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
+              if key in made}
+    return {"anyOf": [number, {"type": "string", "pattern": VALUE_WITH_UNIT}]} | made
 
 
 def _without_titles(node: Any) -> Any:

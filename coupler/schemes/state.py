@@ -175,7 +175,7 @@ def with_made(accounts: Accounts, made: Mapping[str, Array], times: Sequence[flo
     return {n: a.make(made.get(n, 0.0), H, H / (len(times) - 1), fresh) for n, a in accounts.items()}
 
 
-# The heat ledger: energies into the bodies by mechanism, and how far they are from adding up.
+# The heat balance: energies into the bodies by mechanism, and how far they are from adding up.
 
 PREFIX = "heat."
 STORED = "heat.stored."
@@ -290,7 +290,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Work:
-    """What a window cost: half-solves (the hardware-free unit), iterations, and seconds."""
+    """What a window cost: solver calls (the hardware-free unit), iterations, and seconds."""
 
     thermal_solves: int = 0
     mechanical_solves: int = 0

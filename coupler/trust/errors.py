@@ -76,7 +76,7 @@ class ErrorLog:
     fast they went of late.  told : of each its largest error so far.
     known : what is left of the errors of windows that were looked at.  errors, bends, counts : (n, CLASSES) errors and
     bends of those, by how much they bent, and how many.  rest : (n, CLASSES) what is left of the bends of the others.
-    windows : of which `looked` were looked at, for `solves` half-solves; worst : the largest error, of a probe's range
+    windows : of which `looked` were looked at, for `solves` solver calls; worst : the largest error, of a probe's range
     then, in the window to t [s].
     """
 
@@ -202,7 +202,7 @@ def table(log: ErrorLog, probes: Mapping[str, str]) -> dict[str, ProbeError]:
 
 
 def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
-    """Return the check at the end.  probes : name -> unit.  adaptive : whether windows find their own size."""
+    """Return the check at the end.  probes : name -> unit.  adaptive : whether windows are adaptive."""
     if not log.looked:
         return Check(NAME, TrustVerdict.UNCHECKED,
                      what="no window could be solved twice: a half keeps no states")

@@ -71,7 +71,7 @@ def mended(log: StabilityLog, found: Mended, t: float, H: float) -> StabilityLog
 def check(log: StabilityLog, looked: int) -> Check:
     """Return the check at the end.  looked : windows that were, and would have been measured where they were rough."""
     if not looked:
-        return Check(NAME, TrustVerdict.UNCHECKED, what="windows find their own size, or none could be solved twice")
+        return Check(NAME, TrustVerdict.UNCHECKED, what="windows are adaptive, or none could be solved twice")
     if not (log.measured or log.mended):
         return Check(NAME, TrustVerdict.UNCHECKED, what="no probe bent by much in two windows on end, or none of those "
                      "could be looked at")

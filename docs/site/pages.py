@@ -46,7 +46,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """One page as the site's renderer wants it; code stays as it is."""
     names = {page: source for source, page in ELSEWHERE.items()}
     source = names.get(page.file.src_uri, f"docs/{page.file.src_uri}")
-    return "\n".join(_lines(markdown, posixpath.dirname(source)))
+    return "\n".join(_lines(markdown, posixpath.dirname(source), posixpath.dirname(page.file.src_uri)))
 
 
 def on_post_page(output: str, **_: Any) -> str:
@@ -65,7 +65,7 @@ def site_link(target: str, folder: str) -> str:
     return ELSEWHERE.get(there, there.removeprefix("docs/"))
 
 
-def _lines(markdown: str, folder: str) -> Iterator[str]:
+def _lines(markdown: str, folder: str, page_folder: str) -> Iterator[str]:
     code, before = False, ""
     for line in markdown.splitlines():
         if _FENCE.match(line):
@@ -73,7 +73,8 @@ def _lines(markdown: str, folder: str) -> Iterator[str]:
         elif not code:
             if _ITEM.match(line) and before.strip() and not _ITEM.match(before) and not before.startswith((" ", "\t")):
                 yield ""
-            line = _LINK.sub(lambda m: site_link(m[1], folder) + (m[2] or ""), line)
+            line = _LINK.sub(lambda m: posixpath.relpath(site_link(m[1], folder), page_folder or ".") + (m[2] or ""),
+                             line)
             if line.startswith("|"):
                 # Code in a cell of a table: the renderer takes no escape there, and needs none.
                 line = _CODE.sub(lambda m: m[0].replace("\\|", "|"), line)

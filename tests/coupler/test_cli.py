@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -12,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from coupler import Results
+from coupler import Results, load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 BARS = str(ROOT / "scenarios/heated_bars.yaml")
@@ -32,6 +33,23 @@ def test_check_says_what_would_run(tmp_path):
         assert fact in done.stdout
     assert "note" not in done.stdout
     assert not list(tmp_path.iterdir())
+
+
+def test_check_tells_a_script_the_same(tmp_path):
+    done = slideline(tmp_path, "check", BLOCKS, "--json")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    s = load_scenario(BLOCKS)
+    assert (facts["valid"], facts["errors"], facts["nodes"], facts["hash"]) == (True, [], 1250, s.hash)
+    assert facts["pairs"] == [{"name": "interface", "slave": "upper.bottom", "master": "lower.top"}]
+    assert facts["probes"] == {name: probe.unit for name, probe in s.probes.items()}
+    assert facts["windows"]["adaptive"] is (s.coupling.adaptive is not None)
+    wrong = slideline(tmp_path, "check", BLOCKS, "--json", "--set", "coupling.end=3 mm", "--set", "geometry=plain")
+    assert wrong.returncode == 2, wrong.stderr
+    facts = json.loads(wrong.stdout)
+    assert facts["valid"] is False
+    assert {e["key"] for e in facts["errors"]} == {"coupling.end", "geometry"}
+    assert all(e["message"] and e["remedy"] for e in facts["errors"])
 
 
 def test_a_name_that_list_tells_is_a_scenario(tmp_path):

@@ -42,6 +42,17 @@ def test_lines_come_by_windows_and_the_last_is_told() -> None:
     assert 10 <= file.getvalue().count("| window") <= 12
 
 
+def test_the_line_goes_on_telling_what_windows_broke() -> None:
+    file = io.StringIO()
+    with ProgressLine("degC", Console(file=file, width=300), verbose=True) as line:
+        line(FIRST)
+        line(replace(FIRST, number=2, t=300.0, anyway=True))
+        line(replace(FIRST, number=3, t=600.0))
+        line(replace(FIRST, number=4, t=800.0, anyway=True))
+    told = [text.partition(" | trust so far: ")[2] for text in file.getvalue().splitlines() if "| window" in text]
+    assert [text.partition(" not")[0] for text in told] == ["", "1 window", "1 window", "2 windows"]
+
+
 def test_a_terminal_hears_of_the_set_up() -> None:
     line, file = shown(width=200, terminal=True)
     with line:

@@ -118,6 +118,9 @@ def test_fields_of_both_halves_arrows_mesh_and_magnification_change_the_picture(
         page.value(f"""(() => {{ const s = document.querySelectorAll("#player select"); {change};
           for (const one of s) one.dispatchEvent(new Event("change")); }})()""")
         seen.append(page.value(PIXELS))
+    # fifth of 1, 2, 5, 10, 20: a picture that is not to scale says so in words
+    said = page.value("document.querySelector('#player .said').textContent")
+    assert "Deformations are drawn 20 times as large as they are" in said
     for k in range(3):
         page.value(f"document.querySelectorAll('#player input[type=checkbox]')[{k}].click()")
         seen.append(page.value(PIXELS))

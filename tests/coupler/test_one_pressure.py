@@ -106,3 +106,22 @@ def test_the_headline_counts_the_start(tmp_path):
     assert told["progress"] < 0.95 * told["probe"]  # of the windows that were
     assert told["headline"] == pytest.approx(p[0], rel=1e-4)
     assert told["report"] == pytest.approx(p[0], rel=1e-6)
+
+
+def test_a_peak_at_a_corner_is_told_as_one() -> None:
+    """At the last node of a surface, with what the rest of it has; in its middle, and on a closed one, without."""
+    from coupler.record.results import Along
+    from coupler.report.pressure import place_of_peak
+
+    def told(p: list[float], closed: bool = False) -> str:
+        x = np.array([[0.01 * k, 0.5] for k in range(4)])
+        if closed:
+            x[-1] = x[0]
+        t_N = -np.array([[0.0] * 4, p], dtype=np.float32)
+        return place_of_peak(Along(np.arange(4) * 0.01, x, t_N, np.zeros((2, 4), dtype=np.float32)), "block.bottom")
+
+    corner = told([35e6, 20e6, 34e6, 252e6])
+    assert corner.startswith("on block.bottom at (0.03, 0.5) m, the corner at its end")
+    assert corner.endswith("has at most 35 MPa then")
+    assert told([35e6, 20e6, 252e6, 34e6]) == "on block.bottom at (0.02, 0.5) m"
+    assert told([252e6, 20e6, 34e6, 252e6], closed=True) == "on block.bottom at (0, 0.5) m"

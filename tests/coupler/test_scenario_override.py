@@ -62,7 +62,7 @@ def test_a_new_probe_can_be_added(tmp_path: Path) -> None:
     ("coupling.windows.7.size", 1, "0 to 1"),
     ("coupling.windows.first.size", 1, "a list of 2"),
     ("coupling.end.seconds", 1, "single value"),
-    ("coupling.end", "40 h", "Write 144000 (s)"),
+    ("coupling.end", "40 mm", "a time [s] is needed here, not a length [m]"),
     ("coupling.end", -1, "greater than zero"),
     ("coupling.end", float("nan"), "not finite"),
     ("coupling.end", object(), "cannot hold"),

@@ -156,6 +156,11 @@ def test_the_command_ends_with_5_where_runs_differ(tmp_path):
     for within, code in (("T=5K,gap=1m,p=1GPa,u_y=1m", 0), ("T=1K", 5)):
         done = CliRunner().invoke(app, ["compare", str(tmp_path / "a.h5"), str(tmp_path / "b.h5"), "--within", within])
         assert done.exit_code == code, done.output
+        told = CliRunner().invoke(app, ["compare", str(tmp_path / "a.h5"), str(tmp_path / "b.h5"), "--within", within,
+                                        "--json"])
+        facts = json.loads(told.output)
+        assert (told.exit_code, facts["same"], facts["page"]) == (code, code == 0, str(tmp_path / "b-against-a.html"))
+        assert facts["verdict"] in done.output
 
 
 def test_run_with_compare_swaps_runs_and_judges(tmp_path):

@@ -208,7 +208,9 @@ class Player {
     const [least, largest] = extent(values);
     const about = `${field.title} at t = ${shownNumber(this.times[this.frame], 7)} s: ${shownNumber(least)} to `
       + `${shownNumber(largest)} ${field.unit}`;
-    this.said.textContent = `${about}. Picture ${this.frame + 1} of ${this.times.length}.`;
+    const drawn = scale === 1 ? "" : ` Deformations are drawn ${scale} times as large as they are: gaps and overlaps of the`
+      + " picture are not those of the bodies.";
+    this.said.textContent = `${about}. Picture ${this.frame + 1} of ${this.times.length}.${drawn}`;
     this.canvas.setAttribute("aria-label", about);
     this.keepChoices(field, arrows);
   }

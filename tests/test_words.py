@@ -1,0 +1,70 @@
+"""Phrases that the project has given up stand nowhere a user reads: pages, commands, report, messages, public names.
+
+Each was replaced by the word of the field: the second column.  Measured tables of benchmarks/ are pages too.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")),
+         ROOT / "benchmarks/README.md"]
+SOURCES = [path for name in ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
+           for path in sorted((ROOT / name).rglob("*.py"))]
+GIVEN_UP = {
+    r"half-solve": "solver call", r"heat ledger": "heat balance",
+    r"heat misfit|misfit of": "relative energy-balance error",
+    r"came in by|why so\b": "source, reason",
+    r"facing points?\b": "contact quadrature point",
+    r"held against the border|how to mend it": "checked against the interface specification",
+    r"lies? ready": "prebuilt", r"tries put back": "rejected steps",
+    r"finds? (?:its|their) own size": "adaptive", r"told, and left out": "reported and ignored",
+    r"how little of the model": "the cheapest model within your tolerance", r"without crumbs": "without tiny steps",
+    r"not beaten by any other": "Pareto optimal", r"named breaks?\b": "seeded faults",
+    r"zigzag": "alternating error", r"stands twice": "duplicated", r"not dearer": "no more expensive",
+}
+FENCE = re.compile(r"^```.*?^```$", re.M | re.S)
+CODE = re.compile(r"`[^`\n]*`")
+# 0.1 %, not .1 % (ISO 80000-1); not a file's ending, a range (1..9) or a factor that a rule reads (`x.5`, code).
+BARE_POINT = re.compile(r"(?<![\w.)\]*/])\.\d")
+# A case is named, not coded: E3b, D13.  A colour, an axis title or a material (C45) has another form.
+CASE_CODE = re.compile(r"\bcases? [A-F]\d{1,2}[a-d]?\b")
+
+
+def texts_of(path: Path) -> Iterator[tuple[int, str]]:
+    """What a source file may show: its string constants, but docstrings of what is not public."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    private = {id(node.body[0].value) for node in ast.walk(tree)
+               if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body
+               and isinstance(node.body[0], ast.Expr) and getattr(node, "name", "_").startswith("_")}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in private:
+            yield node.lineno, node.value
+
+
+@pytest.mark.parametrize("phrase", GIVEN_UP)
+def test_a_phrase_that_was_given_up_is_gone(phrase: str) -> None:
+    found = re.compile(phrase, re.I)
+    places = [f"{page.relative_to(ROOT)}: {hit[0]}" for page in PAGES
+              for hit in found.finditer(page.read_text(encoding="utf-8"))]
+    places += [f"{path.relative_to(ROOT)}:{line}: {hit[0]}" for path in SOURCES for line, text in texts_of(path)
+               for hit in found.finditer(text)]
+    assert not places, f"write {GIVEN_UP[phrase]!r}: {places}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_numbers_of_pages_have_a_leading_zero(page: Path) -> None:
+    prose = CODE.sub("", FENCE.sub("", page.read_text(encoding="utf-8")))
+    assert not [prose[max(hit.start() - 20, 0):hit.end() + 20] for hit in BARE_POINT.finditer(prose)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_name_cases_and_code_none(page: Path) -> None:
+    prose = CODE.sub("", FENCE.sub("", page.read_text(encoding="utf-8")))
+    assert not CASE_CODE.findall(prose)
