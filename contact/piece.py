@@ -228,6 +228,8 @@ def add_point(x: Floats, n: Floats, points: Floats, c: Floats, doing: Floats, q:
         dp = -d_xi[j] * slope - c[q, EPS_N] * (dg + d_xi[j] * widens + rounding_change(c, q, xi, eta, d_xi[j], deta))
         # fault: slip does not follow the master point -> dtau = drag * dp + trial_xi * d_xi[j] + 0.0 * trial_eta |
         #   contact/test_slip
+        # fault: slip follows the master point but for a millionth -> dtau = drag * dp + trial_xi * d_xi[j] + 0.999999 *
+        #   trial_eta * deta | contact/test_slip contact/test_traction
         dtau = drag * dp + trial_xi * d_xi[j] + trial_eta * deta
         dfx = d_area[j] * fx + area * (-dp * nx - dtau * ny - turn * fy)
         dfy = d_area[j] * fy + area * (-dp * ny + dtau * nx + turn * fx)

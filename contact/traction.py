@@ -324,6 +324,8 @@ def rub(before: Floats, multipliers_before: Floats, mobilised: Floats, edges: In
             slips[i] = (tau[i] - trial) / c[i, EPS_T]
             # fault: friction heat halved -> heat[i] = 0.5 * tau[i] * (trial - tau[i]) / c[i, EPS_T] * area |
             #   mechanical_fmu/test_friction
+            # fault: the spring of sticking makes heat, too -> heat[i] = abs(tau[i] * trial) / c[i, EPS_T] * area |
+            #   mechanical_fmu/test_stick_slip
             heat[i] = tau[i] * (trial - tau[i]) / c[i, EPS_T] * area
 
 

@@ -57,16 +57,18 @@ def test_derivatives_against_differences(mu, sides, by_node, axisymmetric, gap):
     before = x + 1e-2 * random.random(x.shape)
     B, C, D = dense(answer(register, x, multipliers, before))
     for j in np.flatnonzero(on):
-        less = multipliers - np.eye(len(x))[j]
-        df = push(register, x, multipliers, before).force - push(register, x, less, before).force
-        np.testing.assert_allclose(B[:, j], df.ravel(), atol=1e-6 * np.abs(df).max())
-        dR = answer(register, x, multipliers, before).residual - answer(register, x, less, before).residual
-        np.testing.assert_allclose(D[:, j], dR, atol=1e-6 * np.abs(D).max())
-    h = 1e-7
+        less = multipliers - 100.0 * np.eye(len(x))[j]
+        df = (push(register, x, multipliers, before).force - push(register, x, less, before).force) / 100.0
+        np.testing.assert_allclose(B[:, j], df.ravel(), rtol=0.0, atol=1e-8 * np.abs(df).max())
+        dR = (answer(register, x, multipliers, before).residual - answer(register, x, less, before).residual) / 100.0
+        np.testing.assert_allclose(D[:, j], dR, rtol=0.0, atol=1e-8 * np.abs(D).max())
+    h = 5e-7
     for k in range(x.size):
         step = h * np.eye(x.size)[k].reshape(x.shape)
-        dR = [answer(register, at, multipliers, before).residual for at in (x + step, x - step)]
-        np.testing.assert_allclose(C[on, k], ((dR[0] - dR[1]) / (2.0 * h))[on], atol=1e-6 * np.abs(C).max())
+        near, far = (answer(register, x + s * step, multipliers, before).residual
+                     - answer(register, x - s * step, multipliers, before).residual for s in (1, 2))
+        np.testing.assert_allclose(C[on, k], ((8.0 * near - far) / (12.0 * h))[on], rtol=0.0,
+                                   atol=1e-9 * np.abs(C).max())
 
 
 def test_the_residual_is_what_the_pressures_lack():

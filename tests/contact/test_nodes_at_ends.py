@@ -69,8 +69,8 @@ def test_the_stiffness_is_the_derivative(slide: float, axisymmetric: bool, mu: f
     before[:3] += [3e-3, 1e-3]
     reply = push(register, x, x_before=before, mobilised=mobilised)
     assert (reply.force[:3, 1] > 0.0).all()
-    K, B = differences(register, x, 1e-7, before, mobilised), dense(reply, len(x))
-    assert abs(B - K).max() <= 2e-7 * abs(K).max()
+    K, B = differences(register, x, 5e-7, before, mobilised), dense(reply, len(x))
+    assert abs(B - K).max() <= 1e-9 * abs(K).max()
 
 
 @pytest.mark.parametrize("axisymmetric", [False, True])
@@ -79,9 +79,10 @@ def test_multipliers_follow_too(axisymmetric: bool) -> None:
     register = nodal(register)
     multipliers = np.where(np.arange(5) < 3, -1e5 * np.array([1.0, 2.0, 3.0, 0.0, 0.0]), 0.0)
     _, C, _ = couplings(answer(register, x, multipliers, x))
-    h, wanted = 1e-7, np.zeros_like(C)
+    h, wanted = 5e-7, np.zeros_like(C)
     for k in range(x.size):
         step = h * np.eye(x.size)[k].reshape(x.shape)
-        more, less = (answer(register, at, multipliers, x).residual for at in (x + step, x - step))
-        wanted[:, k] = (more - less) / (2.0 * h)
-    assert np.abs(C[:3] - wanted[:3]).max() <= 1e-6 * np.abs(C).max()
+        near, far = (answer(register, x + s * step, multipliers, x).residual
+                     - answer(register, x - s * step, multipliers, x).residual for s in (1, 2))
+        wanted[:, k] = (8.0 * near - far) / (12.0 * h)
+    assert np.abs(C[:3] - wanted[:3]).max() <= 1e-9 * np.abs(C).max()

@@ -72,7 +72,7 @@ def test_the_stiffness_is_the_derivative(mu: float, axisymmetric: bool) -> None:
     assert reply.n_touching > 0
     assert (reply.n_slipping > 0) is (mu == 0.05)
     K = differences(register, x, none, before, mobilised)
-    assert abs(dense(reply, len(x)) - K).max() <= 2e-7 * abs(K).max()
+    assert abs(dense(reply, len(x)) - K).max() <= 1e-9 * abs(K).max()
 
 
 def test_the_equation_of_multipliers_follows() -> None:
@@ -96,7 +96,7 @@ def test_the_equation_of_multipliers_follows() -> None:
                 told[end, 2 * node:2 * node + 2] += values[i, j, 2:4]
     C = np.empty_like(told)
     for k in range(x.size):
-        d = np.zeros(x.size)
-        d[k] = 1e-7
-        C[:, k] = (couplings(x + d.reshape(x.shape)).residual - couplings(x - d.reshape(x.shape)).residual) / 2e-7
-    assert np.abs(told - C).max() <= 2e-7 * np.abs(C).max()
+        d = 5e-7 * np.eye(x.size)[k].reshape(x.shape)
+        near, far = (couplings(x + s * d).residual - couplings(x - s * d).residual for s in (1, 2))
+        C[:, k] = (8.0 * near - far) / (12.0 * 5e-7)
+    assert np.abs(told - C).max() <= 1e-9 * np.abs(C).max()

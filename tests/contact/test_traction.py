@@ -106,14 +106,13 @@ def dense(reply: Tractions, n: int) -> Floats:
 
 def differences(register: Register, x: Floats, step: float, before: Floats | None = None,
                 mobilised: Floats | None = None) -> Floats:
-    """-d(force)/dx by central differences."""
-    K = np.empty((x.size, x.size))
+    """-d(force)/dx by central differences of fourth order."""
+    K = np.zeros((x.size, x.size))
     for j in range(x.size):
-        d = np.zeros(x.size)
-        d[j] = step
-        d = d.reshape(x.shape)
-        up, down = (push(register, x + s * d, x_before=before, mobilised=mobilised).force for s in (1, -1))
-        K[:, j] = -(up - down).ravel() / (2 * step)
+        d = np.eye(x.size)[j].reshape(x.shape) * step
+        for steps, weight in ((1, 8.0), (2, -1.0)):
+            up, down = (push(register, x + s * steps * d, x_before=before, mobilised=mobilised).force for s in (1, -1))
+            K[:, j] -= weight * (up - down).ravel() / (12.0 * step)
     return K
 
 
@@ -130,8 +129,8 @@ def bent(slide: float = 0.2, axisymmetric: bool = False) -> tuple[Register, Floa
 def test_stiffness_is_the_derivative_of_the_forces(slide: float, axisymmetric: bool) -> None:
     """Normals, cuts and areas move too."""
     register, x = bent(slide, axisymmetric)
-    K, B = differences(register, x, 1e-7), dense(push(register, x), len(x))
-    assert abs(B - K).max() <= 1e-7 * abs(K).max()
+    K, B = differences(register, x, 5e-7), dense(push(register, x), len(x))
+    assert abs(B - K).max() <= 1e-9 * abs(K).max()
 
 
 @pytest.mark.parametrize(("mu", "slipping"), [(10.0, 0), (0.05, 12)])
@@ -146,16 +145,16 @@ def test_stiffness_of_friction_is_the_derivative_of_the_forces(mu: float, slippi
     assert reply.n_slipping == slipping
     assert reply.slipping[:4].tolist() == [float(slipping > 0)] * 4
     assert not reply.slipping[4:].any()
-    K, B = differences(register, x, 1e-7, before, mobilised), dense(reply, len(x))
-    assert abs(B - K).max() <= 2e-7 * abs(K).max()
+    K, B = differences(register, x, 5e-7, before, mobilised), dense(reply, len(x))
+    assert abs(B - K).max() <= 1e-9 * abs(K).max()
 
 
 @pytest.mark.parametrize("by_node", [False, True])
 def test_stiffness_of_one_point_a_node(by_node: bool) -> None:
     register, x = bent()
     register = replace(register, passes=passes((0, 1), by_node=by_node))
-    K, B = differences(register, x, 1e-7), dense(push(register, x), len(x))
-    assert abs(B - K).max() <= 1e-7 * abs(K).max()
+    K, B = differences(register, x, 5e-7), dense(push(register, x), len(x))
+    assert abs(B - K).max() <= 1e-9 * abs(K).max()
 
 
 @pytest.mark.parametrize("angle", [10.0, 40.0, -40.0])
@@ -169,8 +168,8 @@ def test_stiffness_of_tilted_edges(angle: float) -> None:
     register, x = scene(slave, master)
     reply = push(register, x)
     assert reply.n_touching == 1
-    K, B = differences(register, x, 1e-7), dense(reply, len(x))
-    assert abs(B - K).max() <= 1e-7 * abs(K).max()
+    K, B = differences(register, x, 5e-7), dense(reply, len(x))
+    assert abs(B - K).max() <= 1e-9 * abs(K).max()
 
 
 def test_a_dragged_block_sticks_then_slips_and_heats() -> None:

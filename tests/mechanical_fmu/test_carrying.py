@@ -71,20 +71,13 @@ def run(conditions, windows, more=(), material=None, **model):
 @pytest.mark.parametrize("enforcement", [None, "semi_smooth"])
 @pytest.mark.parametrize("way", ["rotation", "field", "points"])
 def test_three_blocks_on_a_tilting_floor(way, enforcement):
-    """Left behind: 92 to 141 iterations a window, and cuts in each.
-
-    Rounding decides whether one window in some fifty is cut (of 36 runs at angles a thousandth apart three or four had
-    one, whatever the order in which the same numbers were added), so none is in most of five runs.
-    """
+    """Left behind: 92 to 141 iterations a window, and cuts in each; with the floor left level under them 7 to 21."""
     model = {} if enforcement is None else {"pairs": {f"p{i}": {"augmented": {"method": enforcement}}
                                                       for i in (1, 2, 3)}}
     weight = {"gravity": {"y": {"t": [0.0, 1.0], "value": [0.0, -9.81]}}}
-    cuts = []
     for k in range(5):
         windows = run(tilting(way, (1.0 + 1e-3 * k) * TILT), 5, **weight, **model)[1:]
-        assert all(out["iterations"] <= AIM for out in windows if not out["cuts"])
-        cuts.append(sum(out["cuts"] for out in windows))
-    assert np.median(cuts) == 0.0
+        assert [(out["cuts"], out["iterations"] <= 3) for out in windows] == 5 * [(0.0, True)]
 
 
 @pytest.mark.parametrize("windows", [1, 3, 9])
