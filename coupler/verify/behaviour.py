@@ -1,152 +1,27 @@
-"""Drives a half on a bench, and checks how it behaves."""
+"""Checks how a half behaves when it runs: new instances for each check, numbers compared to the bit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from contact.half.start import start_coordinates
 from coupler.errors import HalfError
-from coupler.fmu.bounds import BorderScene, wrong_blocks, wrong_start, wrong_values
-from coupler.fmu.half import Advance, Array, Block, Half, Status
-from coupler.fmu.names import THERMAL, role_of
+from coupler.fmu.bounds import wrong_blocks, wrong_start, wrong_values
+from coupler.fmu.half import Array, Half, Status
+from coupler.fmu.names import role_of
+from coupler.verify.bench import LONG, Bench, Check, differing, first_outputs, took
 from coupler.verify.border import Finding, failed, not_applicable, passed
+from coupler.verify.physics import PHYSICS
 
-# Drives a half on a bench: new instances, and inputs that change a little from substep to substep.
-
-HALVINGS = 20
-END = 1e9  # s, stop time given to the half
-NUMBERS = ("Real", "Integer", "Boolean")
-MOVING = 3  # substeps after which inputs stay
-LONG = 12  # substeps of what is looked at for longer
-
-
-@dataclass(frozen=True)
-class Bench:
-    """A half on a bench.
-
-    make : returns a new instance, loaded and not initialised.  h : size of a substep [s].
-
-    starts : the Real inputs as a new instance has them, x as the scene has it.  blocks : all of the half's.
-    scene : it is held against; None where nobody knows.
-    """
-
-    make: Callable[[], Half]
-    h: float
-    starts: Mapping[str, Array]
-    blocks: Mapping[str, Block]
-    scene: BorderScene | None = None
-
-    @contextmanager
-    def half(self) -> Iterator[Half]:
-        """Give a new instance, initialised with its own start values; it is closed at the end."""
-        half = self.make()
-        try:
-            half.initialise(0.0, END, {}, self.starts, ())
-            yield half
-        finally:
-            half.close()
-
-    @property
-    def outputs(self) -> list[str]:
-        """All its outputs that are numbers."""
-        return [name for name, b in self.blocks.items() if b.causality == "output" and b.kind in NUMBERS]
-
-    def inputs(self, k: int) -> dict[str, Array]:
-        """Return the inputs of substep k (from 1), by name in the shape and unit of their blocks.
-
-        They are start values, changed where name or unit says what is harmless: temperatures by 1 to 3 K a substep in a
-        pattern, coordinates by 1e-7 of their span as a whole, pressures by 1e5 Pa, heats by 1 mJ; loads, controls and
-        what has no meaning at the border stay.
-        """
-        k = min(k, MOVING)
-        return {name: _moved(name, self.blocks[name].unit, start, k) for name, start in self.starts.items()}
-
-    def steps(self, half: Half, n: int = LONG) -> Iterator[dict[str, Array]]:
-        """Take substeps 1 to n, or as many as it takes, and yield the outputs of each as they come."""
-        for k in range(1, n + 1):
-            done = half.advance((k - 1) * self.h, self.h, self.inputs(k), self.outputs)
-            if done.status is not Status.OK:
-                return
-            yield done.outputs
-
-    def step(self, half: Half, k: int) -> dict[str, Array]:
-        """Take substep k, from (k - 1) h by h, and return all outputs by name in the shape and unit of their blocks.
-
-        Raises HalfError where it is refused.
-        """
-        return took(half.advance((k - 1) * self.h, self.h, self.inputs(k), self.outputs))
-
-
-def took(done: Advance) -> dict[str, Array]:
-    """Return the outputs of a substep, by name in the shape and unit of their blocks.
-
-    Raises HalfError where it was refused.
-    """
-    if done.status is not Status.OK:
-        raise HalfError(f"it refused an ordinary substep: {done.message}")
-    return done.outputs
-
-
-def settled(make: Callable[[], Half], h: float, scene: BorderScene | None = None) -> Bench:
-    """Return a bench with a substep that the half takes three times: h, or h/2, h/4, ...  Raises HalfError.
-
-    scene : that it is held against, where it is known.
-    """
-    half = make()
-    try:
-        blocks = dict(half.blocks)
-        starts = half.read([name for name, b in blocks.items() if b.causality == "input" and b.kind == "Real"])
-    finally:
-        half.close()
-    if scene is not None and "x" in starts and starts["x"].shape == scene.interface.nodes.shape:
-        starts["x"] = start_coordinates(scene.interface)
-    for _ in range(HALVINGS):
-        bench = Bench(make, h, starts, blocks, scene)
-        with bench.half() as half:
-            done = [half.advance((k - 1) * h, h, bench.inputs(k), ()) for k in (1, 2, 3)]
-        if all(d.status is Status.OK for d in done):
-            return bench
-        h *= 0.5
-    raise HalfError(f"it takes no substep, not even of {2 * h:.3g} s: {done[0].message}")
-
-
-def differing(a: Mapping[str, Array], b: Mapping[str, Array]) -> list[str]:
-    """Return the names whose values are not equal to the bit.
-
-    a : any shape and unit each, by name.  b : same shape and unit for what is to be equal.
-    """
-    # fault: verify-half: outputs nearly the same pass for the same -> return [name for name in a if name not in b or
-    #   not np.allclose(a[name], b[name])] | coupler/test_verify
-    return [name for name in a if name not in b or np.asarray(a[name]).tobytes() != np.asarray(b[name]).tobytes()]
-
-
-def _moved(name: str, unit: str, start: Array, k: int) -> Array:
-    value = np.asarray(start, dtype=float)
-    if name.startswith(("load.", "bc.", "control.")) or value.size == 0:
-        return value
-    if unit == "K":
-        return value + k * (2.0 + np.cos(np.arange(value.size))).reshape(value.shape)
-    if name == "x":
-        return value + k * 1e-7 * float(np.ptp(value))
-    if name == "contact.t_N":
-        return value - k * 1e5
-    return value + k * 1e-3 if unit == "J" else value
-
-
-# Checks how a half behaves when it runs: new instances for each check, numbers compared to the bit.
-
-Check = Callable[[Bench, str], Finding]  # its name is the second, as CHECKS has it
 BALANCE = 1e-10  # of the sum of |terms|, as in the energy balance of a run
 LISTED = 5  # names in a reason
+MANY = 20  # substeps after a restore
 
 
 def behaviour_findings(bench: Bench) -> Iterator[Finding]:
     """Run every check in turn.  A half that raises in one fails it; the next begins with a new instance."""
-    for name, check in CHECKS.items():
+    for name, check in {**CHECKS, **PHYSICS[role_of(bench.blocks)]}.items():
         try:
             yield check(bench, name)
         except HalfError as exc:
@@ -173,89 +48,20 @@ def scene_start(bench: Bench, check: str) -> Finding:
     role = role_of(bench.blocks)
     if wrong := list(wrong_blocks(role, bench.blocks, bench.scene)):
         return failed(check, wrong[0].text, wrong[0].remedy)
-    breach = wrong_start(role, _first(bench), bench.scene)
+    breach = wrong_start(role, first_outputs(bench), bench.scene)
     return passed(check) if breach is None else failed(check, breach.text, breach.remedy)
 
 
 def possible(bench: Bench, check: str) -> Finding:
     """Check that every number at the border can be: T above 0 K, pressures that press, shares of 0 to 1."""
     role = role_of(bench.blocks)
-    breach = wrong_values(role, _first(bench), bench.scene)
+    breach = wrong_values(role, first_outputs(bench), bench.scene)
     with bench.half() as half:
         for k, got in enumerate(bench.steps(half), start=1):
             breach = breach or wrong_values(role, got, bench.scene)
             if breach is not None:
                 return failed(check, f"substep {k}: {breach.text}", breach.remedy)
     return passed(check)
-
-
-def _first(bench: Bench) -> dict[str, Array]:
-    half = bench.make()
-    try:
-        return half.initialise(0.0, END, {}, bench.starts, bench.outputs)
-    finally:
-        half.close()
-
-
-def takes_time(bench: Bench, check: str) -> Finding:
-    """Check that a thermal half changes less in a short substep: one that ignores h changes as much."""
-    if role_of(bench.blocks) != THERMAL:
-        return not_applicable(check, "a body in equilibrium knows no time", "")
-    first = _first(bench)["T"]
-    with bench.half() as whole, bench.half() as short:
-        dT = bench.step(whole, 1)["T"] - first
-        little = took(short.advance(0.0, SHORT * bench.h, bench.inputs(1), bench.outputs))["T"] - first
-    moved = np.abs(dT) > CHANGED * max(float(np.abs(dT).max()), 1e-9)
-    # Prescribed temperatures jump at once, so some nodes may; that all do is a half that knows no time.
-    if 2 * moved.sum() <= len(dT):
-        return not_applicable(check, "next to nothing happens in a substep", "")
-    if (np.abs(little) >= ALMOST * np.abs(dT))[moved].all():
-        i = int(np.argmax(np.abs(dT)))
-        return failed(check, f"a substep of {SHORT * bench.h:.3g} s changes T[{i + 1}] by {little[i]:.4g} K, one of "
-                      f"{bench.h:.3g} s by {dT[i]:.4g} K", "A substep goes from t to t + h: its h is an argument")
-    return passed(check)
-
-
-SHORT = 1e-3  # of a substep
-CHANGED = 1e-6  # of the largest change: less is none
-ALMOST = 0.9  # of a change: as much
-
-
-def answers_pressure(bench: Bench, check: str) -> Finding:
-    """Check that a thermal half lets more heat through a pair that is pressed than through one that is pulled.
-
-    The difference of temperature between the sides of a pair after one substep, under 10 MPa either way: conductance
-    does not fall with pressure, and t_N is a pressure where it is below 0.
-    """
-    t_N = bench.starts.get("contact.t_N")
-    if role_of(bench.blocks) != THERMAL:
-        return not_applicable(check, "it takes no heat through contact", "")
-    if bench.scene is None or t_N is None:
-        return not_applicable(check, "no scene is known, or it takes no contact.t_N", "give one with --scenario")
-    i, first = bench.scene.interface, _first(bench)["T"]
-    sides = [(np.unique(i.surfaces[pair.slave]), np.unique(i.surfaces[pair.master])) for pair in i.pairs]
-    left: list[Array] = []
-    # fault: verify-half: pressure is offered with one sign alone -> for sign in (-1.0, -1.0): |
-    #   coupler/test_broken_halves
-    for sign in (-1.0, 1.0):
-        with bench.half() as half:
-            inputs = {**bench.starts, "contact.t_N": np.full(t_N.shape, sign * PRESSED)}
-            done = half.advance(0.0, bench.h, inputs, bench.outputs)
-        T = first if done.status is not Status.OK else done.outputs["T"]  # it may refuse a pull
-        left.append(np.array([abs(T[a].mean() - T[b].mean()) for a, b in sides]))
-    begun = np.array([abs(first[a].mean() - first[b].mean()) for a, b in sides])
-    off = np.where(begun > 1.0, left[0] - left[1], 0.0)
-    if not off.size or np.abs(off).max() <= CHANGED * max(float(begun.max()), 1.0):
-        return not_applicable(check, "nothing that faces each other at the start answers to pressure", "")
-    k = int(np.argmax(off))
-    if off[k] > CHANGED * begun[k]:
-        return failed(check, f"pair {i.pairs[k].name}: pressed by {PRESSED:g} Pa its sides are {left[0][k]:.6g} K "
-                      f"apart after a substep, pulled as much {left[1][k]:.6g} K",
-                      "t_N is <= 0 where sides press: p = -t_N")
-    return passed(check)
-
-
-PRESSED = 1e7  # Pa
 
 
 def reading(bench: Bench, check: str) -> Finding:
@@ -297,6 +103,24 @@ def restoring(bench: Bench, check: str) -> Finding:
     return passed(check)
 
 
+def restoring_long(bench: Bench, check: str) -> Finding:
+    """Check that 20 substeps after a restore give the bits of the 20 before it: what counts substeps is state."""
+    with bench.half() as half:
+        if not half.can_save:
+            return _no_state(check)
+        bench.step(half, 1)
+        token = half.save()
+        first = list(bench.steps(half, MANY, 2))
+        half.restore(token)
+        # fault: verify-half: what comes late after a restore is not seen -> for k, (a, b) in enumerate(zip(first[:2],
+        #   bench.steps(half, 2, 2), strict=False), start=2): | coupler/test_broken_halves
+        for k, (a, b) in enumerate(zip(first, bench.steps(half, MANY, 2), strict=False), start=2):
+            if wrong := differing(a, b):
+                return failed(check, f"after a restore substep {k} gives another {_some(wrong)}",
+                              "What happens every so many substeps (factors, searches) counts them in its state")
+    return passed(check)
+
+
 def remembers_inputs(bench: Bench, check: str) -> Finding:
     """Check that inputs set before a save hold again after the restore: only what changed is sent."""
     with bench.half() as half:
@@ -316,19 +140,27 @@ def remembers_inputs(bench: Bench, check: str) -> Finding:
 
 
 def caches(bench: Bench, check: str) -> Finding:
-    """Check that a new instance continues from a state like the one that saved it, with its caches empty."""
+    """Check that a new instance, with its caches empty, continues from a state of one used for 1 and 12 substeps."""
     with bench.half() as hot:
         if not (hot.can_save and hot.can_serialise):
             return not_applicable(check, "it cannot write its state down", "no resume of a run that stopped")
         bench.step(hot, 1)
-        data = hot.serialise(hot.save())
-        with bench.half() as cold:
-            cold.restore(cold.deserialise(data))
-            for k in (2, 3):
-                if wrong := differing(bench.step(hot, k), bench.step(cold, k)):
-                    return failed(check, f"taken over by a new instance, substep {k} gives another {_some(wrong)}",
-                                  "What changes bits (first guesses, old factors, counters) is state, or is made anew "
-                                  "at every step")
+        done = 1
+        # fault: verify-half: the state of an instance that was hardly used is taken over -> for used in (1,): |
+        #   coupler/test_broken_halves
+        for used in (1, LONG):
+            done += len(list(bench.steps(hot, used - done, done + 1)))
+            token = hot.save()
+            data = hot.serialise(token)
+            with bench.half() as cold:
+                cold.restore(cold.deserialise(data))
+                for k, (a, b) in enumerate(zip(bench.steps(hot, 2, done + 1), bench.steps(cold, 2, done + 1),
+                                               strict=False), start=done + 1):
+                    if wrong := differing(a, b):
+                        return failed(check, f"taken over by a new instance, substep {k} gives another {_some(wrong)}",
+                                      "What changes bits (first guesses, old factors, counters) is state, or is made "
+                                      "anew at every step")
+            hot.restore(token)
     return passed(check)
 
 
@@ -400,10 +232,10 @@ def heat_balance(bench: Bench, check: str) -> Finding:
 
 
 CHECKS: Mapping[str, Check] = {
-    "starts as the scene": scene_start, "numbers that can be": possible, "time passes": takes_time,
-    "answers to pressure": answers_pressure,
+    "starts as the scene": scene_start, "numbers that can be": possible,
     "same inputs, same bits": same_twice, "reading has no side effect": reading,
-    "save and restore to the bit": restoring, "inputs are part of the state": remembers_inputs,
+    "save and restore to the bit": restoring,
+    "20 substeps after a restore": restoring_long, "inputs are part of the state": remembers_inputs,
     "hot and cold caches, same bits": caches, "a bad substep is discarded": discards,
     "a rejected substep leaves no trace": no_trace, "substeps of one window": substeps,
     "heat terms close": heat_balance}

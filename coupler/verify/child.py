@@ -3,7 +3,7 @@
     python -m coupler.verify.child FMU SCRATCH STEP [SCENE]
 
 The child tells findings as lines of JSON, one as each comes, and before each call into the half what it is about to
-ask.  SCENE : a folder with interface.h5 and range.npz.
+ask.  SCENE : a folder with interface.h5 and scene.npz.
 """
 
 from __future__ import annotations
@@ -18,15 +18,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
-
-from contact.half.interface import read_interface, write_interface
 from coupler.errors import HalfError
 from coupler.fmu.bounds import BorderScene
 from coupler.fmu.children import Child, python, reap, start
 from coupler.fmu.half import Advance, Array, Half
 from coupler.verify.border import CheckVerdict, Finding, failed
 from coupler.verify.conformance import verify_fmu
+from coupler.verify.matter import read_scene, write_scene
 
 LIMIT = 60.0  # s a call into the half may take
 LOAD_LIMIT = 300.0  # s until the first word: loading, and compiling what it compiles
@@ -42,19 +40,12 @@ def findings_of(fmu: Path, scratch: Path, h: float, scene: BorderScene | None = 
     """
     command = [*python(), "-m", "coupler.verify.child", str(fmu.absolute()), str(scratch), repr(h)]
     if scene is not None:
-        command.append(str(_kept(scene, scratch / "scene")))
+        command.append(str(write_scene(scene, scratch / "scene")))
     child = start("half", command, scratch)
     try:
         yield from _told(child, limit)
     finally:
         reap([child])
-
-
-def _kept(scene: BorderScene, folder: Path) -> Path:
-    folder.mkdir(parents=True)
-    write_interface(scene.interface, folder / "interface.h5")
-    np.savez(folder / "range.npz", low=scene.T_low, high=scene.T_high, least=scene.least_T)
-    return folder
 
 
 def _told(child: Child, limit: float) -> Iterator[Finding]:
@@ -178,12 +169,7 @@ def main() -> None:
     # What a half prints goes to the log: its words are not ours.
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    scene = None
-    if len(sys.argv) > 4:
-        folder = Path(sys.argv[4])
-        with np.load(folder / "range.npz") as kept:
-            scene = BorderScene(read_interface(folder / "interface.h5"), kept["low"], kept["high"],
-                                float(kept["least"]))
+    scene = read_scene(Path(sys.argv[4])) if len(sys.argv) > 4 else None
     try:
         with tempfile.TemporaryDirectory(dir=scratch) as own:
             for f in verify_fmu(fmu, Path(own), h, scene, lambda half: ToldHalf(half, out)):

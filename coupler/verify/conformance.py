@@ -10,7 +10,8 @@ from coupler.fmu.bounds import BorderScene
 from coupler.fmu.description import read_description, unpack
 from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
-from coupler.verify.behaviour import behaviour_findings, settled
+from coupler.verify.behaviour import behaviour_findings
+from coupler.verify.bench import settled
 from coupler.verify.border import (
     CheckVerdict,
     Finding,

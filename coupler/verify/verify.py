@@ -14,7 +14,7 @@ from rich.console import Console
 from contact.problem.values import did_you_mean
 from coupler.errors import ScenarioError
 from coupler.fmu.bind import bind
-from coupler.fmu.bounds import BorderScene, border_scene
+from coupler.fmu.bounds import BorderScene
 from coupler.fmu.launch import build_half, known_halves
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
@@ -24,6 +24,7 @@ from coupler.verify.border import (
     table_of,
 )
 from coupler.verify.child import findings_of
+from coupler.verify.matter import known_scene
 
 VIOLATED = 1  # exit code where a check failed
 
@@ -87,8 +88,8 @@ def _in_scene(fmu: Path, scene: Scenario, scratch: Path) -> FoundHalf:
 
 
 def _border(scene: Scenario) -> BorderScene:
-    return border_scene(scene.interface, scene.models["thermal"],
-                        () if scene.stated is None else scene.stated.thermal.boundary)
+    return known_scene(scene.interface, scene.models["thermal"], scene.models["mechanical"],
+                       () if scene.stated is None else scene.stated.thermal.boundary)
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,14 @@ coupling: {scheme: staggered, end: 12, windows: [{until: 12, size: 1}]}
 probes: {T: {T: {mean: lower}}}
 """
 
+# Bodies that are free to expand, apart by more than they do.
+FREE = SCENE.replace("open: null", "open: {law: gas, k_g: 0.06, g_m: 30.0e-6}").replace(
+    "origin: [0, 0.01]", "origin: [0, 0.012]").replace("gap_max: 0.002", "gap_max: 0.003").replace(
+    "{on: lower.bottom, u_x: 0, u_y: 0}", "{on: lower.bottom, u_y: 0}\n      - {on: lower.left, u_x: 0}").replace(
+    "{on: upper.top, u_x: 0, u_y: -1.0e-6}", "{on: upper.top, u_y: 1.0e-4}\n      - {on: upper.left, u_x: 0}")
 
-def as_told(name: str, value: Any) -> Any:
+
+def as_told(half: Broken, name: str, value: Any) -> Any:
     return value
 
 
@@ -61,7 +67,7 @@ class Broken:
     made: int = 0
     takes: Callable[[float], float] = the_step
     random: Any = field(default_factory=np.random.default_rng)
-    hears: Callable[[str, Any], Any] = as_told
+    hears: Callable[[Broken, str, Any], Any] = as_told
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.half, name)
@@ -71,7 +77,7 @@ class Broken:
         return self.rule(self, self.half.initialise(t_start, t_end, parameters, inputs, outputs), 0.0)
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Any], outputs: Sequence[str]) -> Advance:
-        heard = {name: self.hears(name, value) for name, value in inputs.items()}
+        heard = {name: self.hears(self, name, value) for name, value in inputs.items()}
         done = self.half.advance(t, self.takes(h), heard, outputs)
         if done.status is not Status.OK:
             return done
@@ -80,6 +86,26 @@ class Broken:
 
     def read(self, names: Sequence[str], finite: bool = True) -> Values:
         return self.rule(self, self.half.read(names, finite), 0.0)
+
+
+@dataclass
+class Forgetful(Broken):
+    """It counts its substeps in the states it keeps, but not in those it writes down."""
+
+    kept: dict[int, int] = field(default_factory=dict)
+
+    def save(self) -> int:
+        token = self.half.save()
+        self.kept[token] = self.made
+        return token
+
+    def restore(self, token: int) -> None:
+        self.half.restore(token)
+        self.made = self.kept.get(token, 0)
+
+
+def told(name: str, change: Callable[[Broken, np.ndarray], np.ndarray]) -> Callable[[Broken, str, Any], Any]:
+    return lambda half, n, value: change(half, value) if n == name else value
 
 
 def on(name: str, change: Callable[[Broken, np.ndarray], np.ndarray]) -> Callable[[Broken, Values, float], Values]:
@@ -105,6 +131,7 @@ class Case:
     """role : of the broken half.  rule : what is wrong.  says : of a run, "" where a run cannot see it.
 
     check : the row of verify-half that fails.  takes : the step it takes for h.  hears : what it takes an input for.
+    scene : pressed or free.
     """
 
     role: str
@@ -112,7 +139,9 @@ class Case:
     says: str
     check: str
     takes: Callable[[float], float] = the_step
-    hears: Callable[[str, Any], Any] = as_told
+    hears: Callable[[Broken, str, Any], Any] = as_told
+    scene: str = "pressed"
+    kind: type[Broken] = Broken
 
 
 def as_it_is(half: Broken, got: Values, h: float) -> Values:
@@ -130,7 +159,7 @@ CASES = {
                       r"thermal: T\[\d+\] is .*e\+\d+ K.*below 100000 K", NUMBERS),
     "ignores h": Case("thermal", as_it_is, "", "time passes", lambda h: 1.0),
     "wrong sign of pressure": Case("thermal", as_it_is, "", "answers to pressure",
-                                   hears=lambda name, value: -value if name == "contact.t_N" else value),
+                                   hears=lambda half, name, value: -value if name == "contact.t_N" else value),
     "random after step 8": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.random.random(T.shape)
                                               if half.made > 8 else T), "", "same inputs, same bits"),
     "hidden state": Case("thermal", on("T", lambda half, T: T + 1e-3 * half.made), "", "save and restore to the bit"),
@@ -144,6 +173,27 @@ CASES = {
                                 r"contact\.t_N\[\d\] \(pair joint, node \d+\) is .* Pa, a pull.*t_N = -p", NUMBERS),
     "covered in percent": Case("mechanical", on("contact.covered", lambda _, c: 100.0 * c),
                                r"contact\.covered\[\d\] \(pair joint, node \d+\) is .*share, 0 to 1", NUMBERS),
+    "counts its substeps": Case("thermal", on("T", lambda half, T: T + 1e-3 if half.made > 10 else T), "",
+                                "20 substeps after a restore"),
+    "writes half of its state": Case("thermal", on("T", lambda half, T: T + 1e-3 if half.made > 5 else T), "",
+                                     "hot and cold caches, same bits", kind=Forgetful),
+    "each substep is a little longer": Case("thermal", as_it_is, "", "substeps converge", lambda h: h + 1e-3),
+    "heat in millijoules": Case("thermal", as_it_is, "", "heat warms a body",
+                                hears=told("E_M", lambda half, E: 1e-3 * E)),
+    "cells renumbered": Case("thermal", as_it_is, "", "cells in order",
+                             hears=told("E_M", lambda half, E: np.roll(E, 1))),
+    "wrong sign of gap": Case("thermal", as_it_is, "", "answers to a gap", scene="free",
+                              hears=told("x", lambda half, x: 2.0 * half.X - x)),
+    "takes kelvin for Celsius": Case("mechanical", as_it_is, "", "expands freely", scene="free",
+                                     hears=told("T", lambda half, T: T - 273.15 + 20.0)),
+    "expands by half": Case("mechanical", on("x", lambda half, x: half.X + 0.5 * (x - half.X)), "", "expands freely",
+                            scene="free"),
+    "strains without a cause": Case("mechanical", on("x", lambda half, x: x + 1e-5 * half.X), "", "moves rigidly",
+                                    scene="free"),
+    "presses across a gap": Case("mechanical", on("contact.t_N", lambda _, t_N: t_N - 1e5), "", "moves rigidly",
+                                 scene="free"),
+    "hears another order": Case("mechanical", as_it_is, "", "nodes in order", scene="free",
+                                hears=told("T", lambda half, T: swapped(T))),
     "gaps in millimetres": Case("mechanical", on("contact.gap", lambda _, g: 1e3 * g + 5.0),
                                 r"contact\.gap\[\d\] \(pair joint, node \d+\) .*gap_max \(0\.002", NUMBERS),
 }

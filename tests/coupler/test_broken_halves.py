@@ -24,9 +24,11 @@ from coupler.running.run import Run
 from coupler.scenario import Scenario
 from coupler.verify.border import CheckVerdict
 from coupler.verify.conformance import verify_half
+from coupler.verify.matter import known_scene
+from coupler.verify.physics import PHYSICS
 
 sys.path.insert(0, str(Path(__file__).parent))
-from broken_halves import CASES, NUMBERS, SCENE, Broken, Case, on
+from broken_halves import CASES, FREE, NUMBERS, SCENE, Broken, Case, on
 
 
 @dataclass(frozen=True)
@@ -34,11 +36,15 @@ class Built:
     scenario: Scenario
     fmus: Mapping[str, Path]
     border: BorderScene
+    free: Built | None = None
+
+    def of(self, case: Case) -> Built:
+        return self.free if case.scene == "free" and self.free is not None else self
 
     def broken(self, case: Case) -> Callable[[], Half]:
         def make() -> Half:
-            half = Broken(load_half(self.fmus[case.role], None, case.role), case.rule, takes=case.takes,
-                          hears=case.hears)
+            half = case.kind(load_half(self.fmus[case.role], None, case.role), case.rule, takes=case.takes,
+                             hears=case.hears)
             half.X = self.scenario.interface.nodes
             return half
         return make
@@ -46,12 +52,16 @@ class Built:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    folder = tmp_path_factory.mktemp("broken")
-    (folder / "s.yaml").write_text(SCENE)
+    free = built_of(FREE, tmp_path_factory.mktemp("free"), ("thermal", "mechanical"))
+    return replace(built_of(SCENE, tmp_path_factory.mktemp("broken"), ("thermal", "mechanical")), free=free)
+
+
+def built_of(text: str, folder: Path, roles: tuple[str, ...]) -> Built:
+    (folder / "s.yaml").write_text(text)
     scenario = load_scenario(folder / "s.yaml")
-    roles = ("thermal", "mechanical")
     fmus = {role: build_half(scenario.write_half(role, folder / role), folder / role) for role in roles}
-    return Built(scenario, fmus, border_scene(scenario.interface, scenario.models["thermal"]))
+    return Built(scenario, fmus, known_scene(scenario.interface, scenario.models["thermal"],
+                                             scenario.models["mechanical"]))
 
 
 def solve(built: Built, out: Path, monkeypatch: pytest.MonkeyPatch, **instead: Half) -> Any:
@@ -77,20 +87,24 @@ def test_a_run_names_it(name: str, built: Built, tmp_path: Path, monkeypatch: py
 @pytest.mark.parametrize("name", CASES)
 def test_verify_half_names_it(name: str, built: Built) -> None:
     case = CASES[name]
+    built = built.of(case)
     findings = {f.check: f for f in verify_half(built.broken(case), 1.0, built.border)}
     assert findings[case.check].verdict is CheckVerdict.FAIL
     assert findings[case.check].reason
     assert findings[case.check].remedy
 
 
-@pytest.mark.parametrize("role", ["thermal", "mechanical"])
-def test_a_half_that_is_right_passes_all_of_it(role: str, built: Built) -> None:
-    right = Case(role, lambda half, got, h: got, "", "")
-    findings = list(verify_half(built.broken(right), 1.0, built.border))
-    assert [f.check for f in findings if f.verdict is CheckVerdict.FAIL] == []
-    verdicts = {f.check: f.verdict for f in findings}
+@pytest.mark.parametrize(("role", "scene", "unasked"), [
+    ("thermal", "pressed", {"answers to a gap"}), ("thermal", "free", set()),
+    ("mechanical", "pressed", {"expands freely", "moves rigidly", "nodes in order"}),
+    ("mechanical", "free", set())])
+def test_a_half_that_is_right_passes_all_of_it(role: str, scene: str, unasked: set[str], built: Built) -> None:
+    right = Case(role, lambda half, got, h: got, "", "", scene=scene)
+    built = built.of(right)
+    verdicts = {f.check: f.verdict for f in verify_half(built.broken(right), 1.0, built.border)}
+    assert [check for check, verdict in verdicts.items() if verdict is CheckVerdict.FAIL] == []
     assert verdicts["starts as the scene"] is CheckVerdict.PASS
-    assert verdicts["answers to pressure"] is (CheckVerdict.PASS if role == "thermal" else CheckVerdict.NOT_APPLICABLE)
+    assert {check for check in PHYSICS[role] if verdicts[check] is not CheckVerdict.PASS} == unasked
 
 
 def test_a_run_of_halves_that_are_right_is_the_same_run(built: Built, tmp_path: Path,

@@ -4,12 +4,29 @@
 
    exact in a step of any size.  It speaks degrees Celsius, millimetres and megapascals, and has names of its own.
    Value references: 0 to N-1 temperatures [degC] (local); 1000 and on positions [mm]; 100000 and on pressures [MPa].
-   N, Q and the numbers of the law are defined when it is compiled (make.py). */
+   N, Q and the numbers of the law are defined when it is compiled (make.py), and at most one of what is wrong with it:
+   DISCARDS (every step), NOT_A_NUMBER, RUNS_AWAY (from its third step), HANGS, CRASHES, EXITS (in its third step),
+   HIDDEN (counts its steps beside its state), KEEPS_TIME (takes a second for any step).
+
+   With BODY it is a mechanical half instead: the temperatures are inputs, positions the coordinates of the mesh times
+   SCALE, without them where DISPLACEMENTS is defined; nothing presses, nothing is faced. */
+#define _GNU_SOURCE
 #include <math.h>
+#include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-typedef struct { double T[N], x[2 * N], p[Q + 1]; } Half;
+#ifdef BODY
+static const double MESH[2 * N] = {
+#include "mesh.h"
+};
+#endif
+#ifndef SCALE
+#define SCALE 1.0
+#endif
+typedef struct { double T[N], x[2 * N], p[Q + 1]; int made; } Half;
 typedef void *Any;
 typedef unsigned int Ref;
 
@@ -23,6 +40,9 @@ Any fmi2Instantiate(const char *name, int kind, const char *guid, const char *wh
 {
     Half *half = calloc(1, sizeof(Half));
     for (int i = 0; half && i < N; i++) half->T[i] = T_START;
+#if defined(BODY) && !defined(DISPLACEMENTS)
+    for (int i = 0; half && i < 2 * N; i++) half->x[i] = SCALE * MESH[i];
+#endif
     return half;
 }
 
@@ -56,11 +76,39 @@ int fmi2DoStep(Any any, double t, double h, int keep)
 {
     Half *half = any;
     double pressure = 0.0;
+    half->made++;
+#ifdef DISCARDS
+    return 2;
+#endif
+#ifdef HANGS
+    while (half->made > 2) pause();
+#endif
+#ifdef CRASHES
+    if (half->made > 2) raise(SIGSEGV);
+#endif
+#ifdef EXITS
+    if (half->made > 2) exit(0);
+#endif
+#ifdef KEEPS_TIME
+    h = 1.0;
+#endif
+#ifndef BODY
     for (int q = 0; q < Q; q++) pressure += half->p[q] / Q;
     for (int i = 0; i < N; i++) {
         const double end = T_HOT + SLOPE * pressure;
         half->T[i] = end + (half->T[i] - end) * exp(-h / TAU);
     }
+#ifdef NOT_A_NUMBER
+    if (half->made > 2) half->T[1] = NAN;
+#endif
+#ifdef RUNS_AWAY
+    if (half->made > 2) half->T[1] = 1e9;
+#endif
+#ifdef HIDDEN
+    static int steps;
+    half->T[1] += 1e-3 * ++steps;
+#endif
+#endif
     return 0;
 }
 
