@@ -33,7 +33,7 @@ def same_twice(bench: Bench, check: str) -> Finding:
     """Check that two instances with the same inputs give the same bits."""
     with bench.half() as a, bench.half() as b:
         # fault: verify-half: what changes after the third substep is not seen -> for k, (one, other) in enumerate(
-        #   zip(bench.steps(a, MOVING), bench.steps(b, MOVING), strict=False), start=1): | coupler/test_broken_halves
+        #   zip(bench.steps(a, 3), bench.steps(b, 3), strict=False), start=1): | coupler/test_broken_halves
         for k, (one, other) in enumerate(zip(bench.steps(a), bench.steps(b), strict=False), start=1):
             if wrong := differing(one, other):
                 return failed(check, f"two new instances differ after substep {k} in {_some(wrong)}",
