@@ -31,7 +31,8 @@ from true_error import Window, windows  # noqa: E402
 from coupler import load_scenario  # noqa: E402
 from coupler.running.run import Run  # noqa: E402
 from coupler.scenario.options import Scheme, WindowRange  # noqa: E402
-from coupler.schemes.state import schedule, wanted_outputs  # noqa: E402
+from coupler.schemes.schedule import schedule  # noqa: E402
+from coupler.schemes.state import wanted_outputs  # noqa: E402
 
 FACTOR, FLOORS = 3.0, 10.0
 # Errors below these are round-off of the halves: T [K], gap and x [m], heat [J].

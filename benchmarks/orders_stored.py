@@ -22,7 +22,7 @@ from coupler.control.loop import finished, step
 from coupler.control.plan import Plan
 from coupler.control.state import first
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Tolerance, Tolerances, WindowRange
-from coupler.schemes.state import schedule
+from coupler.schemes.schedule import schedule
 
 SHARP = Iteration(acceleration=Acceleration.IQN_ILS, max_iterations=60, tolerance=Tolerances(
     temperature=Tolerance(atol=1e-7, rtol=1e-8), gap=Tolerance(atol=1e-13, rtol=1e-8),

@@ -24,10 +24,12 @@ from numpy.typing import NDArray
 from coupler.control.cost import SchemeCosts, learned
 from coupler.control.error_estimate import THIN, Estimate, front_moves
 from coupler.scenario.options import Iteration, MeasuredIteration, Scheme, Seen
+from coupler.schemes.accounts import AHEAD
+from coupler.schemes.ledger import MOVED
 from coupler.schemes.levels import DAMPED, Level, alternating_gain, closest, predicted
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import AHEAD, MOVED, CoupledState, Halves, IterationHistory, Solved
+from coupler.schemes.state import CoupledState, Halves, IterationHistory, Solved
 
 Array = NDArray[np.float64]
 

@@ -26,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Seen, Tolerance
+from coupler.schemes.accounts import AHEAD
 from coupler.schemes.levels import Level
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import AHEAD, CoupledState, Solved, Span
+from coupler.schemes.state import CoupledState, Solved, Span
 
 # Gaps that close or open within one window: there its error has no order yet, and nothing before it announces it.
 #

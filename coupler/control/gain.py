@@ -29,10 +29,11 @@ from numpy.typing import NDArray
 
 from coupler.control.solve_window import SavedStates, SolveOptions
 from coupler.scenario.options import Scheme
+from coupler.schemes.accounts import with_made
 from coupler.schemes.levels import Level, exchanged, weights
 from coupler.schemes.scheme import Exchange, OfLevels
 from coupler.schemes.schemes import scheme_of, with_mode
-from coupler.schemes.state import NO_WORK, CoupledState, Halves, Solved, Span, with_made
+from coupler.schemes.state import NO_WORK, CoupledState, Halves, Solved, Span
 from coupler.schemes.sweep import DiscardError, Swept, mechanical_first, mechanical_pass, thermal_pass
 from coupler.trust.stability import GROWS, RINGS
 

@@ -180,7 +180,8 @@ def step(halves: Halves, at: Committed, plan: Plan) -> Tried:
             if known is not None and follows is not None and follows.control is not None:
                 saved.roll_back(follows.text)
                 # What the window told of the probes goes with it: it is looked at again where its turn was.
-                memory = replace(control.spare, for_gain=after.spare.for_gain)
+                memory = replace(control.spare, for_gain=after.spare.for_gain, spent=after.spare.spent, turned=True,
+                                 gains=after.spare.gains)
                 verdict = Decision(rejected(solved, Verdict.UNSTABLE, follows.text), follows.control,
                                    error=verdict.error)
                 mended = Mended(follows.text, known.m, after.spare.rough - spare.ON_END, looked.solves)
@@ -233,7 +234,10 @@ def _looked(window: _Taken, verdict: Decision, in_one: NDArray[np.float64]) -> t
     The gain of the window, where it was measured.
     """
     plan, control, solved = window.plan, verdict.control, verdict.solved
-    memory, seen = spare.after(control.spare, solved.state.now.t, plan.watched(solved.state.now))
+    work = solved.work
+    memory, seen = spare.after(control.spare, solved.state.now.t, plan.watched(solved.state.now),
+                               work.thermal_solves + work.mechanical_solves,
+                               error_estimate.gap_closes(window.at.state.now, solved.state.now))
     taken = spare.Window(window.at.state, window.span, window.options, window.saved, solved)
     number, level = window.at.control.number, window.options.settings.iteration.level
     if solved.whole is not None and in_one.size:

@@ -14,7 +14,8 @@ from coupler.control.contact_status import Branch, ContactStatus, PairNodes, con
 from coupler.scenario.options import Adaptive, Iteration, OnCycle, OnUnstable, Scheme
 from coupler.scenario.rule_model import Rule
 from coupler.schemes.levels import Level
-from coupler.schemes.state import Schedule, Settings
+from coupler.schemes.schedule import Schedule
+from coupler.schemes.state import Settings
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,11 @@
 """Spare solves: now and then a window of a run in fixed windows is solved again as two halves, to see how wrong it is.
 
 The run goes on from the window as it was solved, bit for bit as if nobody had looked.  When to look is counted in
-windows and not in seconds, so that a run that is resumed looks at the same ones.
+windows and solves and not in seconds, so that a run that is resumed looks at the same ones.
+
+What looks and gains may cost together is bounded by a share of the solves of the run (`allowance`), which is spent
+first where errors are expected to be largest: at the start, and where probes bend more than at any look before.  Only
+gains of what turns round by much are beyond it.
 """
 
 from __future__ import annotations
@@ -15,8 +19,9 @@ from coupler.control import error_estimate, gain
 from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, keep
 from coupler.scenario.options import Scheme, Seen
+from coupler.schemes.accounts import AHEAD, EnergyAccount
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import AHEAD, CoupledState, EnergyAccount, Halves, Solved, Span
+from coupler.schemes.state import CoupledState, Halves, Solved, Span
 from coupler.trust import course
 from coupler.trust.course import Course
 from coupler.trust.errors import Looked
@@ -26,10 +31,13 @@ Array = NDArray[np.float64]
 
 # What one look costs [windows], what is earned for it in every window, more in one in which a probe bends by more than
 # `VISIBLE` of its range, and most by more than `ROUGH`: what is not resolved is to be seen.  And what a run begins
-# with: two looks.  What begins to bend may be looked at on credit.  So sliding_blocks looks at
-# 11 of its 800 windows, casting_1d at 10 of 407, the sealed container at 5 of 88: 3 to 14 % more windows.
+# with: two looks.  What begins to bend may be looked at on credit.
 LOOK, EARNED, EARNED_ROUGH, EARNED_ROUGHEST = 2.0, 0.006, 0.025, 0.2
 AT_FIRST = 2.0 * LOOK
+# What all of it may cost, of the solves of the run, two looks at least; half of it is there at the start, and the rest
+# comes with the windows.  Windows that are not resolved bring this part of their own solves: an answer that is wrong is
+# to be told so, whatever that costs.
+SHARE, AT_START, UNRESOLVED = 0.05, 0.5, 0.1
 # The first two windows are looked at: nothing is known yet by which the exchange could be extrapolated, and what begins
 # changes most.  With those two 81 % of 165 told errors were within a factor of 3 of the true ones and 10 % understated
 # by more, with the third alone 47 and 43 %, with the first and the third 75 and 14 %.
@@ -61,6 +69,10 @@ class Memory:
     for_gain [windows]: what may be spent on gains.  rings : whether the last one measured rings; quiet : how many on
     end did not.  due : windows on end in which one could be measured.
     turns : whether a probe turned round in the last window, by much.
+    windows : so far, of `own` solver calls, of which `unresolved` those that probes bend by much in, on end.
+    spent : solver calls of looks, and of gains but for those that turns paid for.  gains : so many were measured.
+    turned : whether a probe turned round by much since the last of them.
+    switched : whether contact closed or opened in the last window.
     """
 
     course: Course = field(default_factory=Course)
@@ -73,6 +85,13 @@ class Memory:
     quiet: int = 0
     due: int = 0
     turns: bool = False
+    windows: int = 0
+    own: int = 0
+    unresolved: int = 0
+    spent: int = 0
+    gains: int = 0
+    turned: bool = False
+    switched: bool = False
 
 
 def first(plan: Plan, state: CoupledState) -> Memory:
@@ -82,17 +101,24 @@ def first(plan: Plan, state: CoupledState) -> Memory:
                   for_gain=min(max(GAIN_SHARE * _windows(plan), GAIN), MOST_GAINS))
 
 
-def after(memory: Memory, t: float, values: Array) -> tuple[Memory, Looked]:
-    """Return the memory after a window to t [s] that was taken, and what its end tells.  values : of the probes."""
+def after(memory: Memory, t: float, values: Array, solves: int, switches: bool = False) -> tuple[Memory, Looked]:
+    """Return the memory after a window to t [s] that was taken, and what its end tells.
+
+    values : of the probes.  solves : of either half that it took.  switches : whether contact closes or opens in it.
+    """
     now, second = course.after(memory.course, t, values)
     by_much = second > ROUGH * now.range
     rough = memory.rough + 1 if by_much.any() else 0
     turns = bool((by_much & (now.slope * memory.course.slope < 0.0)).any())
     for_gain = memory.for_gain + (EARNED_ROUGH if rough else 0.0) + (EARNED_TURN if turns else 0.0)
     memory = replace(memory, course=now, credit=memory.credit + _earned(now, second), since=memory.since + 1,
-                     rough=rough, turns=turns, for_gain=for_gain,
+                     rough=rough, turns=turns, turned=memory.turned or turns,
+                     for_gain=for_gain, windows=memory.windows + 1, own=memory.own + solves,
+                     unresolved=memory.unresolved + (solves if rough >= ON_END else 0),
                      due=memory.due + 1 if rough >= ON_END and for_gain >= GAIN else 0)
-    return memory, Looked(values, second)
+    # fault: what bends for a switch in the window before is taken for smooth -> return replace(memory,
+    #   switched=switches), Looked(values, second, switch=switches) | coupler/test_spare
+    return replace(memory, switched=switches), Looked(values, second, switch=switches or memory.switched)
 
 
 def _earned(now: Course, second: Array) -> float:
@@ -100,6 +126,19 @@ def _earned(now: Course, second: Array) -> float:
     if (second > ROUGH * now.range).any():
         return EARNED_ROUGHEST
     return EARNED_ROUGH if (second > VISIBLE * now.range).any() else EARNED
+
+
+def allowance(memory: Memory, plan: Plan) -> float:
+    """Return how many solver calls looks and gains may have taken by now.  memory : after at least one window."""
+    a_window = memory.own / memory.windows
+    share = SHARE * (AT_START * a_window * _windows(plan) + (1.0 - AT_START) * memory.own)
+    return max(AT_FIRST * a_window, share) + UNRESOLVED * memory.unresolved
+
+
+def _can_afford(memory: Memory, windows: float, plan: Plan) -> bool:
+    """Whether what costs as much as so many windows may be spent."""
+    # fault: looks cost what they cost -> return True | coupler/test_spare
+    return memory.spent + windows * memory.own / memory.windows <= allowance(memory, plan)
 
 
 def wanted(memory: Memory, seen: Looked, number: int, plan: Plan) -> bool:
@@ -114,8 +153,8 @@ def wanted(memory: Memory, seen: Looked, number: int, plan: Plan) -> bool:
     bends = (seen.second > BENDS_MORE * memory.highest) & (seen.second > VISIBLE * memory.course.range)
     # fault: what begins to bend is not looked at before its turn -> if False: | coupler/test_spare
     if bends.any() and memory.since >= PART * pause:
-        return memory.credit >= -AT_FIRST
-    return memory.credit >= LOOK and memory.since >= pause
+        return memory.credit >= -AT_FIRST and _can_afford(memory, 0.0, plan)
+    return memory.credit >= LOOK and memory.since >= pause and _can_afford(memory, LOOK, plan)
 
 
 def _windows(plan: Plan) -> int:
@@ -125,7 +164,7 @@ def _windows(plan: Plan) -> int:
 def spent(memory: Memory, seen: Looked, number: int) -> Memory:
     """Return the memory after a look at a window.  number : of it, from 0; its bend is the whole of a change."""
     highest = np.maximum(memory.highest, seen.second) if number else memory.highest
-    return replace(memory, credit=memory.credit - LOOK, since=0, highest=highest)
+    return replace(memory, credit=memory.credit - LOOK, since=0, highest=highest, spent=memory.spent + seen.solves)
 
 
 @dataclass(frozen=True)
@@ -168,6 +207,9 @@ def asks_gain(memory: Memory, seen: Looked, number: int, window: Window, plan: P
     span = window.span
     if plan.adaptive is not None or not seen.values.size or number < HISTORY or 2 * span.k1 - span.k0 > plan.last:
         return False
+    # What grows unseen is worth nothing: the first is always there, and turns pay for their own.
+    if memory.gains and not (memory.rings or memory.turned or _can_afford(memory, GAIN, plan)):
+        return False
     # What rings is looked at again, whatever that costs.
     # fault: gains are measured at one place of a cycle -> return memory.rough >= ON_END and (memory.due > 0 or
     #   memory.rings) | coupler/test_instability
@@ -187,7 +229,9 @@ def gain_of(halves: Halves, window: Window) -> gain.Gain | None:
 def after_gain(memory: Memory, found: gain.Gain | None) -> Memory:
     """Return the memory after a gain was measured."""
     rings = found is not None and found.rings
-    return replace(memory, for_gain=memory.for_gain - GAIN, rings=rings, quiet=0 if rings else memory.quiet + 1, due=0)
+    return replace(memory, for_gain=memory.for_gain - GAIN, rings=rings, quiet=0 if rings else memory.quiet + 1, due=0,
+                   spent=memory.spent + (0 if found is None or memory.turned else found.solves),
+                   gains=memory.gains + 1, turned=False)
 
 
 def difference(values: Array, other: Array, factor: float) -> Array:

@@ -10,7 +10,8 @@ from coupler.control.error_estimate import Estimate
 from coupler.control.plan import Plan
 from coupler.control.two_cycle import home
 from coupler.rules import engine as rules
-from coupler.schemes.state import CoupledState, Ledger, Settings, Solved, Span
+from coupler.schemes.ledger import Ledger
+from coupler.schemes.state import CoupledState, Settings, Solved, Span
 from coupler.schemes.sweep import OF_A_SUBSTEP
 
 

@@ -26,8 +26,8 @@ from coupler.scenario.document import document_from
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Scheme
+from coupler.schemes.accounts import AHEAD, HEATS
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import AHEAD, HEATS
 from coupler.trust.confidence import MESH, WINDOWS, ProbeConfidence
 
 Array = NDArray[np.float64]

@@ -45,7 +45,7 @@ from coupler.scenario import Scenario
 from coupler.scenario.conditions import ConditionOutput
 from coupler.scenario.document import plain_value
 from coupler.scenario.rule_model import Rule
-from coupler.schemes.state import Ledger
+from coupler.schemes.ledger import Ledger
 from coupler.trust.watch import TrustLog
 
 KIND, MAGIC = b"SLIDELINE-CHECKPOINT-", b"SLIDELINE-CHECKPOINT-2\n"

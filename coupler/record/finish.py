@@ -41,7 +41,7 @@ from coupler.record.tables import (
 )
 from coupler.record.vtkhdf import FieldFile, FileField, MeshCells
 from coupler.scenario.conditions import condition_output
-from coupler.schemes.state import PREFIX
+from coupler.schemes.ledger import PREFIX
 
 # What the records of a journal come to: rows of windows that stand, without those that were rewound.
 

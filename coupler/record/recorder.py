@@ -31,8 +31,9 @@ from coupler.record.tables import (
     contact_row,
 )
 from coupler.rules.engine import Firing
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
-from coupler.schemes.state import IterationHistory, Ledger, Solved
+from coupler.schemes.state import IterationHistory, Solved
 
 Array = NDArray[np.float64]
 NONE: Array = np.empty(0)

@@ -28,7 +28,7 @@ from coupler.report.figures import (
     svg,
 )
 from coupler.report.page import put_page, template_of
-from coupler.schemes.state import PREFIX, mechanism
+from coupler.schemes.ledger import PREFIX, mechanism
 
 Array = NDArray[np.float64]
 

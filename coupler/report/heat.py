@@ -26,7 +26,7 @@ from coupler.report.figures import (
     svg,
 )
 from coupler.report.pack import Chart, Curve
-from coupler.schemes.state import PREFIX, mechanism
+from coupler.schemes.ledger import PREFIX, mechanism
 
 Array = NDArray[np.float64]
 STORED = "stored."

@@ -40,7 +40,7 @@ from coupler.report.live import live_page
 from coupler.report.player import title_of
 from coupler.report.pressure import largest, largest_at, place_of_peak, pressure_pictures
 from coupler.report.timeline import timeline_picture, window_picture
-from coupler.schemes.state import HEATS
+from coupler.schemes.accounts import HEATS
 from coupler.trust.checks import TrustVerdict
 
 # The numbers of a run in words.

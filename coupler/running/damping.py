@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from coupler.schemes.state import DAMPED
+from coupler.schemes.accounts import DAMPED
 
 
 class DampingNotes:

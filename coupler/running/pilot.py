@@ -17,7 +17,8 @@ from coupler.fmu.launch import launch
 from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.state import CoupledState, Halves, Span, schedule
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import CoupledState, Halves, Span
 from coupler.schemes.sweep import DiscardError
 
 # First and last window of the pilot as parts of the run: 19 windows and those cut at breakpoints.

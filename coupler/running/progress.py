@@ -8,7 +8,8 @@ from collections import deque
 from dataclasses import dataclass
 
 from coupler.control.loop import Tried
-from coupler.schemes.state import Ledger, Verdict
+from coupler.schemes.ledger import Ledger
+from coupler.schemes.state import Verdict
 
 # The time to go is estimated from this many windows: some windows cost ten times others.
 WINDOWS = 50

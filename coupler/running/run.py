@@ -62,7 +62,9 @@ from coupler.running.setup import (
 from coupler.scenario import Scenario
 from coupler.scenario.load import scenario_from
 from coupler.scenario.timing import SAME_TIME, Frames
-from coupler.schemes.state import HEATS, CoupledState, Ledger
+from coupler.schemes.accounts import HEATS
+from coupler.schemes.ledger import Ledger
+from coupler.schemes.state import CoupledState
 from coupler.trust.watch import TrustWatch
 
 Array = NDArray[np.float64]

@@ -21,9 +21,11 @@ from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
 from coupler.scenario.rule_model import outputs
+from coupler.schemes.accounts import HEATS, EnergyAccount
 from coupler.schemes.levels import Level
+from coupler.schemes.schedule import schedule
 from coupler.schemes.schemes import scheme_of
-from coupler.schemes.state import HEATS, CoupledState, EnergyAccount, Halves, schedule, wanted_outputs
+from coupler.schemes.state import CoupledState, Halves, wanted_outputs
 
 Array = NDArray[np.float64]
 

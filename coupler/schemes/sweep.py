@@ -13,26 +13,10 @@ from numpy.typing import NDArray
 
 from coupler.fmu.half import Advance, Half, Status
 from coupler.scenario.options import Scheme
+from coupler.schemes.accounts import HEATS, Accounts, EnergyAccount, delivered, due, share_of, with_made
+from coupler.schemes.ledger import NO_TERMS, PREFIX
 from coupler.schemes.levels import Level, Slope, between, exchanged, geometry_at
-from coupler.schemes.state import (
-    HEATS,
-    NO_TERMS,
-    NO_WORK,
-    PREFIX,
-    Accounts,
-    CoupledState,
-    EnergyAccount,
-    Halves,
-    IterationHistory,
-    Solved,
-    Span,
-    Verdict,
-    Work,
-    delivered,
-    due,
-    share_of,
-    with_made,
-)
+from coupler.schemes.state import NO_WORK, CoupledState, Halves, IterationHistory, Solved, Span, Verdict, Work
 
 Array = NDArray[np.float64]
 Sent = Mapping[str, Mapping[str, Array]]
@@ -110,7 +94,7 @@ def thermal_pass(halves: Halves, state: CoupledState, times: list[float], slope:
     """The thermal half over the window, given the carried heat: spread evenly in time, the entropy part at once.
 
     times : of its substeps [s].  slope : how x and t_N move; each substep is given them at its middle, or at its end.
-    done : the work before.  ahead : as of coupler.schemes.state.due.  Raises DiscardError.
+    done : the work before.  ahead : as of coupler.schemes.accounts.due.  Raises DiscardError.
     """
     H, sent, work = times[-1] - times[0], state.sent, done
     handed = due(state.accounts, ahead)

@@ -7,6 +7,12 @@ change), by the ratio of the sums of both over the windows that were looked at a
 ratio estimator of survey sampling: Cochran, Sampling Techniques, chapter 6): the window in which a body touches tells
 nothing of those in which it slides.
 
+Where contact closes or opens, in a window or the one before, a probe errs by how far off that instant is, at most about
+half a window, times the jump in its slope, which is half of what it bends more than before.  Those windows are a class
+of their own, whatever they bend by: what is measured in them is taken for no smooth one.  So is a window in which
+a probe bends by several times as much as in the one before and no datum has a kink (a front that passes a node); what
+that leaves is local in time, and dies out by a factor of e a window.
+
 What a window did wrong is carried on to later ones.  Where data stay as they are a small difference of two courses
 obeys the same linear equation as the velocity of the probes itself (differentiate y' = f(y) by t: the variational
 equation; Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, chapter I.14), so it dies out as that
@@ -43,6 +49,12 @@ CLASSES, CLASS, LEAST = 64, 0.5, -16.0
 # A probe that was once off by more of its bend, four times what a parabola leaves its chord by, jumped within that
 # window: that tells nothing of others.
 MOST = 0.5
+# By how many windows contact that closes or opens inside one may be early or late, so what part of its bend is an
+# error: at most, and at least where some were looked at, which may have been other switches.
+AT_SWITCH, AT_LEAST = 0.5, 0.15
+# A probe jumps inside a window where it bends so many times as much as it would have, going on as in the one before,
+# and by this part of its range.
+JUMP, VISIBLE = 4.0, 0.01
 # A probe that hardly bends errs by this share of its change as by a bend: x that is held, heat that is late.
 CHANGE = 0.1
 
@@ -57,6 +69,7 @@ class Looked:
 
     values : at its end.  second : |H^2 v''|.  error : estimate of what the window did wrong; empty where it was not
     looked at.  solves : of either half that this cost beyond the run's own.
+    switch : whether contact closes or opens in it, or did in the one before.
     m : what the window makes of a disturbance; nan: not measured.  limit [s] : the longest window that is stable.
     """
 
@@ -64,6 +77,7 @@ class Looked:
     second: Array
     error: Array = field(default_factory=_empty)
     solves: int = 0
+    switch: bool = False
     m: float = math.nan
     limit: float = math.inf
 
@@ -76,6 +90,10 @@ class ErrorLog:
     fast they went of late.  told : of each its largest error so far.
     known : what is left of the errors of windows that were looked at.  errors, bends, counts : (n, CLASSES) errors and
     bends of those, by how much they bent, and how many.  rest : (n, CLASSES) what is left of the bends of the others.
+    switches : what is left of the bends that windows at a switch of contact that were not looked at have beyond those
+    of before.  jumps : what is left of the errors of such in which a probe jumped.
+    at_switch : (n, 2) errors and bends of either that were looked at.
+    curve [1/s2]: |v''| of the last window that is at no switch.
     windows : of which `looked` were looked at, for `solves` solver calls; worst : the largest error, of a probe's range
     then, in the window to t [s].
     """
@@ -92,6 +110,10 @@ class ErrorLog:
     bends: Array = field(default_factory=_empty)
     counts: Array = field(default_factory=_empty)
     rest: Array = field(default_factory=_empty)
+    switches: Array = field(default_factory=_empty)
+    at_switch: Array = field(default_factory=_empty)
+    jumps: Array = field(default_factory=_empty)
+    curve: Array = field(default_factory=_empty)
     windows: int = 0
     looked: int = 0
     solves: int = 0
@@ -103,22 +125,55 @@ def begun(values: Array, t: float = 0.0) -> ErrorLog:
     """Return the log at the start.  values : (n,) of the probes in SI, at t [s]."""
     values, none = np.where(np.isfinite(values), values, 0.0), np.zeros(len(values))
     classes = np.zeros((len(values), CLASSES))
-    return ErrorLog(values, values, np.abs(values), values, t, none, none, none, classes, classes, classes, classes)
+    return ErrorLog(values, values, np.abs(values), values, t, none, none, none, classes, classes, classes, classes,
+                    none, np.zeros((len(values), 2)), none)
 
 
 def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> ErrorLog:
     """Return the log after a window to t [s].  fresh : it begins at a kink of the data."""
-    before, log = log.values, _moved(log, seen, t, fresh)
+    before, H, log = log.values, t - log.at, _moved(log, seen, t, fresh)
     # fault: a probe that goes straight has no error -> bend = seen.second | coupler/test_trust_errors
     bend = np.maximum(seen.second, CHANGE * np.abs(log.values - before))
-    if seen.error.size:
-        share = float((seen.error / np.maximum(log.high - log.low, ROUND_OFF * log.most + 1e-300)).max(initial=0.0))
-        log = replace(log, looked=log.looked + 1, known=log.known + seen.error, worst=max(share, log.worst),
-                      t=t if share > log.worst else log.t, errors=_added(log.errors, seen.error, bend),
-                      bends=_added(log.bends, bend, bend), counts=_added(log.counts, np.ones(len(bend)), bend))
-    else:
-        log = replace(log, rest=_added(log.rest, bend, bend))
-    return replace(log, told=np.maximum(log.told, _now(log)))
+    # fault: a look at a switch of contact is taken for the rest -> apart = np.zeros(len(bend), dtype=bool) |
+    #   coupler/test_trust_errors
+    apart = _jumps(log, seen.second, H, fresh) | seen.switch
+    log = _looked_at(log, seen, t, bend, apart) if seen.error.size else _to_carry_on(log, seen, H, bend, apart)
+    curve = log.curve if seen.switch and log.curve.size else seen.second / H**2
+    return replace(log, told=np.maximum(log.told, _now(log)), curve=curve)
+
+
+def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArray[np.bool_]) -> ErrorLog:
+    """The log with the errors of a window that was looked at; of probes that are `apart`, (n,), they tell of no other.
+
+    bend : (n,) of the probes in it.
+    """
+    share = float((seen.error / np.maximum(log.high - log.low, ROUND_OFF * log.most + 1e-300)).max(initial=0.0))
+    both, smooth = np.column_stack([seen.error, seen.second]), np.where(apart, 0.0, 1.0)
+    return replace(log, looked=log.looked + 1, known=log.known + seen.error, worst=max(share, log.worst),
+                   t=t if share > log.worst else log.t, at_switch=log.at_switch + np.where(apart[:, None], both, 0.0),
+                   errors=_added(log.errors, smooth * seen.error, bend), bends=_added(log.bends, smooth * bend, bend),
+                   counts=_added(log.counts, smooth, bend))
+
+
+def _to_carry_on(log: ErrorLog, seen: Looked, H: float, bend: Array, apart: NDArray[np.bool_]) -> ErrorLog:
+    """The log with the bends of a window of H [s] that was not looked at; of probes that are `apart` with its error."""
+    # fault: all that bends at a switch of contact bends for it -> going_on = 0.0 * bend | coupler/test_trust_errors
+    going_on = np.minimum(H**2 * log.curve, seen.second) if log.curve.size else np.zeros(len(bend))
+    more = np.where(apart, seen.second - going_on, 0.0)
+    bend = np.where(apart, going_on, bend)
+    log = replace(log, rest=_added(log.rest, bend, bend))
+    if seen.switch:
+        return replace(log, switches=log.switches + more)
+    return replace(log, jumps=log.jumps + AT_SWITCH * more)
+
+
+def _jumps(log: ErrorLog, second: Array, H: float, fresh: bool) -> NDArray[np.bool_]:
+    """Return which probes jumped inside a window of H [s], (n,).  second : their bends in it."""
+    if fresh or not log.curve.size:
+        return np.zeros(len(second), dtype=bool)
+    # fault: what jumps inside a window errs as what is smooth -> return np.zeros(len(second), dtype=bool) |
+    #   coupler/test_trust_errors
+    return (second > JUMP * H**2 * log.curve) & (second > VISIBLE * (log.high - log.low))
 
 
 def _moved(log: ErrorLog, seen: Looked, t: float, fresh: bool) -> ErrorLog:
@@ -132,7 +187,11 @@ def _moved(log: ErrorLog, seen: Looked, t: float, fresh: bool) -> ErrorLog:
     # fault: what dies out by itself is told as if it stayed -> left = 1.0 | coupler/test_trust_errors
     left = min(now / before, 1.0) if before > 0.0 and not fresh else 1.0
     return replace(log, windows=log.windows + 1, low=low, high=high, most=most, values=values, at=t, pace=pace,
-                   known=left * log.known, rest=left * log.rest, solves=log.solves + seen.solves)
+                   known=left * log.known, rest=left * log.rest, switches=left * log.switches,
+                   # fault: what a jump leaves is carried on as what is smooth -> jumps=left * log.jumps, |
+                   #   coupler/test_trust_errors
+                   jumps=math.exp(-1.0) * log.jumps,
+                   solves=log.solves + seen.solves)
 
 
 def _added(sums: Array, values: Array, second: Array) -> Array:
@@ -152,7 +211,17 @@ def _now(log: ErrorLog) -> Array:
     """The error of each probe at the end of the last window, (n,) in SI."""
     rows = zip(log.errors, log.bends, log.counts, log.rest, strict=True)
     # fault: only the windows that were looked at have errors -> return log.known | coupler/test_trust_errors
-    return log.known + np.array([_carried_on(*row) for row in rows])
+    smooth = np.array([_carried_on(*row) for row in rows])
+    error, bend = log.at_switch.T
+    ratios = np.divide(error, bend, out=np.full(len(bend), AT_SWITCH), where=bend > 0.0)
+    # fault: what is measured at a switch of contact tells of no other -> apart = AT_SWITCH * log.switches + log.jumps |
+    #   coupler/test_trust_errors
+    apart = np.clip(ratios, AT_LEAST, AT_SWITCH) * log.switches + log.jumps
+    # Where every look met a switch they are all there is to go by.
+    alone = np.where(bend > 0.0, np.minimum(ratios, MOST), 0.0) * log.rest.sum(axis=1)
+    # fault: smooth windows have no error where every look met a switch -> return log.known + apart + smooth |
+    #   coupler/test_trust_errors
+    return log.known + apart + np.where(log.bends.any(axis=1), smooth, alone)
 
 
 def _carried_on(errors: Array, bends: Array, counts: Array, rest: Array) -> float:

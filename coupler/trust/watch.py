@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.interface import Interface
+from coupler.schemes.ledger import imbalance
 from coupler.schemes.levels import Level
-from coupler.schemes.state import imbalance
 from coupler.trust import contact_cells, errors, passing, penetration, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked

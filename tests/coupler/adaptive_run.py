@@ -10,7 +10,9 @@ from fake_halves import FakeHalf, gap_of, lumped, shrinking
 
 from coupler.control.loop import Plan, Tried, windows
 from coupler.scenario.options import Adaptive, Scheme, WindowRange
-from coupler.schemes.state import Ledger, schedule, wanted_outputs
+from coupler.schemes.ledger import Ledger
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import wanted_outputs
 
 END = 20.0
 EXACT_E8 = 831.7186022526  # K, verification.md E8

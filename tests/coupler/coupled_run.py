@@ -8,8 +8,10 @@ import numpy as np
 
 from coupler.control.loop import Plan, Tried, windows
 from coupler.scenario.options import Iteration, Scheme, WindowRange
+from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, EnergyAccount, schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import CoupledState, wanted_outputs
 
 
 def start(T: float, x: float, *t_N: float) -> CoupledState:

@@ -12,7 +12,8 @@ from coupler.control.loop import Plan, Tried, windows
 from coupler.fmu.half import Block
 from coupler.rules.engine import Rule, wanted
 from coupler.scenario.options import Iteration, Scheme, WindowRange
-from coupler.schemes.state import schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import wanted_outputs
 
 
 def scalar(name: str, causality: str, unit: str = "1") -> Block:

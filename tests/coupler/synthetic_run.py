@@ -11,8 +11,10 @@ from contact.half.interface import Interface, Pair
 from coupler.record.recorder import Recorder
 from coupler.record.results import Results
 from coupler.scenario.options import Scheme
+from coupler.schemes.accounts import EnergyAccount
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, EnergyAccount, Ledger, Solved, Verdict, Work
+from coupler.schemes.state import CoupledState, Solved, Verdict, Work
 
 L, GAP, END = 0.0762, 0.0508, 25000.0
 KINKS = (2500.0, 9900.0, 10000.0, 12500.0, 14772.727272727272, 15000.0)

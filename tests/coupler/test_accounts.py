@@ -13,17 +13,11 @@ from coupler.control.loop import Plan, windows
 from coupler.fmu.half import Block
 from coupler.running.setup import accounts_of, what_is_missing
 from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.accounts import EnergyAccount, delivered, share_of
+from coupler.schemes.ledger import Ledger, imbalance
 from coupler.schemes.levels import Level
-from coupler.schemes.state import (
-    CoupledState,
-    EnergyAccount,
-    Ledger,
-    delivered,
-    imbalance,
-    schedule,
-    share_of,
-    wanted_outputs,
-)
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import CoupledState, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import FakeHalf

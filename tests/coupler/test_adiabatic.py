@@ -11,9 +11,10 @@ import pytest
 from coupler.errors import HalfError
 from coupler.fmu.half import Block
 from coupler.scenario.options import Scheme
+from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
 from coupler.schemes.schemes import with_mode
-from coupler.schemes.state import CoupledState, EnergyAccount
+from coupler.schemes.state import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

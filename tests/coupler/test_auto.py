@@ -25,8 +25,9 @@ from coupler.control.auto import (
     stable_window,
 )
 from coupler.scenario.options import Acceleration, Iteration, Scheme, Seen, Tolerance, Tolerances
+from coupler.schemes.ledger import MOVED
 from coupler.schemes.levels import DAMPED, alternating_gain
-from coupler.schemes.state import MOVED, IterationHistory, Solved, Verdict, Work
+from coupler.schemes.state import IterationHistory, Solved, Verdict, Work
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

@@ -16,7 +16,8 @@ from coupler.control.state import ControlState, first
 from coupler.errors import CouplingError
 from coupler.scenario.options import Adaptive, ErrorTolerances, OnCycle, Scheme, Tolerance
 from coupler.scenario.rule_model import Retry, Rule, Stop, Test, When
-from coupler.schemes.state import Schedule, Settings, Span, Verdict, wanted_outputs
+from coupler.schemes.schedule import Schedule
+from coupler.schemes.state import Settings, Span, Verdict, wanted_outputs
 from coupler.schemes.sweep import thermal_first
 
 sys.path.insert(0, str(Path(__file__).parent))

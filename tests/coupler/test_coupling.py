@@ -13,8 +13,11 @@ from coupler.control.loop import Plan, windows
 from coupler.errors import CouplingError
 from coupler.running.setup import what_is_missing, without_checkpoints
 from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.accounts import EnergyAccount
+from coupler.schemes.ledger import Ledger
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, EnergyAccount, Ledger, Verdict, schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import CoupledState, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fake_halves import gap_of, lumped, shrinking

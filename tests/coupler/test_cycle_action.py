@@ -13,7 +13,8 @@ import pytest
 from coupler.control.loop import Plan, Tried, windows
 from coupler.control.two_cycle import Swing, Watch, WindowSummary, act
 from coupler.scenario.options import OnCycle, Scheme, WindowRange
-from coupler.schemes.state import Settings, Verdict, schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import Settings, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import couple, start

@@ -24,19 +24,10 @@ from coupler.control.plan import Plan
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, halved, solve_once
 from coupler.fmu.half import Block
 from coupler.scenario.options import Adaptive, ErrorTolerances, Iteration, Scheme, Tolerance, WindowRange
+from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
-from coupler.schemes.state import (
-    Clock,
-    CoupledState,
-    EnergyAccount,
-    Settings,
-    Solved,
-    Span,
-    Verdict,
-    Work,
-    schedule,
-    wanted_outputs,
-)
+from coupler.schemes.schedule import Clock, schedule
+from coupler.schemes.state import CoupledState, Settings, Solved, Span, Verdict, Work, wanted_outputs
 
 E8 = 831.7186022526  # K, of E4 from 840 K after 20 s
 

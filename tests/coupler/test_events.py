@@ -26,7 +26,8 @@ from coupler.control.plan import Locate
 from coupler.fmu.half import Block
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.levels import Level
-from coupler.schemes.state import schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from closing_rod import closing_rod

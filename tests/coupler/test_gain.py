@@ -12,8 +12,9 @@ from coupler.control import gain
 from coupler.control.gain import Gain
 from coupler.control.solve_window import SavedStates, SolveOptions, solve_once
 from coupler.scenario.options import Iteration, Scheme, Seen
+from coupler.schemes.schedule import clock_with_marks
 from coupler.schemes.scheme import OfLevels
-from coupler.schemes.state import CoupledState, Halves, Settings, Span, clock_with_marks, wanted_outputs
+from coupler.schemes.state import CoupledState, Halves, Settings, Span, wanted_outputs
 from coupler.trust.checks import Check
 from coupler.trust.errors import Looked
 from coupler.trust.stability import StabilityLog, check, watched

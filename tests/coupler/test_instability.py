@@ -18,9 +18,10 @@ from coupler.control.loop import Plan, Tried, windows
 from coupler.errors import CouplingError
 from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Iteration, OnUnstable, Scheme, Seen, WindowRange
+from coupler.schemes.schedule import schedule
 from coupler.schemes.scheme import OfLevels
 from coupler.schemes.schemes import SCHEMES, scheme_of
-from coupler.schemes.state import schedule, wanted_outputs
+from coupler.schemes.state import wanted_outputs
 from coupler.trust import errors, stability
 from coupler.trust.checks import TrustVerdict
 

@@ -18,7 +18,7 @@ from coupler.report.page import render
 from coupler.running.run import resume
 from coupler.scenario import Scenario
 from coupler.scenario.conditions import TAKEN, ConditionOutput, resolved
-from coupler.schemes.state import MECHANISMS
+from coupler.schemes.ledger import MECHANISMS
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -12,7 +12,8 @@ from coupler.control.plan import Plan
 from coupler.control.window_size import Feedback, feedback, limits
 from coupler.running.pilot import Prediction, along
 from coupler.scenario.options import Scheme, WindowRange
-from coupler.schemes.state import Span, schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import Span, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "stability"))

@@ -31,7 +31,8 @@ from coupler.scenario.rule_model import (
     When,
     Window,
 )
-from coupler.schemes.state import Settings, Verdict, schedule, wanted_outputs
+from coupler.schemes.schedule import schedule
+from coupler.schemes.state import Settings, Verdict, wanted_outputs
 
 sys.path.insert(0, str(Path(__file__).parent))
 from coupled_run import start

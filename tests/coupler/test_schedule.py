@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coupler.scenario.options import WindowRange
-from coupler.schemes.state import TICKS, clock_with_marks, geometric_sizes, schedule
+from coupler.schemes.schedule import TICKS, clock_with_marks, geometric_sizes, schedule
 
 
 def test_marked_times_come_back_exactly():

@@ -27,9 +27,11 @@ from coupler.control.solve_window import SavedStates, SolveOptions, doubled, sol
 from coupler.fmu.half import Block
 from coupler.record.tables import WINDOW_FIELDS
 from coupler.scenario.options import ErrorTolerances, Scheme, Seen, WindowRange
+from coupler.schemes.accounts import EnergyAccount
+from coupler.schemes.schedule import schedule
 from coupler.schemes.scheme import CouplingScheme
 from coupler.schemes.schemes import SCHEMES, scheme_of
-from coupler.schemes.state import CoupledState, EnergyAccount, Halves, Settings, Span, schedule, wanted_outputs
+from coupler.schemes.state import CoupledState, Halves, Settings, Span, wanted_outputs
 
 THEORY = (Path(__file__).resolve().parents[2] / "docs" / "theory.md").read_text(encoding="utf-8").splitlines()
 ROWS = [pytest.param(s, level, id=f"{s.name.value}-{level.value}") for s in SCHEMES for level in s.exchange]

@@ -43,6 +43,81 @@ def test_an_error_larger_than_its_bend_is_a_jump_inside_and_is_not_carried_on():
     assert errors.estimated(twice) == pytest.approx([0.6]), "what is seen twice is no jump"
 
 
+def at_switches(looked: int, count: int) -> ErrorLog:
+    """A window that bends by 1, then `count` at a switch of contact that bend by 2, then 20 that bend by 1 again.
+
+    looked : how many of `count` are looked at: an error of 0.3 each; of the first 0.01.
+    """
+    log = errors.begun(np.zeros(1))
+    for k in range(count + 21):
+        error = np.array([0.01]) if not k else np.array([0.3]) if k <= looked else np.empty(0)
+        switch = 0 < k <= count
+        seen = Looked(np.array([10.0 * (k + 1)]), np.array([2.0 if switch else 1.0]), error, switch=switch)
+        log = errors.watched(log, seen, k + 1.0)
+    return log
+
+
+def test_a_look_at_a_switch_of_contact_is_taken_for_no_other_window():
+    assert errors.estimated(at_switches(1, 1)) == pytest.approx([0.3 + 21 * 0.01])
+
+
+def test_a_switch_that_was_not_looked_at_may_be_half_a_window_off():
+    assert errors.estimated(at_switches(0, 3)) == pytest.approx([3 * errors.AT_SWITCH + 24 * 0.01])
+
+
+def test_switches_are_as_wrong_as_those_that_were_looked_at():
+    log = at_switches(1, 3)
+    assert errors.estimated(log) == pytest.approx([0.3 + 2 * 0.15 + 23 * 0.01])
+
+
+def test_what_bends_all_the_time_does_not_bend_for_a_switch():
+    """A probe that bends by 1 in all of 20 windows, 5 of them at a switch of contact; a smooth one is looked at."""
+    log = errors.begun(np.zeros(1))
+    for k in range(20):
+        seen = Looked(np.array([10.0 * (k + 1)]), np.array([1.0]), np.array([0.01] if k == 1 else []),
+                      switch=10 <= k < 15)
+        log = errors.watched(log, seen, k + 1.0)
+    assert errors.estimated(log) == pytest.approx([20 * 0.01])
+
+
+def test_where_every_look_met_a_switch_the_others_are_not_taken_for_right():
+    log = errors.begun(np.zeros(1))
+    for k in range(20):
+        seen = Looked(np.array([10.0 * (k + 1)]), np.array([1.0]), np.array([0.02] if not k else []), switch=not k)
+        log = errors.watched(log, seen, k + 1.0)
+    assert errors.estimated(log) == pytest.approx([20 * 0.02])
+
+
+def jumping(fresh: bool = False) -> np.ndarray:
+    """The error of a probe that bends by 0.1 a window and once, in the middle of 21 windows, by 5.
+
+    Its velocity is that of a way of 10 a window; the first is looked at: 0.001.  fresh : the jump is one of the data.
+    """
+    log = errors.begun(np.zeros(1))
+    for k in range(21):
+        seen = Looked(np.array([10.0 * (k + 1)]), np.array([5.0 if k == 10 else 0.1]),
+                      np.array([0.001]) if not k else np.empty(0))
+        log = errors.watched(log, seen, k + 1.0, fresh=fresh and k == 10)
+    return errors.estimated(log)
+
+
+def test_what_jumps_inside_a_window_errs_by_its_instant_and_not_for_long():
+    assert jumping() == pytest.approx([11 * 0.001 + 0.5 * 4.9], rel=1e-3)
+    assert jumping(fresh=True) == pytest.approx([20 * 0.001 + 5.0 * 0.001], rel=1e-3)
+
+
+def test_longer_windows_bend_more_and_jump_not():
+    """A parabola in windows each of twice the size: it bends four times as much in each."""
+    log = errors.begun(np.zeros(1))
+    t = 0.0
+    for k in range(8):
+        H = 2.0**k
+        t += H
+        log = errors.watched(log, Looked(np.array([t * t]), np.array([2.1 * H * H]),
+                                         np.array([0.21]) if not k else np.empty(0)), t)
+        assert log.jumps == 0.0
+
+
 def test_a_probe_that_goes_straight_errs_with_its_change():
     """Heat that comes a window late moves a ramp by its change in a window, and bends nothing."""
     log = log_of([([1.0], [1e-9], [0.05]), ([2.0], [1e-9], []), ([3.0], [1e-9], [])])

@@ -16,7 +16,8 @@ import numpy as np
 from coupler.control import error_estimate
 from coupler.control.solve_window import SavedStates, SolveOptions, doubled, solve_once
 from coupler.scenario.options import ErrorTolerances, Iteration, Scheme, Tolerance, Tolerances
-from coupler.schemes.state import CoupledState, Halves, Schedule, Settings, Solved, Span
+from coupler.schemes.schedule import Schedule
+from coupler.schemes.state import CoupledState, Halves, Settings, Solved, Span
 
 ONE = {"thermal": 1, "mechanical": 1}
 PIECES = 64

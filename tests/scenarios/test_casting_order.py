@@ -21,7 +21,7 @@ from coupler.control.loop import finished, step
 from coupler.control.plan import Plan
 from coupler.control.state import first
 from coupler.scenario.options import Iteration, Scheme, Tolerance, Tolerances, WindowRange
-from coupler.schemes.state import schedule
+from coupler.schemes.schedule import schedule
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/casting_1d.yaml"
 FROZEN = 20.0  # s, .306 solid

@@ -16,8 +16,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from coupler.scenario.options import Acceleration, Iteration, OnMax, Seen, Tolerance, Tolerances
+from coupler.schemes.accounts import EnergyAccount
 from coupler.schemes.levels import Level
-from coupler.schemes.state import CoupledState, EnergyAccount
+from coupler.schemes.state import CoupledState
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "coupler"))
