@@ -210,7 +210,8 @@ def estimated(log: ErrorLog) -> Array:
 def _now(log: ErrorLog) -> Array:
     """The error of each probe at the end of the last window, (n,) in SI."""
     rows = zip(log.errors, log.bends, log.counts, log.rest, strict=True)
-    # fault: only the windows that were looked at have errors -> return log.known | coupler/test_trust_errors
+    # fault: only the windows that were looked at have errors -> smooth = np.zeros(len(log.known)) |
+    #   coupler/test_trust_errors
     smooth = np.array([_carried_on(*row) for row in rows])
     error, bend = log.at_switch.T
     ratios = np.divide(error, bend, out=np.full(len(bend), AT_SWITCH), where=bend > 0.0)

@@ -88,7 +88,8 @@ def rigid(bench: Bench, check: str) -> Finding:
     for k, got in enumerate(_at(bench, scene.cold, MOVING), start=1):
         for b in _alone(scene, got):
             F = _gradient(scene, b, got["x"])
-            # fault: verify-half: a body that strains without a cause passes -> if (strain := 0.0) > RIGID: | coupler/test_broken_halves
+            # fault: verify-half: a body that strains without a cause passes -> if (strain := 0.0) > RIGID: |
+            #   coupler/test_broken_halves
             if (strain := float(np.abs(F.T @ F - np.eye(2)).max() / 2.0)) > RIGID:
                 return failed(check, f"substep {k}: body {i.bodies[b]!r}, free and at T_ref, has a strain of "
                               f"{strain:.3g}", "Without load and at T_ref a body keeps the size of its mesh")
