@@ -123,7 +123,7 @@ class MeteredHalf:
     """A half (coupler.fmu.half.Half) that is another one, each call of it timed."""
 
     def __init__(self, half: Half, side: str, meter: Meter) -> None:
-        self._half, self._side, self._meter = half, SIDES.index(side), meter
+        self.half, self._side, self._meter = half, SIDES.index(side), meter
         self.name: str = half.name
         self.blocks: Mapping[str, Block] = half.blocks
         self.strings: Mapping[str, str] = half.strings
@@ -132,40 +132,40 @@ class MeteredHalf:
     def initialise(self, t_start: float, t_end: float, parameters: Mapping[str, str], inputs: Mapping[str, Array],
                    outputs: Sequence[str]) -> dict[str, Array]:
         """As of the half."""
-        return self._half.initialise(t_start, t_end, parameters, inputs, outputs)
+        return self.half.initialise(t_start, t_end, parameters, inputs, outputs)
 
     def advance(self, t: float, h: float, inputs: Mapping[str, Array], outputs: Sequence[str]) -> Advance:
         """As of the half."""
-        return self._meter.step(self._side, lambda: self._half.advance(t, h, inputs, outputs))
+        return self._meter.step(self._side, lambda: self.half.advance(t, h, inputs, outputs))
 
     def read(self, names: Sequence[str], finite: bool = True) -> dict[str, Array]:
         """As of the half."""
-        return self._meter.call(self._side, _READ, lambda: self._half.read(names, finite))
+        return self._meter.call(self._side, _READ, lambda: self.half.read(names, finite))
 
     def save(self) -> int:
         """As of the half."""
-        return self._meter.call(self._side, _SAVE, self._half.save)
+        return self._meter.call(self._side, _SAVE, self.half.save)
 
     def restore(self, token: int) -> None:
         """As of the half."""
-        self._meter.call(self._side, _RESTORE, lambda: self._half.restore(token))
+        self._meter.call(self._side, _RESTORE, lambda: self.half.restore(token))
 
     def release(self, token: int) -> None:
         """As of the half."""
-        self._meter.call(self._side, _RELEASE, lambda: self._half.release(token))
+        self._meter.call(self._side, _RELEASE, lambda: self.half.release(token))
 
     def serialise(self, token: int) -> bytes:
         """As of the half."""
-        return self._meter.call(self._side, CALLS.index("serialise"), lambda: self._half.serialise(token))
+        return self._meter.call(self._side, CALLS.index("serialise"), lambda: self.half.serialise(token))
 
     def deserialise(self, data: bytes) -> int:
         """As of the half."""
-        return self._meter.call(self._side, CALLS.index("deserialise"), lambda: self._half.deserialise(data))
+        return self._meter.call(self._side, CALLS.index("deserialise"), lambda: self.half.deserialise(data))
 
     def log_tail(self) -> str:
         """As of the half."""
-        return self._half.log_tail()
+        return self.half.log_tail()
 
     def close(self) -> None:
         """As of the half."""
-        self._half.close()
+        self.half.close()

@@ -129,7 +129,8 @@ def told(scene: Scene, *, most: int = MOST_WINDOWS, until: float | None = None) 
                         words += progress.notes
                         if run.state.now.t > levels[-1].t:
                             keep()
-                        work = sum(held.half.work for held in (run.halves.thermal, run.halves.mechanical))
+                        # Timed, and held to the bounds of its role.
+                        work = sum(timed.half.half.work for timed in (run.halves.thermal, run.halves.mechanical))
                         if number >= most or work > MOST_WORK:
                             raise TooLongError(f"{number + 1} windows tried, {work} solver calls and iterations, "
                                                f"at t = {run.state.now.t:.6g} s")
