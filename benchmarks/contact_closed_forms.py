@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -20,37 +19,19 @@ from scene import pin, table
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "mechanical_fmu"))
 
-from mechanical_scenes import EXPECTED, done, hold, inputs_of  # noqa: E402  (of the tests)
-from test_cattaneo import DRAGS, MU, scene  # noqa: E402
+from mechanical_scenes import EXPECTED  # noqa: E402  (of the tests)
+from test_cattaneo import MU, at_slave, dragged_along  # noqa: E402
 from test_hertz import R  # noqa: E402
 
-from contact.rpc.link import open_link  # noqa: E402
 from coupler.report.figures import COLOURS, INK, new_figure, styled  # noqa: E402
-from mechanical_fmu.elastic_half import load  # noqa: E402
 
 Floats = NDArray[np.float64]
 
 
 def runs() -> list[tuple[Floats, Floats, Floats, float, float]]:
     """x [m], pressure and shear [Pa] of the slave's nodes, force and drag [N/m]: pressed, and dragged twice."""
-    steel, interface = EXPECTED["C3"]["steel"], scene()
-    half = load(interface, {
-        "half": "elastic", "format": 2, "tolerance": 1e-8, "materials": {"m": {"E": steel["E"], "nu": steel["nu"]}},
-        "bodies": {b: {"material": "m"} for b in interface.bodies}, "pairs": {"interface": {"augmented": {}}},
-        "boundary": [hold("lower.bottom", 0), hold("lower.bottom", 1),
-                     hold("upper.top", 1, {"t": [0.0, 2.0], "value": [0.0, -steel["push"]]}),
-                     hold("upper.top", 0, {"t": [2.0, 3.0, 4.0], "value": [0.0, *DRAGS]})]})
-    nodes = np.unique(interface.surfaces["upper.bottom"])
-    at = next(side.at for side in interface.pair_sides if side.surface == "upper.bottom")
-    found = []
-    with closing(open_link("direct")) as link:
-        state, _ = half.start(inputs_of(half), 0.0, link)
-        for i in range(4):
-            state, out = done(half.step(state, inputs_of(half), float(i), 1.0, link))
-            x, p, q = out["x"][nodes, 0], -out["contact.t_N"][at], np.abs(out["contact.t_T"][at])
-            Q, P = np.abs(out["reaction.upper"])
-            found.append((x - np.trapezoid(x * p, x) / np.trapezoid(p, x), p, q, float(P), float(Q)))
-    return found[1:]
+    return [(*at_slave(out), *(float(f) for f in np.abs(out["reaction.upper"])[::-1]))
+            for out in dragged_along(augmented={})[1:]]
 
 
 def hertz(P: float) -> tuple[float, float]:

@@ -30,6 +30,7 @@ from contact.problem.material import Material
 from coupler import load_scenario
 from coupler.cli import cli
 from coupler.scenario.document import document_from
+from coupler.scenario.quantities import with_plain_numbers
 from coupler.scenario.schema import ScenarioFile
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -145,7 +146,7 @@ def test_python_is_python(block: Block) -> None:
 
 @pytest.mark.parametrize("block", [b for b in ALL if b.kind == "yaml"], ids=str)
 def test_yaml_is_understood(block: Block, tmp_path: Path) -> None:
-    tree = document_from(Path(str(block)), block.text).tree
+    tree = with_plain_numbers(document_from(Path(str(block)), block.text)).tree
     if tree.get("slideline") and not block.mark:
         path = tmp_path / "s.yaml"
         path.write_text(block.text, encoding="utf-8")

@@ -259,7 +259,7 @@ def _span(at: Committed, plan: Plan) -> tuple[Span, str]:
     """The window to try, ended where an event is expected; and why it is so long."""
     control = at.control
     proposal = propose(plan, control)
-    span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps, plan.must_end(control.tick))
+    span = Span(plan.schedule.clock, control.tick, proposal.k1, control.settings.substeps)
     if not plan.locate.on or control.failures:
         return span, proposal.reason
     tick = events.expected(control.events, at.state, span, plan, control.settings.scheme)
@@ -277,7 +277,7 @@ def _options(halves: Halves, plan: Plan, at: Committed, span: Span) -> tuple[Sol
     freezes = auto.can_freeze(halves, settings.substeps)
     H = span.end - span.clock.seconds(span.k0)
     choice = auto.choose(at.control.choice, at.state, H, freezes, weighs=plan.adaptive is not None,
-                         breaks=span.breaks)
+                         breaks=span.k1 == plan.must_end(span.k0))
     if choice.loose:
         settings = replace(settings, iteration=auto.loosened(settings.iteration, choice.loose))
     instead = partial(auto.instead, freezes=freezes, seen=settings.iteration.level)

@@ -89,21 +89,12 @@ class CoupledState:
 
 @dataclass(frozen=True)
 class Span:
-    """The window of ticks [k0, k1].  substeps : {"thermal": n, "mechanical": m}.
-
-    stop : the next tick at which a drive has a kink or the run ends.
-    """
+    """The window of ticks [k0, k1].  substeps : {"thermal": n, "mechanical": m}."""
 
     clock: Clock
     k0: int
     k1: int
     substeps: Mapping[str, int]
-    stop: int | None = None
-
-    @property
-    def breaks(self) -> bool:
-        """Whether what went on in the window may not go on after it."""
-        return self.k1 == self.stop
 
     @cached_property
     def end(self) -> float:

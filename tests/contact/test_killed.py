@@ -9,11 +9,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from contact.messages import Registered, Traction, Tractions
+from contact.messages import Refused, Registered, Request, Traction, Tractions
 from contact.rpc.calls import ServiceDownError
 from contact.rpc.client import ZenohLink
 from contact.rpc.link import DirectLink, Link
@@ -105,3 +106,26 @@ def test_a_service_killed_in_a_traction_is_down_within_its_grace(tmp_path):
     thread.join()
     link.close()
     process.communicate()
+
+
+@pytest.mark.parametrize("lives", [2, 1000])
+def test_lives_that_are_lost_within_the_grace_of_the_first_are_made_up_for(lives):
+    """As many as there are; what goes on dying is down when the grace since the first is over."""
+    grace, lost, answer = 0.6, [], Refused("unknown_surfaces", "")
+
+    def call(request: Request) -> Refused:
+        if len(lost) == lives:
+            return answer
+        lost.append(time.monotonic())
+        time.sleep(0.1)
+        raise ServiceDownError("it is gone")
+
+    link = object.__new__(ZenohLink)
+    link._client, link._grace = SimpleNamespace(call=call, move=lambda patience: None), grace
+    request = flat(2, 2, gap=0.0)[0]
+    if lives == 2:
+        assert link._call(request) is answer
+    else:
+        with pytest.raises(ServiceDownError):
+            link._call(request)
+        assert grace - 0.1 < time.monotonic() - lost[0] < 10.0 * grace

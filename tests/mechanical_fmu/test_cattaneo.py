@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,30 +41,44 @@ def scene() -> Interface:
                      (Pair("interface", "upper.bottom", "lower.top", 1e-3, 2e11 / FINE, mu=MU),))
 
 
-def test_what_sticks_shrinks_to_the_middle():
-    """At Q/(mu P) = .351 and .684 a zone of .806 and .562 of a sticks."""
-    expected, interface = EXPECTED["C3"]["steel"], scene()
+def dragged_along(**pair: Any) -> list[dict[str, Any]]:
+    """What the half gives out at 1 to 4 s: pressed in two steps, then dragged to each of DRAGS.  pair : its options."""
+    steel, interface = EXPECTED["C3"]["steel"], scene()
     boundary = [hold("lower.bottom", 0), hold("lower.bottom", 1),
-                hold("upper.top", 1, {"t": [0.0, 2.0], "value": [0.0, -expected["push"]]}),
+                hold("upper.top", 1, {"t": [0.0, 2.0], "value": [0.0, -steel["push"]]}),
                 hold("upper.top", 0, {"t": [2.0, 3.0, 4.0], "value": [0.0, *DRAGS]})]
     half = load(interface, {"half": "elastic", "format": 2, "tolerance": 1e-8,
-                            "materials": {"m": {"E": expected["E"], "nu": expected["nu"]}},
-                            "bodies": {b: {"material": "m"} for b in interface.bodies}, "boundary": boundary})
-    nodes = np.unique(interface.surfaces["upper.bottom"])
-    at = next(side.at for side in interface.pair_sides if side.surface == "upper.bottom")
+                            "materials": {"m": {"E": steel["E"], "nu": steel["nu"]}},
+                            "bodies": {b: {"material": "m"} for b in interface.bodies}, "boundary": boundary,
+                            **({"pairs": {"interface": pair}} if pair else {})})
     outputs = []
     with closing(open_link("direct")) as link:
         state, _ = half.start(inputs_of(half), 0.0, link)
         for i in range(4):
             state, out = done(half.step(state, inputs_of(half), float(i), 1.0, link))
             outputs.append(out)
+    return outputs
+
+
+def at_slave(out: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x from the middle of the contact [m], pressure and shear [Pa] of the cylinder's nodes."""
+    interface = scene()
+    nodes = np.unique(interface.surfaces["upper.bottom"])
+    at = next(side.at for side in interface.pair_sides if side.surface == "upper.bottom")
+    x, p, q = out["x"][nodes, 0], -out["contact.t_N"][at], np.abs(out["contact.t_T"][at])
+    return x - np.trapezoid(x * p, x) / np.trapezoid(p, x), p, q
+
+
+def test_what_sticks_shrinks_to_the_middle():
+    """At Q/(mu P) = .351 and .684 a zone of .806 and .562 of a sticks."""
+    at = next(side.at for side in scene().pair_sides if side.surface == "upper.bottom")
+    outputs = dragged_along()
     for out, ratio, sticks in zip(outputs[2:], EXPECTED["Cattaneo"]["Q_over_mu_P"], EXPECTED["Cattaneo"]["c_over_a"],
                                   strict=True):
         Q, P = np.abs(out["reaction.upper"])
         dragged = Q / (MU * P)
         assert dragged == pytest.approx(ratio, rel=0.01)
-        x, p, q = out["x"][nodes, 0], -out["contact.t_N"][at], np.abs(out["contact.t_T"][at])
-        x = x - np.trapezoid(x * p, x) / np.trapezoid(p, x)
+        x, p, q = at_slave(out)
         # An ellipse over c has the second moment c^2/4.
         a, c = (2.0 * np.sqrt(np.trapezoid(x**2 * f, x) / np.trapezoid(f, x)) for f in (p, MU * p - q))
         assert c / a == pytest.approx(np.sqrt(1.0 - dragged), rel=EXPECTED["Cattaneo"]["tolerance"])
