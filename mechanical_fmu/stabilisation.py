@@ -92,7 +92,7 @@ def stabilised(system: System, loading: Loading, first: ForceBalance, settings: 
             end = solve_step(system, loading, found, None, settings)
         except LooseBodyError as exc:
             loosest = exc
-            if not _touches(found):
+            if exc.together or not _touches(found):
                 ways = np.minimum(GROWTH * ways, LONGEST_WAY * _sizes(system, loose))
                 continue
         except NoEquilibriumError:

@@ -46,6 +46,7 @@ from coupler.trust.checks import TrustVerdict
 # The numbers of a run in words.
 
 LISTED_AT_MOST = 100
+SAME_T = 1e-9  # of the absolute temperature: round-off of one temperature everywhere
 
 # What became of a run, as its banner says it; a completed run has none.
 BANNERS = {
@@ -109,12 +110,21 @@ def answer(results: Results) -> list[str]:
     good = results.windows[results.windows.taken]
     if not len(good):
         return []
+    return [_temperature_sentence(results), _contact_sentence(results), _exact_sentence(results)]
+
+
+def _temperature_sentence(results: Results) -> str:
     T = shown("K", 0.0, results.header["temperature_unit"])
     hottest = f"The highest temperature is {T.text(results.max_T, 5)}"
-    if (course := results.extremes.get("thermal.T")) is not None and np.isfinite(course).any():
-        at, low = float(results.t[int(np.nanargmax(course[:, 1]))]), float(np.nanmin(course[:, 0]))
-        hottest += f", at t = {number(at, 6)} s, the lowest {T.text(low, 5)}"
-    return [f"{hottest}.", _contact_sentence(results), _exact_sentence(results)]
+    course = results.extremes.get("thermal.T")
+    if course is None or not np.isfinite(course).any():
+        return f"{hottest}."
+    at, low = float(results.t[int(np.nanargmax(course[:, 1]))]), float(np.nanmin(course[:, 0]))
+    # fault: report: one temperature everywhere is told as a highest and a lowest -> if False: |
+    #   coupler/test_report_windows::test_a_run_that_moves_no_heat_says_so
+    if results.max_T - low <= SAME_T * results.max_T:
+        return f"The temperature is {T.text(low, 5)} everywhere, from start to end."
+    return f"{hottest}, at t = {number(at, 6)} s, the lowest {T.text(low, 5)}."
 
 
 def _contact_sentence(results: Results) -> str:
@@ -142,7 +152,12 @@ def _contact_sentence(results: Results) -> str:
 def _exact_sentence(results: Results) -> str:
     """The relative energy-balance error, and the largest estimated error of the probes."""
     parts = []
-    if results.ledger:
+    # fault: report: a balance of no heat is told to close -> moved = bool(results.ledger) |
+    #   coupler/test_report_windows::test_a_run_that_moves_no_heat_says_so
+    moved = any(results.ledger.values())
+    if results.ledger and not moved:
+        parts.append("No heat moves in this run")
+    if moved:
         closes = number(results.heat_imbalance, 2) if results.heat_imbalance > 0.0 else "round-off"
         parts.append(f"The energy balance of the run closes to {closes} of the heat moved")
     errors = {n: e for n, e in results.probe_errors.items() if e.range > 0.0}

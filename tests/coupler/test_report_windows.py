@@ -85,6 +85,18 @@ def test_the_highest_temperature_may_be_that_of_the_start(tmp_path: Path) -> Non
     assert times_of(Case(windows=4))[0] == 0.0
 
 
+def test_a_run_that_moves_no_heat_says_so(tmp_path: Path) -> None:
+    """Mechanics alone: one temperature is neither a highest nor a lowest, and nothing is there to balance."""
+    results = write_run(tmp_path / "run.h5", Case(windows=4, frames=0))
+    results.max_T = 293.15
+    results.extremes["thermal.T"] = np.full((5, 2), 293.15)
+    results._terms = {name: np.zeros_like(course) for name, course in results._terms.items()}
+    said = answer(results)
+    assert said[0] == "The temperature is 20 °C everywhere, from start to end."
+    assert said[2].startswith("No heat moves in this run")
+    assert "balance" not in said[2]
+
+
 def test_a_scene_speaks_for_itself(tmp_path: Path) -> None:
     text = "# Two blocks meet.\n# They are <hot>.\n#\n# Run it: now\nslideline: 2\n"
     results = write_run(tmp_path / "run.h5", Case(windows=2, frames=0, text=text))

@@ -12,6 +12,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, block, blocks, done, elastic, hold, inputs_of
+from test_carrying import stack
 from test_hertz import scene as hertz
 
 from contact.rpc.link import open_link
@@ -113,6 +114,39 @@ def test_a_body_that_meets_nothing_is_told_with_its_way():
         answer = half.step(state, inputs_of(half), 0.0, 1.0, link)
     assert "nothing holds body upper" in answer.message
     assert "met nothing that holds it" in answer.message
+
+
+def above_its_floor(gap):
+    """Three blocks in touch with each other, gap [m] above the floor."""
+    scene = stack()
+    return replace(scene, nodes=scene.nodes + np.where(scene.node_body[:, None] > 0, [0.0, gap], 0.0))
+
+
+def pressed_stack(gap, load):
+    half = elastic(above_its_floor(gap), [hold("b0.bottom", 0), hold("b0.bottom", 1),
+                                          {"on": "b3.top", "t_y": ramp(load)}], material={"alpha": 0.0})
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half), 0.0, link)
+        return half.step(state, inputs_of(half), 0.0, 1.0, link)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-2])
+def test_blocks_that_only_hold_each_other_fall_together_and_rest(gap):
+    _, found = done(pressed_stack(gap, -FORCE))
+    assert found["reaction.b0"][1] == pytest.approx(0.6 * FORCE, rel=1e-7)
+    _, rested = done(pressed_stack(0.0, -FORCE))
+    assert np.abs(found["contact.t_N"] - rested["contact.t_N"]).max() <= 1e-3 * FORCE
+
+
+def test_two_bodies_that_only_hold_each_other_are_named():
+    """Pressed together and pushed up: no pair holds the three of them."""
+    half = elastic(above_its_floor(1e-2), [hold("b0.bottom", 0), hold("b0.bottom", 1),
+                                           {"on": "b3.top", "t_y": ramp(-FORCE)},
+                                           {"on": "b1.bottom", "t_y": ramp(2.0 * FORCE)}], material={"alpha": 0.0})
+    with closing(open_link("direct")) as link:
+        state, _ = half.start(inputs_of(half), 0.0, link)
+        answer = half.step(state, inputs_of(half), 0.0, 1.0, link)
+    assert "nothing holds bodies b1 and b2 and b3, which hold each other, against " in answer.message
 
 
 def test_a_body_that_nothing_pushes_stays_and_expands():
