@@ -49,11 +49,11 @@ class HeatTable:
 
 
 def heat_table(results: Results) -> HeatTable | None:
-    """Totals of the run, or None if it kept no ledger."""
+    """Totals of the run, or None if it kept no ledger or moved no heat."""
     _, history = results.ledger_history()
     # A mechanism that never moved heat is not part of the scene; what a body stored is told even where it is 0.
     ledger = {n: e for n, e in results.ledger.items() if n.startswith(STORED) or np.any(history[n])}
-    if not ledger:
+    if not any(np.any(history[n]) for n in ledger):
         return None
     scale = shown("J", max(abs(e) for e in ledger.values()))
 

@@ -27,6 +27,7 @@ MOST_FRAMES = 50
 MOST_BYTES = 5_000_000  # of fields, before they are packed
 LEAST_FRAMES = 8  # a player of fewer tells no story: then fields are left out instead
 LINE_BYTES, LINE_ROWS = 1_000_000, 400
+SAME = 1e-9  # of a field: round-off of one value everywhere
 COLOURS = 48  # of a colour map
 MAPS = {"heat": ("inferno", 0.08, 1.0), "size": ("viridis", 0.0, 1.0), "signed": ("coolwarm", 0.0, 1.0)}
 SIGNED = 0.05  # share of the largest below which what is negative is not worth colours of its own
@@ -70,6 +71,7 @@ def title_of(field: OutputField) -> str:
 def fields_to_show(results: Results) -> list[Shows]:
     """Return the fields on nodes and cells: numbers and vectors of both halves first, components of tensors last.
 
+    Of the former the temperature comes first, and after all others what has one value everywhere at all times.
     Pressure and gap are not among them: they are shown along the surfaces.
     """
     first, last = [], []
@@ -82,7 +84,18 @@ def fields_to_show(results: Results) -> list[Shows]:
             first.append(Shows(field, title))
         elif field.components == 4:
             last += [Shows(field, f"{title} {name.format(*axes)}", c) for c, name in TENSOR]
-    return sorted(first, key=lambda s: s.field.label != "T") + last
+    # fault: report: a field of one value is shown first ->
+    #   return sorted(first, key=lambda s: s.field.label != "T") + last |
+    #   coupler/test_report_windows::test_a_run_that_moves_no_heat_says_so
+    return sorted(first, key=lambda s: (_is_one_value(results, s.field), s.field.label != "T")) + last
+
+
+def _is_one_value(results: Results, field: OutputField) -> bool:
+    course = results.extremes.get(f"{field.half}.{field.label}")
+    if course is None or not np.isfinite(course).any():
+        return False
+    least, largest = float(np.nanmin(course)), float(np.nanmax(course))
+    return largest - least <= SAME * max(abs(least), abs(largest))
 
 
 def frames_to_show(results: Results, file: FieldReader, most: int) -> list[int]:

@@ -13,7 +13,9 @@ from coupler.record.results import Results, _ProbeSeries
 from coupler.record.tables import ERROR_FIELDS
 from coupler.report.control import EACH, commonest, every_window, stretches
 from coupler.report.curves import error_of, probe_pictures
+from coupler.report.heat import heat_table
 from coupler.report.page import about, answer, render
+from coupler.report.player import fields_to_show
 
 sys.path.insert(0, str(Path(__file__).parent))
 from synthetic_run import END, Case, blocks, level, times_of, write_run
@@ -95,6 +97,20 @@ def test_a_run_that_moves_no_heat_says_so(tmp_path: Path) -> None:
     assert said[0] == "The temperature is 20 °C everywhere, from start to end."
     assert said[2].startswith("No heat moves in this run")
     assert "balance" not in said[2]
+    assert heat_table(results) is None
+    shown = [s.field.label for s in fields_to_show(results)]
+    assert shown.index("T") > 0
+    results.extremes["thermal.T"][3, 1] = 294.0
+    assert next(s.field.label for s in fields_to_show(results)) == "T"
+
+
+@pytest.mark.parametrize(("size", "begins"), [(1e-7, "Bodies are pressed together from the start"),
+                                              (2.5, "Bodies press on each other first at t = 2.5 s")])
+def test_what_closes_at_once_is_in_touch_from_the_start(size: float, begins: str, tmp_path: Path) -> None:
+    """A pair drawn in touch carries its first pressure at the end of the first window, however short that is."""
+    results = write_run(tmp_path / "run.h5", Case(windows=4, frames=0))
+    results.windows.max_p[:], results.windows.H[0] = 1e6, size
+    assert answer(results)[1].startswith(begins)
 
 
 def test_a_scene_speaks_for_itself(tmp_path: Path) -> None:
