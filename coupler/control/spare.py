@@ -45,6 +45,10 @@ HISTORY = 2
 # A probe that bends more than so many times as much as at any look before, and by this share of its range, is looked at
 # as soon as this part of the usual pause is over: what grows doubles often.
 BENDS_MORE, VISIBLE, PART = 2.0, 0.01, 0.25
+# Where contact closes or opens, one that bends by this share of its range, and by so many times as much, is looked at
+# at once and whatever that costs: contact that opens under load, in a window that nobody looked at, may be off by half
+# of what it carried.  Each time it is twice as much, so it is seldom.
+LARGE = 0.2
 # Probes that bend by more of their range in two windows on end are not resolved: then it is measured, too, whether the
 # exchange is stable (coupler.control.gain), for two windows where it answers weakly, five or six where it does not.
 # For that there is a share of all windows, at least enough for one, and more of every rough one and of one in which a
@@ -149,12 +153,20 @@ def wanted(memory: Memory, seen: Looked, number: int, plan: Plan) -> bool:
     if number < HISTORY:
         # fault: the first windows are not looked at -> return False | coupler/test_spare
         return number == 0 or windows > HISTORY
+    more = seen.second > BENDS_MORE * memory.highest
+    # fault: what bends most waits for its turn -> if False: | coupler/test_spare
+    if _at_any_cost(memory, seen):
+        return True
     pause = windows * LOOK / (AT_FIRST + _earned(memory.course, seen.second) * windows)
-    bends = (seen.second > BENDS_MORE * memory.highest) & (seen.second > VISIBLE * memory.course.range)
     # fault: what begins to bend is not looked at before its turn -> if False: | coupler/test_spare
-    if bends.any() and memory.since >= PART * pause:
+    if (more & (seen.second > VISIBLE * memory.course.range)).any() and memory.since >= PART * pause:
         return memory.credit >= -AT_FIRST and _can_afford(memory, 0.0, plan)
     return memory.credit >= LOOK and memory.since >= pause and _can_afford(memory, LOOK, plan)
+
+
+def _at_any_cost(memory: Memory, seen: Looked) -> bool:
+    bends = seen.second > np.maximum(BENDS_MORE * memory.highest, LARGE * memory.course.range)
+    return seen.switch and bool(bends.any())
 
 
 def _windows(plan: Plan) -> int:
@@ -164,6 +176,10 @@ def _windows(plan: Plan) -> int:
 def spent(memory: Memory, seen: Looked, number: int) -> Memory:
     """Return the memory after a look at a window.  number : of it, from 0; its bend is the whole of a change."""
     highest = np.maximum(memory.highest, seen.second) if number else memory.highest
+    # What smooth windows err by is to be seen, too, wherever contact switched before.
+    # fault: looks at switches leave nothing for the rest -> if False: | coupler/test_spare
+    if number >= HISTORY and _at_any_cost(memory, seen):
+        return replace(memory, highest=highest)
     return replace(memory, credit=memory.credit - LOOK, since=0, highest=highest, spent=memory.spent + seen.solves)
 
 

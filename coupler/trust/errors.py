@@ -92,7 +92,8 @@ class ErrorLog:
     bends of those, by how much they bent, and how many.  rest : (n, CLASSES) what is left of the bends of the others.
     switches : what is left of the bends that windows at a switch of contact that were not looked at have beyond those
     of before.  jumps : what is left of the errors of such in which a probe jumped.
-    at_switch : (n, 2) errors and bends of either that were looked at.
+    at_switch : (n, 2) errors and bends of either that were looked at, milder : of those that erred by no more than MOST
+    of what they bent.
     curve [1/s2]: |v''| of the last window that is at no switch.
     windows : of which `looked` were looked at, for `solves` solver calls; worst : the largest error, of a probe's range
     then, in the window to t [s].
@@ -112,6 +113,7 @@ class ErrorLog:
     rest: Array = field(default_factory=_empty)
     switches: Array = field(default_factory=_empty)
     at_switch: Array = field(default_factory=_empty)
+    milder: Array = field(default_factory=_empty)
     jumps: Array = field(default_factory=_empty)
     curve: Array = field(default_factory=_empty)
     windows: int = 0
@@ -126,7 +128,7 @@ def begun(values: Array, t: float = 0.0) -> ErrorLog:
     values, none = np.where(np.isfinite(values), values, 0.0), np.zeros(len(values))
     classes = np.zeros((len(values), CLASSES))
     return ErrorLog(values, values, np.abs(values), values, t, none, none, none, classes, classes, classes, classes,
-                    none, np.zeros((len(values), 2)), none)
+                    none, np.zeros((len(values), 2)), np.zeros((len(values), 2)), none)
 
 
 def watched(log: ErrorLog, seen: Looked, t: float, *, fresh: bool = False) -> ErrorLog:
@@ -148,9 +150,13 @@ def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArra
     bend : (n,) of the probes in it.
     """
     share = float((seen.error / np.maximum(log.high - log.low, ROUND_OFF * log.most + 1e-300)).max(initial=0.0))
-    both, smooth = np.column_stack([seen.error, seen.second]), np.where(apart, 0.0, 1.0)
+    both = np.where(apart[:, None], np.column_stack([seen.error, seen.second]), 0.0)
+    smooth = np.where(apart, 0.0, 1.0)
+    # fault: what jumped at a switch is carried on to smooth windows -> mild = both |
+    #   coupler/test_spare::test_what_switches_inside_a_window_is_told_as_wrong_as_it_is
+    mild = np.where((seen.error <= MOST * seen.second)[:, None], both, 0.0)
     return replace(log, looked=log.looked + 1, known=log.known + seen.error, worst=max(share, log.worst),
-                   t=t if share > log.worst else log.t, at_switch=log.at_switch + np.where(apart[:, None], both, 0.0),
+                   t=t if share > log.worst else log.t, at_switch=log.at_switch + both, milder=log.milder + mild,
                    errors=_added(log.errors, smooth * seen.error, bend), bends=_added(log.bends, smooth * bend, bend),
                    counts=_added(log.counts, smooth, bend))
 
@@ -218,7 +224,9 @@ def _now(log: ErrorLog) -> Array:
     # fault: what is measured at a switch of contact tells of no other -> apart = AT_SWITCH * log.switches + log.jumps |
     #   coupler/test_trust_errors
     apart = np.clip(ratios, AT_LEAST, AT_SWITCH) * log.switches + log.jumps
-    # Where every look met a switch they are all there is to go by.
+    # Where every look met a switch they are all there is to go by, those first in which no probe jumped.
+    mild, bent = log.milder.T
+    ratios = np.where(bent > 0.0, np.divide(mild, bent, out=np.zeros(len(bend)), where=bent > 0.0), ratios)
     alone = np.where(bend > 0.0, np.minimum(ratios, MOST), 0.0) * log.rest.sum(axis=1)
     # fault: smooth windows have no error where every look met a switch -> return log.known + apart + smooth |
     #   coupler/test_trust_errors

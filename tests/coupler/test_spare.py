@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -144,8 +145,11 @@ def test_a_run_that_was_stopped_looks_at_the_same_windows(tmp_path):
 
 # When it looks
 
-def looks(bends: np.ndarray) -> list[int]:
-    """The windows looked at in a run of one probe.  bends : its second difference in each window."""
+def looks(bends: np.ndarray, switches: Collection[int] = ()) -> list[int]:
+    """The windows looked at in a run of one probe.
+
+    bends : its second difference in each window.  switches : windows in which contact closes or opens.
+    """
     n = len(bends)
     values = np.concatenate([[0.0], np.cumsum(np.cumsum(bends))])
     plan = Plan(schedule(float(n), [WindowRange(float(n), 1.0, 1.0)], ()), Scheme.STAGGERED,
@@ -153,7 +157,7 @@ def looks(bends: np.ndarray) -> list[int]:
     now = Level(0.0, np.empty(0), np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
     memory, found = spare.first(plan, CoupledState(now, (), 0, {})), []
     for k in range(n):
-        memory, seen = spare.after(memory, float(k + 1), values[k + 1: k + 2], 2)
+        memory, seen = spare.after(memory, float(k + 1), values[k + 1: k + 2], 2, k in switches)
         if spare.wanted(memory, seen, k, plan):
             memory = spare.spent(memory, replace(seen, solves=4), k)
             found.append(k)
@@ -182,6 +186,24 @@ def test_looks_take_a_twentieth_of_the_run_however_it_bends():
     found = looks(np.array([1.0, *([0.0, -2.0, 0.0, 2.0] * 100)[:399]]))
     assert 5 <= len(found) <= 0.05 * 800 / 4
     assert sum(k > 200 for k in found) >= 2, "some of it is kept for what comes"
+
+
+def test_what_bends_most_at_a_switch_is_looked_at_whatever_that_costs():
+    """The budget of 40 windows is spent on the first two, in which nothing moves; then contact closes, and opens."""
+    bends = np.zeros(40)
+    bends[[3, 4, 30]] = [1.0, 50.0, -500.0]
+    assert looks(bends) == [0, 1, 3]
+    assert looks(bends, {3, 4, 30}) == [0, 1, 3, 4, 30]
+    bends[31:39] = 500.0 * (-1.0) ** np.arange(8)
+    assert looks(bends, range(30, 39)) == [0, 1, 3, 30], "twice as much each time"
+
+
+def test_smooth_windows_are_looked_at_wherever_contact_switched_before():
+    bends = np.ones(1000)
+    bends[[10, 11, 12]] = [100.0, -1000.0, 1e4]
+    without, found = looks(np.ones(1000)), looks(bends, {10, 11, 12})
+    assert {10, 11, 12} <= set(found)
+    assert len([k for k in found if k > 12]) >= len([k for k in without if k > 12])
 
 
 def test_what_is_not_resolved_may_be_looked_at_more():
