@@ -28,6 +28,15 @@ GIVEN_UP = {
     r"how little of the model": "the cheapest model within your tolerance", r"without crumbs": "without tiny steps",
     r"not beaten by any other": "Pareto optimal", r"named breaks?\b": "seeded faults",
     r"zigzag": "alternating error", r"stands twice": "duplicated", r"not dearer": "no more expensive",
+    r"after a kink|at a kink or|the next kink": "breakpoint", r"who is let in": "security",
+    r"disturbances? turns? round": "alternates", r"in the ledger\b": "in the heat balance",
+    r"nobody states\b": "not given", r"told as work": "an output", r"drives it out": "removes it",
+    r"that no physics makes": "not physical", r"by hand, for use": "for use",
+    r"is in no account": "not in the heat balance",
+    r"companion has no answer": "comparison run", r"out of sight": "unreachable", r"as ever\b": "as usual",
+    r"(?:is|goes?) told by name": "the error names it", r"what it breaks, and how": "violations and remedies",
+    r"told, for|is told, too": "reported", r"what nobody stated": "defaults", r"with its joules": "in joules",
+    r"says nothing there": "has no meaning there", r"said in words": "sentence", r"on in silence": "without a message",
 }
 FENCE = re.compile(r"^```.*?^```$", re.M | re.S)
 CODE = re.compile(r"`[^`\n]*`")

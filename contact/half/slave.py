@@ -173,7 +173,7 @@ class LinkOnDemand:
         return waits.ask(self._link, request)
 
     def close(self) -> None:
-        """Close the link, if it was ever opened."""
+        """Close the link, if it was opened."""
         if self._link is not None:
             self._link.close()
             self._link = None

@@ -41,19 +41,19 @@ VERBS = {
     "check": Verb("coupler.cli.scene:check_command", about=
         "Check a scenario and print what it would run, without running it."),
     "show": Verb("coupler.cli.drawn:show_command", about=
-        "Draw a scenario before it runs: bodies, meshes, pairs with their sides, what acts where, probes."),
+        "Draw a scenario before it runs: bodies, meshes, pairs with their sides, conditions, probes."),
     "run": Verb("coupler.cli.running:run_command", solves=True, about=
-        "Run a scenario; results go to run.h5 and one .vtkhdf a half."),
+        "Run a scenario; write run.h5 and a .vtkhdf file for each half."),
     "resume": Verb("coupler.cli.running:resume_command", solves=True, about=
         "Resume a run that was interrupted, stopped or killed, or that failed, into the same results file."),
     "status": Verb("coupler.cli.results:status_command", about=
-        "Tell how far a run is, from another terminal, or what became of it."),
+        "Print the progress of a run, from another terminal, or how it ended."),
     "trace": Verb("coupler.cli.results:trace_command", about=
-        "Write what ran when in a run as a trace that browsers draw (ui.perfetto.dev, chrome://tracing)."),
+        "Write a trace of a run: when each call ran; for ui.perfetto.dev or chrome://tracing."),
     "report": Verb("coupler.cli.drawn:report_command", about=
         "Write a self-contained HTML page about a run."),
     "watch": Verb("coupler.cli.drawn:watch_command", about=
-        "Write the page of a run that goes on, again and again until the run ends; the browser renews it by itself."),
+        "Write the report of a run while it goes on; the page reloads itself until the run ends."),
     "compare": Verb("coupler.cli.drawn:compare_command", about=
         "Compare two runs: the largest differences on a page, and a verdict."),
     "study": Verb("coupler.cli.trials:study_command", solves=True, about=
@@ -61,21 +61,21 @@ VERBS = {
     "advise": Verb("coupler.cli.trials:advise_command", solves=True, about=
         "Find the cheapest model within your tolerance, and write it as a scenario."),
     "build": Verb("coupler.cli.running:build_command", solves=True, about=
-        "Build the FMUs of a scenario by hand, for use in any FMI 2.0 master."),
+        "Build the FMUs of a scenario, for use in any FMI 2.0 master."),
     "verify-half": Verb("coupler.verify.verify:verify_half_command", solves=True, about=
         "Check a half against the interface specification: names, units, state, discards, substeps."),
     "host": Verb("coupler.cli.hosting:host_command", about=
-        "Serve runs of other machines as one of their roles; with --init-tls make the certificates that this needs."),
+        "Run one role for runs on other machines; --init-tls makes the certificates."),
     "list": Verb("coupler.cli.tools:list_command", about=
-        "List the scenarios and halves that are installed, with a sentence each."),
+        "List the installed scenarios and halves, with a sentence each."),
     "cache": Verb("coupler.cli.tools:cache_command", about=
-        "Tell the size of the cache of built halves, and clear it; by itself it stays below 2 GB."),
+        "Print the size of the cache of built halves, or clear it; it keeps itself below 2 GB."),
     "schema": Verb("coupler.cli.scene:schema_command", about=
-        "Write the JSON Schema of a scenario: editors complete and check its keys by it."),
+        "Write the JSON Schema of a scenario, for editors that complete and check keys."),
     "migrate": Verb("coupler.cli.scene:migrate_command", about=
-        "Write a scenario of an older version as one of the newest, with the same numbers."),
+        "Write a scenario of an older version as the newest version, with the same numbers."),
     "demo": Verb("coupler.cli.running:demo_command", solves=True, about=
-        "A first look in seconds: the sliding blocks with the rigid half, and their report."),
+        "Show a first result in seconds: the sliding blocks with the rigid half, and their report."),
 }
 
 

@@ -22,7 +22,7 @@ def show_command(scenario: ScenarioFile,
                  out: Annotated[Path | None, typer.Option(
                      "--out", "-o", help="The picture: .png, .svg or .pdf; without it SCENARIO.png, here.")] = None,
                  sets: SetOption = None, swaps: SwapOption = None) -> None:
-    """Draw a scenario before it runs: bodies, meshes, pairs with their sides, what acts where, probes."""
+    """Draw a scenario before it runs: bodies, meshes, pairs with their sides, conditions, probes."""
     typer.echo(write_scene(scenario_of(scenario, sets, swaps), out or Path(f"{scenario.stem}.png")))
 
 
@@ -37,7 +37,7 @@ def watch_command(results: Annotated[Path, typer.Argument(help="The results file
                   out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
                   every: Annotated[float, typer.Option("--every", metavar="SECONDS", min=1.0,
                                                        help="Time between two pages.")] = 5.0) -> None:
-    """Write the page of a run that goes on, again and again until the run ends; the browser renews it by itself."""
+    """Write the report of a run while it goes on; the page reloads itself until the run ends."""
     page = out or results.with_suffix(".html")
 
     def tell(so_far: Results) -> None:
@@ -47,7 +47,7 @@ def watch_command(results: Annotated[Path, typer.Argument(help="The results file
     leave(watch_report(results, page, every, tell))
 
 
-def compare_command(first: Annotated[Path, typer.Argument(help="The results file to refer to.", show_default=False)],
+def compare_command(first: Annotated[Path, typer.Argument(help="Results file of the reference.", show_default=False)],
                     second: Annotated[Path, typer.Argument(help="The results file to compare.", show_default=False)],
                     out: Annotated[Path | None, typer.Option("--out", "-o", help="The page.")] = None,
                     within: WithinOption = "", as_json: JsonOption = False) -> None:

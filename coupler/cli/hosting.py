@@ -24,9 +24,9 @@ def host_command(role: Annotated[str, typer.Argument(help="thermal, mechanical o
                  init: Annotated[bool, typer.Option(
                      "--init-tls", help="Make the certificates for all roles, once, on one machine.")] = False,
                  patience: Annotated[float, typer.Option(
-                     "--patience", metavar="SECONDS", help="How long a coupler may be out of sight.")] = 120.0,
+                     "--patience", metavar="SECONDS", help="How long a coupler may be unreachable.")] = 120.0,
                  once: Annotated[bool, typer.Option("--once", help="End after one run.")] = False) -> None:
-    """Serve runs of other machines as one of their roles; with --init-tls make the certificates that this needs."""
+    """Run one role for runs on other machines; --init-tls makes the certificates."""
     if init:
         folder = init_tls(read_hosts(hosts))
         typer.echo(f"{folder}: a folder for each role.  Copy {hosts.name} and {folder.name}/ROLE to the machine of "

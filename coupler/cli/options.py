@@ -35,18 +35,18 @@ SwapOption = Annotated[list[str] | None, typer.Option(
     "--swap", metavar="HALF=KIND", help="Use another half: mechanical=rigid. May be repeated.")]
 UntilOption = Annotated[float | None, typer.Option(
     # fault: an option that the pages name is renamed -> "--til", metavar="SECONDS", help="Stop at the first window end
-    #   at or after this time; `resume` goes on.")] | test_docs::test_commands_and_options_exist
-    "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` goes on.")]
+    #   at or after this time; `resume` continues.")] | test_docs::test_commands_and_options_exist
+    "--until", metavar="SECONDS", help="Stop at the first window end at or after this time; `resume` continues.")]
 ProcessesOption = Annotated[bool, typer.Option(
-    "--processes", help="Each half and the contact service in a process of its own.")]
+    "--processes", help="Run each half and the contact service in its own process.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 HostsOption = Annotated[Path | None, typer.Option(
-    "--hosts", metavar="FILE", help="Each half and the contact service on the machine that this file names.")]
+    "--hosts", metavar="FILE", help="Run each half and the contact service on the machines that this file names.")]
 LogOption = Annotated[Path | None, typer.Option(
-    "--log", metavar="FILE", help="Append a line of JSON a window to this file.")]
+    "--log", metavar="FILE", help="Append a line of JSON for each window to this file.")]
 WithinOption = Annotated[str, typer.Option(
-    "--within", metavar="BOUNDS", help="How far the runs may be apart, T=1K,p=1% (of the range); else what both say "
-    "that they may be off by.")]
+    "--within", metavar="BOUNDS", help="Allowed difference of the runs, T=1K,p=1% (of the range). Default: the "
+    "errors that both runs estimate.")]
 
 
 def overrides_of(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dict[str, Any]:

@@ -16,10 +16,10 @@ from coupler.record.trace import trace_text
 from coupler.running.status import status
 
 
-def status_command(results: Annotated[Path, typer.Argument(help="The results file of a run, which may go on.",
+def status_command(results: Annotated[Path, typer.Argument(help="The results file of a run, finished or not.",
                                                            show_default=False)],
                    as_json: JsonOption = False) -> None:
-    """Tell how far a run is, from another terminal, or what became of it."""
+    """Print the progress of a run, from another terminal, or how it ended."""
     found = status(results)
     typer.echo(json.dumps(found.as_dict()) if as_json else "\n".join(found.lines))
 
@@ -27,7 +27,7 @@ def status_command(results: Annotated[Path, typer.Argument(help="The results fil
 def trace_command(results: Annotated[Path, typer.Argument(help="The results file of a run.", show_default=False)],
                   out: Annotated[Path | None, typer.Option(
                       "--out", help="The trace, JSON; default: beside the results, run.trace.json.")] = None) -> None:
-    """Write what ran when in a run as a trace that browsers draw (ui.perfetto.dev, chrome://tracing).
+    """Write a trace of a run: when each call ran; for ui.perfetto.dev or chrome://tracing.
 
     Windows and records of the coupler and the calls of both halves, over the seconds of the run.
     """

@@ -52,16 +52,16 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                     "--confidence", help="Run it in windows of 2 and 4 times the size too, for the error of each probe."
                 )] = False,
                 confidence_mesh: Annotated[bool, typer.Option(
-                    "--confidence-mesh", help="The same, and on a mesh of half as many cells along each edge."
+                    "--confidence-mesh", help="The same, and on a mesh with half as many cells along each edge."
                 )] = False,
-                report: Annotated[bool, typer.Option("--report", help="Write the report page too.")] = False,
+                report: Annotated[bool, typer.Option("--report", help="Also write the report page.")] = False,
                 quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print no progress.")] = False,
-                verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print a line each window.")] = False,
+                verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print a line for each window.")] = False,
                 as_json: JsonOption = False,
                 against: Annotated[bool, typer.Option(
                     "--compare", help="With --swap: run the scenario's own halves too (OUT-own.h5), and compare."
                 )] = False, within: WithinOption = "") -> None:
-    """Run a scenario; results go to run.h5 and one .vtkhdf a half."""
+    """Run a scenario; write run.h5 and a .vtkhdf file for each half."""
     if against and not swaps:
         raise ScenarioError("there is nothing to compare: no half is swapped", key="--compare",
                             remedy="Add --swap thermal=KIND or --swap mechanical=KIND")
@@ -154,7 +154,7 @@ def _each(*told: Callable[[Progress], None]) -> Callable[[Progress], None]:
 def build_command(scenario: ScenarioFile,
                   out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the FMUs.")] = Path(),
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
-    """Build the FMUs of a scenario by hand, for use in any FMI 2.0 master."""
+    """Build the FMUs of a scenario, for use in any FMI 2.0 master."""
     for path in build_halves(scenario_of(scenario, sets, swaps), out):
         typer.echo(path)
 
@@ -194,7 +194,7 @@ def run_demo(folder: Path, on_start: Callable[[Scenario], AbstractContextManager
 
 
 def demo_command(folder: Annotated[Path, typer.Argument(help="Where the demo goes.")] = Path("slideline-demo")) -> None:
-    """A first look in seconds: the sliding blocks with the rigid half, and their report."""
+    """Show a first result in seconds: the sliding blocks with the rigid half, and their report."""
     demo = run_demo(folder, on_start=lambda s: ProgressLine(s.temperature_unit))
     typer.echo(summary(demo.results))
     typer.echo(f"  the scenario: {demo.scenario}\n  the report:   {demo.page}")

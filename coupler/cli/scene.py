@@ -127,7 +127,7 @@ def schema_command(out: Annotated[Path | None, typer.Option("--out", "-o", help=
 
 def migrate_command(scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.", show_default=False)]
                     ) -> None:
-    """Write a scenario of an older version as one of the newest, with the same numbers."""
+    """Write a scenario of an older version as the newest version, with the same numbers."""
     document, file = checked_form(scenario)
     if file.slideline == VERSION:
         typer.echo(f"{scenario} is of version {VERSION} already.")

@@ -52,7 +52,7 @@ def listed() -> dict[str, list[dict[str, str]]]:
 
 
 def list_command(as_json: JsonOption = False) -> None:
-    """List the scenarios and halves that are installed, with a sentence each."""
+    """List the installed scenarios and halves, with a sentence each."""
     found = listed()
     if as_json:
         typer.echo(json.dumps(found, indent=1))
@@ -66,11 +66,12 @@ def list_command(as_json: JsonOption = False) -> None:
         typer.echo(f"  {row['name']:{wide}}{row['role']}: {row['about']}")
 
 
-def cache_command(clear: Annotated[bool, typer.Option("--clear", help="Remove all that was built.")] = False,
+def cache_command(clear: Annotated[bool, typer.Option("--clear", help="Remove all built halves.")] = False,
                   cap: Annotated[float | None, typer.Option(
-                      "--cap", metavar="GB", min=0.0, help="Remove what was used longest ago, to this size.")] = None,
+                      "--cap", metavar="GB", min=0.0,
+                      help="Remove the least recently used files, down to this size.")] = None,
                   as_json: JsonOption = False) -> None:
-    """Tell the size of the cache of built halves, and clear it; by itself it stays below 2 GB."""
+    """Print the size of the cache of built halves, or clear it; it keeps itself below 2 GB."""
     folder = cache_directory()
     removed = clear_cache(folder) if clear else drop_to(folder, cap * 1e9) if cap is not None else 0
     places = cached_halves(folder)

@@ -22,12 +22,12 @@ def study_command(scenario: ScenarioFile,
                   grid: Annotated[list[str] | None, typer.Option(
                       "--grid", metavar="AXIS=VALUES", help="scheme=staggered,extrapolated. May be repeated.")] = None,
                   measure: Annotated[str, typer.Option(
-                      "--measure", metavar="PROBES", help="Probes whose error counts, with commas.")] = "",
+                      "--measure", metavar="PROBES", help="Probes whose error counts, separated by commas.")] = "",
                   processes: Annotated[int, typer.Option(
-                      "--jobs", "-j", min=0, help="Runs at a time; 0: one a core.")] = 0,
+                      "--jobs", "-j", min=0, help="Runs at the same time; 0: one for each core.")] = 0,
                   cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler instead.")] = "",
-                  limit: Annotated[float | None, typer.Option("--limit", help="Seconds a run may take.")] = None,
-                  pilot: Annotated[bool, typer.Option("--pilot", help="Predict limits of windows first.")] = False,
+                  limit: Annotated[float | None, typer.Option("--limit", help="Most seconds of a run.")] = None,
+                  pilot: Annotated[bool, typer.Option("--pilot", help="Predict stable windows first.")] = False,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Run a grid of settings, and draw error against cost.  After Ctrl-C the same command continues."""
     keys: dict[str, Any] = {}

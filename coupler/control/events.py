@@ -37,7 +37,7 @@ BLIND = 1.0 / 16.0
 
 @dataclass(frozen=True)
 class Reach:
-    """Of a window.  must_end : the tick of the next kink.  t0, t1 : its start and its farthest end tried [s].
+    """Of a window.  must_end : the tick of the next breakpoint.  t0, t1 : its start and its farthest end tried [s].
 
     tolerance, least [s]: how nearly an event is located, and how short a window may be.  near [s]: before a kink at its
     end what is the kink's own.  schemes : by which it is solved, or may be.

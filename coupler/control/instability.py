@@ -86,9 +86,9 @@ def sentence(known: Gain) -> str:
     limit = known.limit
     until = (": no window is stable" if limit == 0.0 else
              f": windows up to about {limit:.3g} s are stable" if math.isfinite(limit) else "")
-    what = "unstable exchange: a disturbance turns round and grows" if grows else (
-        "ringing: a disturbance turns round and dies slowly")
-    return f"{what}, by {known.m:.3g} from one window to the next, of {known.H:.3g} s{until}"
+    what = "unstable exchange: a disturbance alternates and grows" if grows else (
+        "ringing: a disturbance alternates and decays slowly")
+    return f"{what}, by {known.m:.3g} from one window of {known.H:.3g} s to the next{until}"
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def answer(attempt: Attempt, known: Gain) -> Answer | None:
         cap = settings.window_cap
         settings = replace(settings, window_cap=min(cap, attempt.H / math.ceil(1.0 / way.share) * (1.0 + 1e-9)))
         watch = replace(watch, cap=watch.cap if watch.halved else cap, halved=watch.halved + 1)
-        done.append(f"no window is longer than {settings.window_cap:.3g} s up to the next kink")
+        done.append(f"no window is longer than {settings.window_cap:.3g} s up to the next breakpoint")
     text = f"{text}; {', and '.join(done)}"
     again = (cut(attempt, settings.window_cap / attempt.H, text) if way.share < 1.0 and control.ends
              else tried_again(attempt, replace(control, aim=0), text))

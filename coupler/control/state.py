@@ -70,7 +70,7 @@ def first(state: CoupledState, plan: Plan) -> Committed:
 
 
 def opened(at: Committed, plan: Plan) -> Committed:
-    """With the histories forgotten where the next window begins at a kink or an event; once, however often it is tried.
+    """With the histories forgotten where the next window begins at a breakpoint or an event; once per window end.
 
     Halves restart damped there, but not where only thermal data bend.
     """
@@ -90,7 +90,7 @@ def opened(at: Committed, plan: Plan) -> Committed:
                       controller=window_size.forgotten(control.controller), choice=auto.forgotten(control.choice),
                       events=events.forgotten(control.events))
     if plan.adaptive is not None and damped and control.size > plan.adaptive.first:
-        control = replace(control, size=plan.adaptive.first, reason="the first after a kink or an event")
+        control = replace(control, size=plan.adaptive.first, reason="the first after a breakpoint or an event")
     return Committed(state, control)
 
 

@@ -204,7 +204,7 @@ def act(watch: Watch, settings: Settings, on: OnCycle, window: WindowSummary) ->
     if on is OnCycle.CUT and window.may_cut and watch.halved < HALVINGS:
         cap = watch.cap if watch.halved else settings.window_cap
         settings = replace(settings, window_cap=min(settings.window_cap, 0.5 * window.H))
-        text = f"{text}; no window is longer than {settings.window_cap:.3g} s up to the next kink"
+        text = f"{text}; no window is longer than {settings.window_cap:.3g} s up to the next breakpoint"
         watch = replace(watch, swings={}, told=frozenset(), calm=0, cap=cap, halved=watch.halved + 1)
         return CycleAction(watch, settings, (text,), cut=True)
     # What one half does alone is there whatever the other is told.

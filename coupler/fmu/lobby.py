@@ -76,7 +76,7 @@ class Lobby:
 
 
 def main(role: str, file: Path, patience: float) -> None:
-    """Serve one run as a role, and end the process.  patience : [s] for which the coupler may be out of sight."""
+    """Serve one run as a role, and end the process.  patience : [s] for which the coupler may be unreachable."""
     parent = become_child(close_all_sessions)
     last = parent.hear(30.0).replace("\x00", "\n")
     try:

@@ -130,8 +130,8 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
     if error is not None and not near:
         worst = float(np.nanmax(error))
         apart = replace(shown(results.unit(names[0]), worst), shift=0.0)
-        caption += (f" Bands: the estimated error of each window, at most {apart.text(worst, 2)}, as it is at the node "
-                    "where it is largest; those of the windows before are not in it.")
+        caption += (f" Bands: the estimated error of each window, at most {apart.text(worst, 2)}, at the node "
+                    "where it is largest, without the errors of earlier windows.")
         span_of = float(np.nanmax(values) - np.nanmin(values))
         caption += " The bands are narrower than the lines." if worst < NARROW * span_of else ""
     alt = f"{title}: {_ends(names, values, scale)}."
@@ -149,11 +149,11 @@ def _picture(results: Results, quantity: str, names: Sequence[str], near: tuple[
 
 def _caption(quantity: str, title: str, span: str, near: bool, lines: bool) -> str:
     if near:
-        return f"The same where most of it happens, {span}."
+        return f"Detail of the time with the largest changes, {span}."
     # fault: a caption of lines that nobody drew -> more = {"T": " Thin vertical lines: breakpoints, where boundary data
     #   jump or change slope.", | coupler/test_report
     more = {"T": " Thin vertical lines: breakpoints, where boundary data jump or change slope." if lines else "",
-            "gap": " Where nothing is faced there is no gap."}
+            "gap": " A node that faces nothing has no gap."}
     return f"{title}.{more.get(quantity, '')}"
 
 

@@ -84,15 +84,15 @@ def _temperatures(results: Results, file: FieldReader) -> list[Picture]:
     figure = _frames(file, picks, [scale(v) for v in T], limits, f"temperature [{scale.unit}]", axes)
     narrow = figure.get_figwidth() <= NARROW
     times = ", ".join(f"{number(float(file.times[k]), 6)} s" for k in picks)
-    near = ", those nearest to the kinks," if kinks_of(results) else ""
+    near = ", those nearest to the breakpoints," if kinks_of(results) else ""
     pictures = [png(figure, f"Temperature of the bodies at t = {times}, from {scale.text(low)} to {scale.text(high)}.",
-                    "Temperature on the bodies as they stand (deformed, not magnified), one colour scale for all. "
-                    f"Shown: the first and the last frame{near} and where most changes.", narrow)]
+                    "Temperature on the deformed bodies (not magnified), one colour scale for all. "
+                    f"Shown: the first and the last frame{near} and frames with the largest changes.", narrow)]
     if "f_s" in file.point_fields:
         f_s = [file.point_field("f_s", k) for k in picks]
         figure = _frames(file, picks, f_s, (0.0, 1.0), "solid fraction [1]", axes)
         pictures.append(png(figure, f"Solid fraction of the bodies at t = {times}.",
-                            "Solid fraction at the same times: 1 where all is solid (bodies that do not melt, too).",
+                            "Solid fraction at the same times: 1 is solid (also bodies that do not melt).",
                             narrow))
     return pictures + _flux(file, axes)
 

@@ -286,10 +286,10 @@ def trust_in_a_word(results: Results) -> str:
     checks, wrong = results.trust, results.broken
     if wrong:
         names = "; ".join(c.name for c in wrong)
-        return f"No. What does not hold: {names}. What the checks measured in every window:"
+        return f"No. Broken checks: {names}. The table has the results of all checks:"
     noted = sum(c.verdict is TrustVerdict.NOTED for c in checks)
-    return ("Nothing was found that says otherwise" + (f"; {counted(noted, 'small thing')} noted" if noted else "")
-            + ". What the checks measured in every window:")
+    return ("No check is broken" + (f"; {counted(noted, 'check')} noted" if noted else "")
+            + ". The table has the results of all checks:")
 
 
 TEMPLATE = "page.html.j2"

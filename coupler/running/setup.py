@@ -123,8 +123,8 @@ def heat_of_the_start(mechanical: Half) -> list[str]:
     parts = " and ".join(f"{J:.3g} J of {HEATS[n]}" for n, J in made.items() if J > NO_HEAT)
     if not parts:
         return []
-    return [f"the start was found in equilibrium under the loads there: {parts} that this made is in no account. A "
-            "load written {t: [0, 0], value: [0, ...]} acts just after the start"]
+    return [f"the start was found in equilibrium under the loads there: {parts} from this is not in the heat balance. "
+            "A load written {t: [0, 0], value: [0, ...]} acts just after the start"]
 
 
 def what_is_missing(thermal: Half, mechanical: Half, touches: bool) -> list[str]:

@@ -21,12 +21,12 @@ class AdaptiveSpec(Part):
     """Adaptive windows [s]: their size follows the error they make."""
 
     first: Annotated[Positive | None, Entry(
-        "the first window, and the first after a kink or an event; a shorter one follows if its error is too "
+        "the first window, and the first after a breakpoint or an event; a shorter one follows if its error is too "
         "large",
         unit="s",
         default="a thousandth of `end`")] = None
     least: Annotated[Positive | None, Entry(
-        "no window is shorter but to end at a kink or an event; at this size an error that is too large is "
+        "no window is shorter but to end at a breakpoint or an event; at this size an error that is too large is "
         "taken and told",
         unit="s",
         default="1e-6 of `first`")] = None
@@ -81,7 +81,7 @@ class StopSpec(Part):
     """steady [K/s]: stop once the temperature of no node changes faster for two windows."""
 
     steady: Annotated[NotNegative | None, Entry(
-        "the run ends, as completed, once no node's temperature changes faster for two windows and no kink "
+        "the run ends, as completed, once no node's temperature changes faster for two windows and no breakpoint "
         "lies ahead",
         unit="K/s",
         default="none")] = None
@@ -151,8 +151,8 @@ class CouplingSpec(Part):
         default="")] = Iteration()
     end: Annotated[Positive, Entry("runs begin at 0", unit="s")]
     kinks: Annotated[tuple[Number, ...], Entry(
-        "times at which windows end and prediction starts afresh, besides the kinks of all signals the chosen "
-        "halves use; at those stated here, at jumps, and at kinks of motion and load the thermal half "
+        "times at which windows end and prediction starts afresh, besides the breakpoints of all signals the chosen "
+        "halves use; at those stated here, at jumps, and at breakpoints of motion and load the thermal half "
         "restarts damped too",
         unit="s",
         kind="[s, ...]",

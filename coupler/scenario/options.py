@@ -137,7 +137,7 @@ class Iteration(Part):
         why="Halved, the contraction is halved too.")] = OnMax.RETRY_SMALLER
     # 0: what a melting front did in the last window costs more iterates than it saves.
     reuse: Annotated[Count, Entry(
-        "windows whose residuals `iqn_ils` remembers; nothing is kept over a kink",
+        "windows whose residuals `iqn_ils` remembers; nothing is kept over a breakpoint",
         kind="count, 0 for none",
         why="1 or 2 save iterates where slopes hardly change, and cost some where a melting front moves.")] = 0
     tolerance: Annotated[Tolerances, Entry("when a window agrees")] = Tolerances()
@@ -212,7 +212,7 @@ class WindowRange:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """Adaptive windows [s].  least : shorter ones only end at a kink or an event."""
+    """Adaptive windows [s].  least : shorter ones only end at a breakpoint or an event."""
 
     first: float
     least: float

@@ -138,8 +138,8 @@ def _coarse(recording: Recording, windows: Floats) -> Iterator[str]:
     off = {n: recording.coarseness(n) for n in WORDS if n in recording.outputs}
     units = {n: unit for of in OUTPUTS.values() for n, unit in of.items()}
     told = [f"{WORDS[n]} {worst:.3g} {units[n]} (at {at:.6g} s)" for n, (worst, at) in off.items() if worst > 0.0]
-    yield ("Straight lines between them may be off by about " + ", ".join(told) + " (by leaving out each frame in turn)"
-           if told else "Nothing that is recorded bends between frames")
+    yield ("Linear interpolation may be off by about " + ", ".join(told) + " (by leaving out each frame in turn)"
+           if told else "All recorded values are linear between frames")
 
 
 def _outputs(run: EarlierRun, role: str, interface: Interface) -> Iterator[tuple[str, Floats]]:

@@ -279,7 +279,7 @@ class ScenarioFile(Part):
     geometry: Annotated[Geometry, Entry(
         "plane strain, per metre of depth; or x = r, y = z, the whole turn of 2 pi")]
     signals: Annotated[dict[Name, SignalSpec], Entry(
-        "data over time, used by name; a signal nobody uses makes no kink",
+        "data over time, used by name; a signal nobody uses makes no breakpoint",
         kind="name -> SIGNAL",
         default="none")] = Field(default_factory=dict)
     materials: Annotated[dict[Name, Material], Entry(

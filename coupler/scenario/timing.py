@@ -55,7 +55,7 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     """Check the windows and gather the kinks.  Raises ScenarioError."""
     for i, t in enumerate(spec.kinks):
         if t < 0:
-            raise document.error(("coupling", "kinks", i), "a kink cannot lie before the run begins, at 0 s")
+            raise document.error(("coupling", "kinks", i), "a breakpoint cannot lie before the run begins, at 0 s")
     adaptive = spec.sized.sizes(spec.end) if spec.sized is not None else None
     windows = ((WindowRange(spec.end, spec.end, spec.end),) if spec.windows is None
                else _ranges(document, spec.windows, spec.end))

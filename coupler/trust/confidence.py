@@ -27,7 +27,7 @@ class ProbeConfidence:
 
     by : what it was held against.  error : (n_t,) at the times of the run, in SI; nan where a companion failed.
     order, expected : observed order in the window, nan where all runs agree, and that of the scheme.
-    range, unit : of the probe, in SI.  failed : why a companion has no answer.
+    range, unit : of the probe, in SI.  failed : why a comparison run has no result.
     """
 
     by: str
@@ -54,14 +54,14 @@ class ProbeConfidence:
         """The order in words."""
         if math.isnan(self.order):
             return "the same in all windows"
-        return f"order {self.order:.2f}" + ("" if self.as_expected else f", where the scheme's is {self.expected}")
+        return f"order {self.order:.2f}" + ("" if self.as_expected else f" (the scheme has order {self.expected})")
 
 
 def check(found: Mapping[str, ProbeConfidence]) -> Check:
     """Return the row of the trust table."""
     failed = next((f.failed for f in found.values() if f.failed), "")
     if failed or not found:
-        return Check(NAME, TrustVerdict.UNCHECKED, what=f"a companion has no answer: {failed}")
+        return Check(NAME, TrustVerdict.UNCHECKED, what=f"a comparison run has no result: {failed}")
     name = max(found, key=lambda n: found[n].share)
     worst = found[name]
     unlike = [f"{n} ({f.words})" for n, f in found.items() if not f.as_expected and f.share > NOTE_AT]
@@ -70,7 +70,7 @@ def check(found: Mapping[str, ProbeConfidence]) -> Check:
     what = (f"{name} is off by about {100 * number:.3g} % of its range ({number * worst.range:.3g} {worst.unit}), by "
             f"{worst.by}; {worst.words}")
     if unlike:
-        what += f"; errors do not fall as they should: {', '.join(unlike)}"
+        what += f"; errors do not decrease with the order of the scheme: {', '.join(unlike)}"
     # Where errors do not fall with the window, what they are is not known.
     # fault: an order that is lost is no matter -> limits = (NOTE_AT, LIMIT) | coupler/test_confidence
     limits = (NOTE_AT, NOTE_AT) if lost else (NOTE_AT, LIMIT)

@@ -171,10 +171,11 @@ def _inside(x: Array, edges: Indices, nodes: Indices) -> NDArray[np.bool_]:
 def check(log: ContactCellsLog, cells: ContactCells) -> Check:
     """Return the check at the end."""
     if not cells:
-        return Check(NAME, TrustVerdict.UNCHECKED, what="no pair conducts where it is pressed, but at nodes")
+        return Check(NAME, TrustVerdict.UNCHECKED, what="no pair conducts under pressure inside edges")
     return measured(NAME, log.share, LIMITS, t=log.t,
-                    what=f"pair {log.pair} conducts {log.h:.3g} W/m2K, {log.share:.3g} times what the cells on both "
-                         f"sides do, and their nodes do not face each other, at t = {log.t:.6g} s: where temperatures "
-                         "change along the surface they are as inaccurate as on a mesh that has no nodes there",
-                    remedy="Nodes that face each other, or form: nodes in the pair, end it; so does a conductance that "
-                           "is no more than so often that of the cells, or a mesh finer beside the surface")
+                    what=f"pair {log.pair} has a conductance of {log.h:.3g} W/m2K at t = {log.t:.6g} s, "
+                         f"{log.share:.3g} times that of the cells on both sides, and its nodes do not face "
+                         "each other: temperatures that change along "
+                         "the surface are as inaccurate as on a mesh without nodes there",
+                    remedy="Let nodes face each other, or set form: nodes in the pair, or use a smaller conductance "
+                           "or a finer mesh beside the surface")

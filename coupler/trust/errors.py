@@ -283,7 +283,7 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
     """Return the check at the end.  probes : name -> unit.  adaptive : whether windows are adaptive."""
     if not log.looked:
         return Check(NAME, TrustVerdict.UNCHECKED,
-                     what="no window could be solved twice: a half keeps no states")
+                     what="no window could be solved twice: a half cannot save its state")
     names, scale = list(probes), scales(log, list(probes.values()))
     shares = np.divide(estimated(log), scale, out=np.zeros(len(names)), where=scale > 0.0)
     k = int(shares.argmax())
@@ -293,7 +293,6 @@ def check(log: ErrorLog, probes: Mapping[str, str], adaptive: bool) -> Check:
         NAME, float(shares[k]), (NOTE_AT, LIMIT), t=log.t,
         what=f"{names[k]} may be off by {100 * shares[k]:.3g} % of its range ({shares[k] * scale[k]:.3g} {unit})"
              + (f"; {', '.join(worst)}" if worst else "")
-             + f": what {log.looked} of {log.windows} windows are off from two of half the size, carried on",
+             + f": the error of {log.looked} of {log.windows} windows, compared with two of half the size, carried on",
         remedy="A smaller coupling.adaptive.tolerance" if adaptive else
-               "Windows of half the size, or coupling.adaptive, which finds them, show whether it is so; "
-               "scheme: iterated takes what the exchange adds")
+               "Use smaller windows, or coupling.adaptive; scheme: iterated removes the error of the exchange")

@@ -130,17 +130,18 @@ def checks(log: PassingLog, where: str, pairs: bool, prescribed: bool) -> tuple[
         none = "there are no pairs"
         return Check(PASSES, TrustVerdict.UNCHECKED, what=none), Check(SOFT, TrustVerdict.UNCHECKED, what=none)
     how = "went across the other body in one window" if log.crossed else (
-        f"lies {log.depth:.3g} edges inside the other body, beyond what contact found")
+        f"lies {log.depth:.3g} edges inside the other body, deeper than contact reports")
     passes = measured(PASSES, log.depth, (ALLOWED, ALLOWED), unit="edges", t=log.t,
                       what=f"pair {log.pair}: {where} {how}, at t = {log.t:.6g} s",
-                      remedy="Smaller windows, or a smaller step of the motion; contact looks as deep as half the "
-                             "thinner body, or an edge's length")
+                      remedy="Smaller windows, or a smaller step of the motion; contact searches to the depth of an "
+                             "edge's length or half the thinner body")
     soft = measured(SOFT, log.soft, DEPTHS, t=log.soft_t,
                     what=f"pair {log.soft_pair}: pressed surfaces overlap by {100 * log.soft:.3g} % of an edge at "
                          f"t = {log.soft_t:.6g} s",
-                    remedy="augmented: {} in a pair that has none drives it out; a finer mesh makes it smaller")
+                    remedy="Set augmented: {} in a pair that has none, or use a finer mesh")
     if prescribed:
         soft = measured(SOFT, log.soft, (DEPTHS[1], np.inf), t=log.soft_t, unit="edges",
-                        what=f"pair {log.soft_pair}: the prescribed motion goes through, {log.soft:.3g} edges deep at "
-                             f"t = {log.soft_t:.6g} s", remedy="The half rigid moves bodies as it is told")
+                        what=f"pair {log.soft_pair}: the prescribed motion goes through the surface, {log.soft:.3g} "
+                             f"edges deep, at t = {log.soft_t:.6g} s",
+                        remedy="Change the motion: the half rigid moves bodies as prescribed")
     return passes, soft

@@ -149,20 +149,20 @@ def _drawn(interface: Interface, pair: Pair, nodes: Indices) -> float:
 def check(log: PenetrationLog, yields: Yields, prescribed: bool) -> Check:
     """Return the check at the end.  prescribed : bodies move as the scenario says, whatever they press."""
     if prescribed or not yields:
-        return Check(SHARE, TrustVerdict.UNCHECKED, what="no pair is of two bodies that deform")
+        return Check(SHARE, TrustVerdict.UNCHECKED, what="no pair has two deformable bodies")
     if log.unpressed > 0.0:
         return Check(SHARE, TrustVerdict.BROKEN, 1.0, SHARES[0], t=log.unpressed_t,
-                     what=f"pair {log.unpressed_pair}: a node lies {log.unpressed:.3g} m deep and nothing presses, at "
-                          f"t = {log.unpressed_t:.6g} s: with form: nodes only the slave's nodes press",
-                     remedy="form: edges presses between nodes too; a slave with shorter edges has a node there")
-    by = "the interference as drawn" if log.drawn else "what the bodies yield over the contact zone"
+                     what=f"pair {log.unpressed_pair}: a node penetrates by {log.unpressed:.3g} m without any "
+                          f"pressure, at t = {log.unpressed_t:.6g} s: with form: nodes only the slave's nodes press",
+                     remedy="Use form: edges, which also presses between nodes, or a slave with shorter edges")
+    by = "the interference as drawn" if log.drawn else "the compression of the bodies over the contact zone"
     if log.between:
         return measured(SHARE, log.share, SHARES, t=log.t,
                         what=f"pair {log.pair}: a node penetrates by {log.depth:.3g} m, {100 * log.share:.3g} % of "
                              f"{by}, at t = {log.t:.6g} s: with form: nodes only the slave's nodes press",
-                        remedy="form: edges presses between nodes too; nodes that face each other leave none between")
+                        remedy="Use form: edges, which also presses between nodes, or let nodes face each other")
     return measured(SHARE, log.share, SHARES, t=log.t,
-                    what=f"pair {log.pair}: pressed surfaces overlap by {log.depth:.3g} m in the mean, "
-                         f"{100 * log.share:.3g} % of {by}, at t = {log.t:.6g} s; where a displacement or expansion "
-                         "presses, so much of the pressure may be missing",
-                    remedy="augmented: {} in a pair that has none drives it out; a finer mesh makes it smaller")
+                    what=f"pair {log.pair}: pressed surfaces overlap by {log.depth:.3g} m on average, "
+                         f"{100 * log.share:.3g} % of {by}, at t = {log.t:.6g} s; if a displacement or expansion "
+                         "makes the pressure, this share of it may be missing",
+                    remedy="Set augmented: {} in a pair that has none, or use a finer mesh")

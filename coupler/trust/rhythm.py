@@ -56,7 +56,7 @@ def watched(log: RhythmLog, levels: tuple[Level, Level], span: float, means: Arr
     """Return the log after one more window.
 
     levels : at its start and its end.  span : [K] of all temperatures so far.  means : (n_bodies,) [K] of the bodies at
-    its end.  fresh : the window begins at a kink or a jump of the data.
+    its end.  fresh : the window begins at a breakpoint or a jump of the data.
     """
     return _cycles(_ringing(log, levels, max(span, FLOOR), fresh), levels[1].t, means, fresh)
 
@@ -110,16 +110,17 @@ def checks(log: RhythmLog, where: str, bodies: Sequence[str]) -> tuple[Check, Ch
     """Return the two checks at the end.  where : of the node that rings most, in words.  bodies : their names."""
     ringing = measured(
         RINGS, log.share, (NOTE_AT, LIMIT), t=log.t,
-        what=f"the temperature of {where} turns up and down in {TURNS} windows on end and more, by "
-             f"{100 * log.share:.3g} % of all temperatures' span, to t = {log.t:.6g} s",
-        remedy="thermal.method: sdirk2 or backward_euler damps it; a scheme that iterates, or smaller windows, end it "
-               "where the exchange makes it. What is still there in windows of half the size is physics")
+        what=f"the temperature of {where} alternates up and down in {TURNS} or more windows in a row, by "
+             f"{100 * log.share:.3g} % of the span of all temperatures, until t = {log.t:.6g} s",
+        remedy="Use thermal.method: sdirk2 or backward_euler; if the exchange is the cause, scheme: iterated or "
+               "smaller windows. An oscillation that windows of half the size do not change is physical")
     if not log.history.size:
         return ringing, Check(CYCLES, TrustVerdict.UNCHECKED, what="there was no window")
     cycle = measured(
         CYCLES, log.cycle_share, (NOTE_AT, LIMIT), t=log.cycle_t,
         what=f"the mean temperature of {bodies[log.column]} repeats itself every {log.period} windows, a cycle of "
-             f"{100 * log.cycle_share:.3g} % of its range, to t = {log.cycle_t:.6g} s: an explicit exchange does that "
-             "beyond its stability limit",
-        remedy="scheme: iterated, or smaller windows, end it. What stays in windows of half the size is physics")
+             f"{100 * log.cycle_share:.3g} % of its range, until t = {log.cycle_t:.6g} s: typical of an explicit "
+             "exchange beyond its stability limit",
+        remedy="Use scheme: iterated or smaller windows. A cycle that windows of half the size do not change is "
+               "physical")
     return ringing, cycle

@@ -73,19 +73,19 @@ def check(log: StabilityLog, looked: int) -> Check:
     if not looked:
         return Check(NAME, TrustVerdict.UNCHECKED, what="windows are adaptive, or none could be solved twice")
     if not (log.measured or log.mended):
-        return Check(NAME, TrustVerdict.UNCHECKED, what="no probe bent by much in two windows on end, or none of those "
-                     "could be looked at")
+        return Check(NAME, TrustVerdict.UNCHECKED, what="no probe bent by much in two windows in a row, or "
+                     "no such window could be measured")
     # fault: one window in which something touches condemns a run -> number = log.worst | coupler/test_gain
     number = log.second
     until = f": windows up to about {log.limit:.3g} s are stable" if math.isfinite(log.limit) else ""
-    times = f"by {-number:.3g} from one window to the next, of {log.H:.3g} s to t = {log.t:.6g} s{until}"
+    times = f"by {-number:.3g} from one window of {log.H:.3g} s to the next, at t = {log.t:.6g} s{until}"
     grows = number > GROWS
     if log.mended and number <= RINGS:
         more = f" (the first of {log.mended} times)" if log.mended > 1 else ""
         return Check(NAME, TrustVerdict.NOTED, number, GROWS, t=log.t, what=log.first + more,
-                     remedy="From there on it is stable")
+                     remedy="After this the exchange is stable")
     return measured(
         NAME, number, (RINGS, GROWS), t=log.t,
-        what=("unstable exchange: a disturbance turns round and grows, " if grows else
-              "ringing: a disturbance turns round and dies slowly, ") + times,
-        remedy="scheme: iterated, or smaller windows, end it")
+        what=("unstable exchange: a disturbance alternates and grows, " if grows else
+              "ringing: a disturbance alternates and decays slowly, ") + times,
+        remedy="Use scheme: iterated or smaller windows")

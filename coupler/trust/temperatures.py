@@ -165,15 +165,15 @@ def watched(log: TemperatureLog, data: TemperatureData, levels: tuple[Level, Lev
 
 def check(log: TemperatureLog, where: str) -> Check:
     """Return the check at the end.  where : of the worst node, in words."""
-    remedy = ("Smaller windows, thermal.method: sdirk2 or backward_euler, or a mesh finer at the surface end it; if it "
-              "grows as windows get shorter, the mesh is too coarse for them")
+    remedy = ("Use smaller windows, thermal.method: sdirk2 or backward_euler, or a finer mesh at the surface; "
+              "if it grows with shorter windows, the mesh is too coarse for them")
     if not log.least > 0.0:
-        return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K", what=f"the lowest is {log.least:.6g} K",
-                     remedy=remedy)
+        return Check(NAME, TrustVerdict.BROKEN, log.least, 0.0, "K",
+                     what=f"the lowest temperature is {log.least:.6g} K", remedy=remedy)
     if log.made and log.taken:
         return Check(NAME, TrustVerdict.UNCHECKED,
-                     what="heat is made and taken away inside, or by a flux, or it is not told")
+                     what="sources or fluxes heat and cool the bodies, or the half does not report them")
     side = "below the lowest" if log.excess < 0.0 else "above the highest"
-    what = (f"{where} is {abs(log.excess):.3g} K {side} of its data until then, {log.bound:.6g} K, at "
-            f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: undershoot or overshoot that no physics makes")
+    what = (f"{where} is {abs(log.excess):.3g} K {side} of its data so far, {log.bound:.6g} K, at "
+            f"t = {log.t:.6g} s, {100 * log.share:.3g} % of the span: an undershoot or overshoot that is not physical")
     return measured(NAME, log.share, (NOTE_AT, LIMIT), what=what, remedy=remedy, t=log.t)

@@ -117,11 +117,12 @@ class TrustWatch:
                             self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
             contact_cells.check(log.contact_cells, self._contact_cells),
-            measured("heat balance", off, BALANCE, what=f"{off:.2g} of the heat moved is not accounted for",
-                     remedy="A smaller thermal.tolerance closes it"),
+            measured("heat balance", off, BALANCE,
+                     what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
+                     remedy="Use a smaller thermal.tolerance"),
             measured("windows solved to their tolerance", log.forced, (0, 0), unit="windows", t=log.forced_t,
-                     what=f"{log.forced} of {log.windows} windows were taken though they did not converge or their "
-                          f"error was too large, the last to t = {log.forced_t:.6g} s",
+                     what=f"{log.forced} of {log.windows} windows were accepted although they did not converge or "
+                          f"their error was too large, the last at t = {log.forced_t:.6g} s",
                      remedy="Smaller windows; a smaller coupling.adaptive.least; iteration.on_max: retry_smaller"))
 
     def _place(self, node: int, end: int | None = None) -> str:

@@ -82,11 +82,11 @@ def test_order_and_error_are_found_where_errors_go_with_a_power(order):
 def test_an_order_that_is_not_the_scheme_s_is_told():
     found, true = told(0.8, 2, 0.04)
     assert not found.as_expected
-    assert found.words == "order 0.80, where the scheme's is 2"
+    assert found.words == "order 0.80 (the scheme has order 2)"
     assert found.error[::4] == pytest.approx(true[::4], rel=0.02), "its error is told by the order it has"
     row = check({"v": found})
     assert row.verdict is TrustVerdict.BROKEN, "errors hardly fall with the window, and they are seen"
-    assert "errors do not fall as they should: v (order 0.80" in row.sentence
+    assert "errors do not decrease with the order of the scheme: v (order 0.80" in row.sentence
 
 
 def test_what_does_not_depend_on_windows_has_no_order():

@@ -79,7 +79,7 @@ def test_it_is_halved_until_it_ends(share: float, halvings: int):
     back = [w for w in tried if w.solved.verdict is Verdict.CYCLE]
     assert len(back) == halvings
     assert [told([w])[0][1] for w in back] == [w.solved.message for w in back]
-    assert f"no window is longer than {share * DT / 2:.3g} s up to the next kink" in back[0].solved.message
+    assert f"no window is longer than {share * DT / 2:.3g} s up to the next breakpoint" in back[0].solved.message
     assert pytest.approx(share * DT / 2**halvings) == tried[-1].H
     assert float(tried[-1].solved.state.now.T[0]) == pytest.approx(E4["T"], abs=1e-3)
 

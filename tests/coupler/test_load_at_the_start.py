@@ -63,7 +63,7 @@ def test_equilibrium_is_asked_for(tmp_path):
     assert flow[0] == pytest.approx(flow[-1], rel=2e-2)
     (note,) = [note for note in asked.header["notes"] if "in equilibrium" in note]
     assert "the start was found in equilibrium under the loads there: " in note
-    assert "is in no account" in note
+    assert "not in the heat balance" in note
 
 
 def test_a_load_without_a_jump_has_always_been_there(tmp_path):

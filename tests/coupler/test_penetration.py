@@ -84,7 +84,7 @@ def test_a_node_that_sinks_in_where_nothing_presses_breaks_trust(augmented: tupl
         found[form, deep] = check(yields.watched(PenetrationLog(), now), yields, False)
     told_deep = found["nodes", 2e-3]
     assert (told_deep.verdict, told_deep.number) == ("broken", 1.0)
-    assert "a node lies 0.002 m deep and nothing presses, at t = 1 s" in told_deep.what
+    assert "a node penetrates by 0.002 m without any pressure, at t = 1 s" in told_deep.what
     assert found["nodes", 1e-6].verdict == found["edges", 2e-3].verdict == "holds"
 
 

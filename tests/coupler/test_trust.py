@@ -100,7 +100,7 @@ def test_the_bound_that_was_left_is_told_as_it_was_then():
     rise = ({"on": "low.bottom", "temperature": {"t": [0.0, 10.0], "value": [300.0, 800.0]}},)
     check = judged([level(0.0), level(1.0, 400.0), level(10.0, 700.0)], rise)[WITHIN]
     assert check.t == 1.0
-    assert "50 K above the highest of its data until then, 350 K" in check.sentence
+    assert "50 K above the highest of its data so far, 350 K" in check.sentence
 
 
 def test_heat_that_is_made_lifts_the_upper_bound_alone():
