@@ -40,7 +40,7 @@ class BoundaryHeat:
     terms : (n_terms,) by mechanism [W], as TERMS.  each : (n,) by flux, film, radiating surface, source of a part, and
     of each pair the slave's and the master's side [W].  magnitude : sum of the sizes of all nodal contributions [W].
     The derivative of -f [W/K] is in places, as (places in the matrix data, values), and, where it joins two bodies, in
-    across, as (nodes (n, 4), values (n, 4, 4)).
+    across, as (nodes (n, k), values (n, k, k)), k 4 or, where exchange goes by averages, more.
     """
 
     f: Floats
@@ -81,10 +81,11 @@ class _HeatSum:
         self.surroundings.append(-out)
         self.magnitude += float(np.abs(flow).sum())
 
-    def cross(self, term: str, pair: int, nodes: Ints, flow: Floats, slope: Floats) -> None:
-        """Add flow : (n, 4) [W] that leaves nodes : (n, 4) at a pair, with slope : (n, 4, 4) [W/K].
+    def cross(self, term: str, pair: int, nodes: Ints, flow: Floats, slope: Floats, by: Ints | None = None) -> None:
+        """Add flow : (n, 4) [W] that leaves nodes : (n, 4) at a pair, with slope : (m, k, k) [W/K] at by : (m, k).
 
-        Either side from its own shape functions: that they agree is what the heat balance shows.
+        by : None where it is nodes.  Either side from its own shape functions: that they agree is what the heat balance
+        shows.
         """
         self.f -= at_nodes(nodes, flow, self.f.size)
         for side, columns in enumerate((flow[:, :2], flow[:, 2:])):
@@ -92,7 +93,7 @@ class _HeatSum:
             self.terms[f"{term}.{SIDES[side]}"] -= out
             self.pairs[pair, side] -= out
         self.magnitude += float(np.abs(flow).sum())
-        self.across.append((nodes, slope))
+        self.across.append((nodes if by is None else by, slope))
 
 
 def boundary_flow(substep: SubstepData, loads: ThermalLoads, power_M: Floats, T: Floats) -> BoundaryHeat:
@@ -178,8 +179,10 @@ def _add_pairs(total: _HeatSum, substep: SubstepData, loads: ThermalLoads, T: Fl
     for group in substep.conduction_groups:
         factor = loads.pairs[group.pair].of(group.closed)
         if factor != 0.0:
-            flow, slope = exchange_flow(group, factor, T)
+            flow, slope, averaged = exchange_flow(group, factor, T)
             total.cross(group.mechanism, group.pair, group.nodes, flow, slope)
+            if averaged is not None:
+                total.cross(group.mechanism, group.pair, group.nodes, averaged.flow, averaged.slope, averaged.nodes)
     for near in substep.radiation_groups:
         flow, slope = gap_radiation_flow(near, substep.sigma_SB, T)
         total.cross("near_radiation", near.pair, near.nodes, flow, slope)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.functions import Property
 from contact.laws import Law, closed_conductance, gap_factor, open_conductance
+from thermal_fmu.averages import AveragedExchange, NodeAverages, Relief, averaged_exchange
 from thermal_fmu.contact_quadrature import ContactPoints
 from thermal_fmu.problem import ThermalPair
 from thermal_fmu.surface_terms import emissivity_at, fourth
@@ -26,7 +27,8 @@ class ConductionGroup:
     argument : (n,) p [Pa] where closed, g [m] where open.  nodes : (n, 4), slave's two, master's two.
     N_s, N_m : (n, 2) [1].  area : (n,) [m2], where open that of the gas between the sides.  by_node : (n,) how far the
     exchange goes from node to node in place of by shape functions [1] (monotone.py); None: nowhere.  most : (n,) what a
-    point is let conduct [W/K]; None: all.
+    point is let conduct [W/K]; None: all.  pointwise : (n,) up to what it exchanges by itself [W/K]; what it conducts
+    beyond that goes by averages, from which relief is taken off; None: all of it.
     """
 
     pair: int
@@ -39,6 +41,9 @@ class ConductionGroup:
     area: Floats
     by_node: Floats | None = None
     most: Floats | None = None
+    pointwise: Floats | None = None
+    averages: NodeAverages | None = None
+    relief: Relief | None = None
 
     @property
     def mechanism(self) -> str:
@@ -62,17 +67,56 @@ class ConductionGroup:
         most = self.most
         return np.minimum(W, most), np.where(most < W, 0.0, dW)
 
+    def split(self, W: Floats, dW: Floats) -> tuple[Floats, Floats, Averaged | None]:
+        """Part conductances W : (n,) [W/K] and their derivatives dW : (n,) [W/K2] into what points exchange by
+        themselves and what goes by averages, None where nothing does.
+        """
+        if self.pointwise is None or self.averages is None:
+            return W, dW, None
+        # fault: contact that conducts far better than cells is exchanged at points -> more = W < 0.0 |
+        #   thermal_fmu/test_thermal_stiff
+        more = self.pointwise < W
+        if not more.any():
+            return W, dW, None
+        own, down = np.where(more, self.pointwise, W), np.where(more, 0.0, dW)
+        return own, down, Averaged(self.averages, W - own, dW - down)
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """What goes by averages.  V : (n,) conductances [W/K], dV : (n,) their derivatives by the mean of the sides [W/K2].
+    """
+
+    over: NodeAverages
+    V: Floats
+    dV: Floats
+
+
+@dataclass(frozen=True)
+class ThroughCells:
+    """What the cells at each node conduct, (n_nodes,) [W/m2K]: k over the shortest edge, the most of them, and over the
+    longest, the least.
+    """
+
+    most: Floats
+    least: Floats
+
 
 # Times what the cells beside a contact conduct: more of it moves T by less than 1e-9 of its drop in one of these cells,
 # and round-off of h A T is the heat of the whole step.  A law of pressure goes there far beyond its data.
 STIFFEST = 1e9
+# Times what the cells of both sides conduct: more of it goes by averages (averages.py).  With 0 to 100 steps beside a
+# contact come out as on meshes that match; up to 20 pointwise exchange does no harm, and costs less.
+POINTWISE = 20.0
 
 
 def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None],
-                      through_cells: Floats | None = None) -> tuple[ConductionGroup, ...]:
+                      through_cells: ThroughCells | None = None,
+                      by_node: Sequence[bool] = ()) -> tuple[ConductionGroup, ...]:
     """Collect the points that conduct, by pair and branch; points of a pair or branch without a law are left out.
 
-    through_cells : (n_nodes,) [W/m2K] of the cells at each node; None: contact may conduct whatever it is said to.
+    through_cells : None: contact may conduct whatever it is said to.
+    by_node : which pairs have one point a node, so that nothing is to be averaged; as many as pairs, or none.
     """
     groups = []
     for pair, own in enumerate(pairs):
@@ -84,19 +128,32 @@ def conduction_groups(points: ContactPoints, pairs: Sequence[ThermalPair | None]
             if law is not None and at.size:
                 argument, area = (points.p, points.area) if closed else (points.gap, points.open_area)
                 most = None if through_cells is None else \
-                    STIFFEST * area[at] * through_cells[points.nodes[at]].max(axis=1)
-                groups.append(ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],
-                                              points.N_m[at], area[at], None, most))
+                    STIFFEST * area[at] * through_cells.most[points.nodes[at]].max(axis=1)
+                group = ConductionGroup(pair, closed, law, argument[at], points.nodes[at], points.N_s[at],
+                                        points.N_m[at], area[at], None, most)
+                if through_cells is not None and closed and not any(by_node[pair : pair + 1]):
+                    searched, N = points.searched_from
+                    group = replace(group, pointwise=POINTWISE * area[at] * _in_a_row(group, through_cells.least),
+                                    averages=NodeAverages(searched[at], N[at], group.nodes))
+                groups.append(group)
     return tuple(groups)
 
 
-def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Floats, Floats]:
-    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K].
+def _in_a_row(group: ConductionGroup, through_cells: Floats) -> Floats:
+    """Return (n,) [W/m2K] what the cells of both sides conduct at each point, one behind the other."""
+    sides = [(N * through_cells[nodes]).sum(axis=1)
+             for N, nodes in ((group.N_s, group.nodes[:, :2]), (group.N_m, group.nodes[:, 2:]))]
+    return np.asarray(sides[0] * sides[1] / (sides[0] + sides[1]))
+
+
+def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Floats, Floats, AveragedExchange | None]:
+    """Return (n, 4) heat that leaves the nodes of each point [W], and (n, 4, 4) its derivative [W/K]; and what goes by
+    averages, None where nothing does.
 
     T : (n_nodes,) [K].  factor : of the conductance [1].  q = factor h(argument, T_mean) (T_s - T_m) A leaves the
     slave's nodes by its shape functions and enters the master's by theirs.
     """
-    W, dW = group.strength(factor, T)
+    W, dW, averaged = group.split(*group.strength(factor, T))
     # fault: one-sided interface flux -> out = np.concatenate([group.N_s, -0.9 * group.N_m], axis=1) |
     #   thermal_fmu/test_thermal_contact
     out = np.concatenate([group.N_s, -group.N_m], axis=1)
@@ -113,7 +170,10 @@ def exchange_flow(group: ConductionGroup, factor: float, T: Floats) -> tuple[Flo
         slope += W[:, None, None] * other
     if dW.any():
         slope += by_one[:, :, None] * (0.5 * dW[:, None] * np.abs(out))[:, None, :]
-    return W[:, None] * by_one, slope
+    flow = np.asarray(W[:, None] * by_one)
+    if averaged is None:
+        return flow, slope, None
+    return flow, slope, averaged_exchange(averaged.over, group.relief, averaged.V, averaged.dV, jump, out)
 
 
 def between_nodes(N_s: Floats, N_m: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import Field, dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, Protocol, TypeVar
@@ -156,17 +156,24 @@ def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Float
     A = pattern.of(data)
     if not boundary.across:
         return A, pull
-    nodes = np.concatenate([nodes for nodes, _ in boundary.across])
-    values = slope * np.concatenate([values for _, values in boundary.across])
-    if dT is not None:
-        # fault: contact of a melting node unscaled -> values *= 1.0 |
-        #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
-        values *= dT[nodes][:, None, :]
-    if pull is not None:
-        pull += at_nodes(nodes, (values * lifted[nodes][:, None, :]).sum(axis=2), lifted.size)
-    # In place of a sum of matrices, which sorts and checks all places again: a third of the time of all of this.
-    A.indptr, A.indices, A.data = with_blocks(pattern.indptr, pattern.indices, data, nodes, values, scene.fixed)
+    for nodes, values in _by_size(boundary.across):
+        values *= slope
+        if dT is not None:
+            # fault: contact of a melting node unscaled -> values *= 1.0 |
+            #   thermal_fmu/test_thermal_anisotropy::test_the_jacobian_is_the_derivative
+            values *= dT[nodes][:, None, :]
+        if pull is not None:
+            pull += at_nodes(nodes, (values * lifted[nodes][:, None, :]).sum(axis=2), lifted.size)
+        # In place of a sum of matrices, which sorts and checks all places again: a third of the time of all of this.
+        A.indptr, A.indices, A.data = with_blocks(A.indptr, A.indices, A.data, nodes, values, scene.fixed)
     return A, pull
+
+
+def _by_size(blocks: Sequence[tuple[Ints, Floats]]) -> Iterator[tuple[Ints, Floats]]:
+    """Yield nodes : (m, k) and values : (m, k, k) of all blocks of each size."""
+    for k in sorted({nodes.shape[1] for nodes, _ in blocks}):
+        same = [block for block in blocks if block[0].shape[1] == k]
+        yield np.concatenate([nodes for nodes, _ in same]), np.concatenate([values for _, values in same])
 
 
 # Newton's method for one stage: line search, linear solves about an anchor matrix, and phase continuation.

@@ -28,7 +28,7 @@ from thermal_fmu.cells import (
 from thermal_fmu.conditions import owners
 from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
 from thermal_fmu.edges import AddedConduction, Couplings
-from thermal_fmu.exchange import ConductionGroup, RadiationGroup, conduction_groups, radiation_groups
+from thermal_fmu.exchange import ConductionGroup, RadiationGroup, ThroughCells, conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
 from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, plain_sources
@@ -105,18 +105,19 @@ class ThermalScene:
         return touched, np.flatnonzero((row == pattern.indices) & self.fixed[row])
 
     @cached_property
-    def through_cells(self) -> Floats:
-        """(n,) [W/m2K] what the cells at each node conduct across their shortest edge, at the start."""
-        across, X = np.zeros(self.volume.n), self.interface.nodes
+    def through_cells(self) -> ThroughCells:
+        """What the cells at each node conduct, at the start."""
+        short, long, X = np.zeros(self.volume.n), np.full(self.volume.n, np.inf), self.interface.nodes
         T = start_temperatures(self.interface, [part.T0 for part in self.model.parts])
         for block in self.volume.blocks:
             own = self.model.parts[block.part].material.k
             k = own.k_1(T[block.cells])
             if own.k_2 is not None:
                 k = np.maximum(k, own.k_2(T[block.cells]))
-            edge = np.linalg.norm(X[block.cells] - X[np.roll(block.cells, 1, axis=1)], axis=2).min(axis=1)
-            np.maximum.at(across, block.cells, k / edge[:, None])
-        return across
+            edges = np.linalg.norm(X[block.cells] - X[np.roll(block.cells, 1, axis=1)], axis=2)
+            np.maximum.at(short, block.cells, k / edges.min(axis=1)[:, None])
+            np.minimum.at(long, block.cells, k / edges.max(axis=1)[:, None])
+        return ThroughCells(short, np.where(np.isfinite(long), long, 0.0))
 
     @cached_property
     def geometry_cache(self) -> GeometryCache:
@@ -248,7 +249,8 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
         tuple(freeze_film(film, slots, geometry) for film, slots in zip(model.films, scene.film_slots, strict=True)),
         tuple(freeze_radiator(radiator, slots, geometry)
               for radiator, slots in zip(model.radiators, scene.radiator_slots, strict=True)),
-        () if points is None else conduction_groups(points, model.pairs, scene.through_cells),
+        () if points is None else conduction_groups(
+            points, model.pairs, scene.through_cells, [pair.by_node for pair in scene.interface.pairs]),
         () if points is None else radiation_groups(points, model.pairs),
         0 if points is None else int((points.p > 0).sum()),
     )

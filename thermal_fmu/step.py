@@ -147,7 +147,7 @@ def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: 
         end = end_of(scene, done.substep, stage, s_n, done.last, dt)
         substep = monotone(scene, done.substep, factors, StepEnd(
             phase_change.fields(scene.melting, done.last.s), left, end.into / (stage.a * dt), done.last.balance.given,
-            end.diagonal / (stage.a * dt)))
+            end.diagonal / (stage.a * dt), method.stores * end.M / (stage.a * dt)))
         if substep is None:
             break
         done = again(substep)

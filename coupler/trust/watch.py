@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.ledger import imbalance
 from coupler.schemes.levels import Level
-from coupler.trust import contact_cells, errors, passing, penetration, rhythm, stability, temperatures
+from coupler.trust import errors, passing, penetration, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -36,7 +36,6 @@ class TrustLog:
     rhythm: rhythm.RhythmLog = field(default_factory=rhythm.RhythmLog)
     passing: passing.PassingLog = field(default_factory=passing.PassingLog)
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
-    contact_cells: contact_cells.ContactCellsLog = field(default_factory=contact_cells.ContactCellsLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
     windows: int = 0
@@ -59,7 +58,6 @@ class TrustWatch:
         self._sides = passing.Sides(interface)
         pairs = models["mechanical"].get("pairs", {})
         self._yields = penetration.Yields(interface, {n for n, p in pairs.items() if p.get("augmented")})
-        self._contact_cells = contact_cells.ContactCells(interface, models["thermal"])
         self._prescribed = models["mechanical"].get("half") == "rigid"
         self._inside = np.flatnonzero(interface.node_body >= 0)
         self._of = interface.node_body[self._inside]
@@ -93,8 +91,7 @@ class TrustWatch:
             temperatures=warmth,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
-            penetration=self._yields.watched(log.penetration, now),
-            contact_cells=self._contact_cells.watched(log.contact_cells, now))
+            penetration=self._yields.watched(log.penetration, now))
 
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
@@ -116,7 +113,6 @@ class TrustWatch:
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed),
             penetration.check(log.penetration, self._yields, self._prescribed),
-            contact_cells.check(log.contact_cells, self._contact_cells),
             measured("heat balance", off, BALANCE,
                      what=f"a fraction of {off:.2g} of the heat moved is not accounted for",
                      remedy="Use a smaller thermal.tolerance"),

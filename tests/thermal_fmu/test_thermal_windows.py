@@ -20,8 +20,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from random_scenes.scene import Scene
 from random_scenes.story import COMPLETED, Story, told
 
-from coupler.trust.contact_cells import NAME as CONTACT_CELLS
-
 STEEL = {"rho": 7800, "c": 480, "k": 45}
 A = 45 / 7800 / 480
 ALUMINIUM = {"rho": 2700, "c": 900, "k": 210}
@@ -130,10 +128,11 @@ CASES: dict[str, tuple[Callable[[float, str], Scene], float, float, float, str]]
     "rays 1:2, slave inside": (lambda *_: rings(True, **RAYS), 300, 800, A, "other"),
     "rays 1:2, slave outside": (lambda *_: rings(False, **RAYS), 300, 800, A, "other"),
 }
-# By shape functions alone nodes leave their data here by 142 of 500 K in any windows: edges that end at other places
-# hold each other, and what takes the nodes back depends on windows by as much as a tenth of the span.  The run says so.
-HELD = 0.1
+# Where nodes do not face each other, in windows far shorter than a cell's own time: what takes nodes back to their data
+# lets the sides of a contact differ, 2.9 % of the span.
+SHORT = {("contact of Bi 1e4, other nodes", 1e-3): 0.04}
 FEW = ("bars meet, h 1e6", "a rule sets a load", "radiation", "contact of Bi 100, other nodes",
+       "contact of Bi 1e4, other nodes",
        "cylinders 1:2, slave inside")
 
 
@@ -161,17 +160,11 @@ def right(case: str, length: float) -> np.ndarray:
 def holds(case: str, length: float, scheme: str) -> None:
     make, low, high, a, mesh = CASES[case]
     dt = length * CELL**2 / a
-    found = story(make(dt, scheme), dt, WINDOWS, scheme)
-    T = found.T
+    T = story(make(dt, scheme), dt, WINDOWS, scheme).T
     outside = max(low - T[2:].min(), T[2:].max() - high)
     assert outside <= SPANS[mesh] * (high - low)
     off = np.abs(T[-1] - right(case, length)).max()
-    assert off <= (HELD if is_held(found) else ACCURACY) * (high - low)
-
-
-def is_held(found: Story) -> bool:
-    """Whether the run says that its contact conducts too well for nodes that do not face each other."""
-    return any(CONTACT_CELLS in word for word in found.words)
+    assert off <= SHORT.get((case, length), ACCURACY) * (high - low)
 
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
@@ -194,36 +187,40 @@ def test_windows_of_any_length_by_any_scheme(case: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-# Against a mesh of four to seven times the cells, at the end of windows of h^2/a: where nodes face each other, or with
-# one point a node, 3.6 and 2.0 % of the span at any conductance, by shape functions between 4 and 7 cells 6.1 % at 100
-# times that of a cell, 31 % at 1e4.
-SPACE = 0.07
-JOINTS = {"4 and 4 cells": (1e4, 4, {}, False), "4 and 7 cells, form: nodes": (1e4, 7, {"form": "nodes"}, False),
-          "4 and 7 cells": (1e4, 7, {}, True), "4 and 7 cells of Bi 90": (90.0, 7, {}, False)}
+# Along both surfaces, straight lines between the nodes of one side too, against a mesh of four to seven times the
+# cells, at the end of windows of h^2/a: 5.9 % of the span where nodes face each other, 6.3 to 6.6 % where not.  By
+# pointwise exchange alone 13 % at 1e4.
+MATCHING, SPACE = 0.06, 1.3
+JOINTS = [(Bi, cells, swap) for Bi in (100.0, 1e3, 1e4)
+          for cells, swap in (((4, 4), False), ((4, 7), False), ((4, 7), True), ((7, 4), True), ((4, 5), False))]
 
 
-def ends(found: Story) -> dict[tuple[int, int, int], float]:
-    """Temperature [K] of each node at the end, by its body and its place in 0.1 um."""
+def along(found: Story, body: int) -> np.ndarray:
+    """(2, n) places [m] and temperatures [K] of the nodes of a body's surface at the end."""
     mesh = found.interface
-    return {(int(body), round(1e7 * x), round(1e7 * y)): float(T)
-            for body, (x, y), T in zip(mesh.node_body, mesh.nodes, found.T[-1], strict=True)}
+    at = np.flatnonzero((np.array(mesh.node_body) == body) & (np.abs(mesh.nodes[:, 1]) < 1e-9))
+    at = at[np.argsort(mesh.nodes[at, 0])]
+    return np.stack([mesh.nodes[at, 0], found.T[-1][at]])
 
 
 @cache
-def refined(Bi: float) -> dict[tuple[int, int, int], float]:
+def refined(Bi: float) -> Story:
     """The end on meshes of 28 x 16 cells that match, in windows half as long."""
     scene = blocks(Bi, 28)
     for body in ("a", "b"):
         scene.recipes[body]["cells"] = [28, 16]
-    return ends(story(scene, CELL**2 / A, 2 * WINDOWS, "extrapolated"))
+    return story(scene, CELL**2 / A, 2 * WINDOWS, "extrapolated")
 
 
-@pytest.mark.parametrize("joint", JOINTS)
-def test_a_mesh_too_coarse_for_its_contact_is_told(joint: str) -> None:
-    Bi, other, keys, held = JOINTS[joint]
-    scene = blocks(Bi, other)
-    scene.doc["contact"]["p"].update(keys)
-    found, right_T = story(scene, CELL**2 / A, WINDOWS, "extrapolated"), refined(Bi)
-    off = max(abs(T - right_T[at]) for at, T in ends(found).items() if at in right_T)
-    assert is_held(found) == held
-    assert (off > SPACE * 500.0) == held
+@pytest.mark.parametrize(("Bi", "cells", "swap"), JOINTS)
+def test_a_contact_that_conducts_much_is_as_right_as_its_mesh(Bi: float, cells: tuple[int, int], swap: bool) -> None:
+    scene = blocks(Bi, cells[1])
+    scene.recipes["a"]["cells"] = [cells[0], 4]
+    if swap:
+        pair = scene.doc["contact"]["p"]
+        pair["slave"], pair["master"] = pair["master"], pair["slave"]
+    found, right_T, off = story(scene, CELL**2 / A, WINDOWS, "extrapolated"), refined(Bi), 0.0
+    for body in (0, 1):
+        x, T = along(right_T, body)
+        off = max(off, float(np.abs(np.interp(x, *along(found, body)) - T).max()))
+    assert off < SPACE * MATCHING * 500.0
