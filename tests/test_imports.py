@@ -18,7 +18,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("contact", "thermal_fmu", "mechanical_fmu", "coupler")
 MAY_IMPORT = {"contact": set(), "thermal_fmu": {"contact"}, "mechanical_fmu": {"contact"}, "coupler": {"contact"}}
-ONLY_IN = {"fmpy": {"coupler/fmu/fmi.py"}, "zenoh": {"contact/rpc/zenoh_session.py"}}
+ONLY_IN = {"fmpy": {"coupler/fmu/library.py"}, "zenoh": {"contact/rpc/zenoh_session.py"}}
 BELOW_SCENARIO = {"contact/problem", "coupler/scenario", "coupler", "contact", "contact/half", "contact/rpc"}
 MODULE = re.compile(r"[a-z_]\w*(\.[a-z_]\w*)+(?=:\w+$|$)")
 

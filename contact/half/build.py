@@ -21,6 +21,7 @@ from contact.compiled import interpret
 from contact.half import entry, papers
 from contact.half.interface import Interface
 from contact.half.layout import block_table, layout_of, model_description, standard_variables
+from contact.half.layout3 import model_description_3
 from contact.half.model import load_directory
 
 _ENTRY = '''\
@@ -35,19 +36,32 @@ class {identifier}(HalfSlave):
     packages = {packages!r}
     load = staticmethod(load)
 '''
+# The wrapper of pythonfmu3 looks for a class whose bases name Fmi3Slave; it runs the script once.
+_ENTRY_3 = '''\
+import half_entry_{tag} as entry
+
+Fmi3Slave, load = entry.half({load!r}, {packages!r}, 3)
+
+
+class {identifier}(Fmi3Slave):
+    identity = {guid!r}
+    packages = {packages!r}
+    load = staticmethod(load)
+'''
 # Fixed, so that equal contents make equal files.
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[str, str],
-              uses: Sequence[str] = ()) -> Path:
+              uses: Sequence[str] = (), fmi: int = 2) -> Path:
     """Build the FMU of the half in `directory`, whole or not at all.
 
     package : top-level import package of the half.  load : "module:function" of it, a contact.half.model.Load; of a
     package with several halves one for each `half` of model.json.  uses : other import packages that it is made of, as
-    thermal_fmu, which travel with it.
-    Returns out.  Raises ValueError where the directory's files do not make a half.
+    thermal_fmu, which travel with it.  fmi : 2, or 3 (arrays; the wrapper is that of pythonfmu3).
+    Returns out.  Raises ValueError where the directory's files do not make a half, or there is no wrapper.
     """
+    wrapper = _wrapper_of(fmi)
     interface, model = load_directory(directory)
     if not isinstance(load, str):
         if (half := str(model.get("half"))) not in load:
@@ -60,19 +74,22 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
     origin = papers.origin_of(package)
     # fault: FMUs with other requirements inside have one name -> guid = content_hash(interface, model, packages) |
     #   contact/test_half_build
-    guid = content_hash(interface, model, packages, [*needs, origin.name, origin.version, origin.license])
+    guid = content_hash(interface, model, packages, [*needs, origin.name, origin.version, origin.license,
+                                                     *([] if fmi == 2 else [f"FMI {fmi}", _version(wrapper)])])
     kind = "".join(c if c.isalnum() else "_" for c in str(model.get("half", package)))
     identifier = f"{kind}_half_{guid[:8]}"
     standard = standard_variables(interface, " ".join(f"{k}:{v}" for k, v in packages.items()))
     layout = layout_of(half.variables, standard)
-    xml = model_description(layout, identifier, guid, tool=f"PythonFMU {_version(pythonfmu)} (Slideline)",
-                            description=f"{kind} half", version=origin.version, rights=origin.license).encode()
-    script = _ENTRY.format(tag=guid[:8], load=load, packages=packages, identifier=identifier, guid=guid)
+    tool = f"{'PythonFMU' if fmi == 2 else 'PythonFMU3'} {_version(wrapper)} (Slideline)"
+    describe = model_description if fmi == 2 else model_description_3
+    xml = describe(layout, identifier, guid, tool, f"{kind} half", origin.version, origin.license).encode()
+    script = (_ENTRY if fmi == 2 else _ENTRY_3).format(tag=guid[:8], load=load, packages=packages,
+                                                       identifier=identifier, guid=guid)
     members: dict[str, bytes | Path] = {
         "modelDescription.xml": xml,
-        "documentation/index.html": papers.page(layout, f"{kind} half", origin, needs).encode(),
+        "documentation/index.html": papers.page(layout, f"{kind} half", origin, needs, fmi).encode(),
         "resources/requirements.txt": "".join(f"{need}\n" for need in needs).encode(),
-        "resources/blocks.json": json.dumps(block_table(layout, xml)).encode(),
+        **({"resources/blocks.json": json.dumps(block_table(layout, xml)).encode()} if fmi == 2 else {}),
         "resources/slavemodule.txt": identifier.encode(),
         f"resources/{identifier}.py": script.encode(),
         f"resources/half_entry_{guid[:8]}.py": Path(entry.__file__),
@@ -80,22 +97,25 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
         "resources/model.json": directory / "model.json",
         **{f"resources/packages/{name}/{inner}": path
            for name in packages for inner, path in _files(package_directory(name))},
-        **_wrapper(identifier),
+        **_wrapped(identifier, wrapper),
     }
     _write_zip(members, out)
     return out
 
 
 def main(package: str, load: str | Mapping[str, str], uses: Sequence[str] = ()) -> None:
-    """The body of a half's `python -m MODULE DIRECTORY OUT.fmu`; exit code 2 and one line if the input is wrong.
+    """The body of a half's `python -m MODULE DIRECTORY OUT.fmu [--fmi 3]`; exit code 2 and one line on a wrong input.
 
     package, load, uses : as of build_fmu.
     """
-    if len(sys.argv) != 3:
-        raise SystemExit(f"usage: python -m {package}.build DIRECTORY OUT.fmu")
+    words, fmi = sys.argv[1:], 2
+    if words[2:] == ["--fmi", "3"]:
+        words, fmi = words[:2], 3
+    if len(words) != 2:
+        raise SystemExit(f"usage: python -m {package}.build DIRECTORY OUT.fmu [--fmi 3]")
     interpret()
     try:
-        build_fmu(Path(sys.argv[1]), Path(sys.argv[2]), package=package, load=load, uses=uses)
+        build_fmu(Path(words[0]), Path(words[1]), package=package, load=load, uses=uses, fmi=fmi)
     except ValueError as exc:
         print(exc, file=sys.stderr)
         raise SystemExit(2) from exc
@@ -145,10 +165,20 @@ def _files(package: Path) -> Iterator[tuple[str, Path]]:
             yield path.relative_to(package).as_posix(), path
 
 
-def _wrapper(identifier: str) -> dict[str, bytes | Path]:
-    """pythonfmu's own modules, and its native wrapper under the model's name."""
+def _wrapper_of(fmi: int) -> Any:
+    """The package of the native wrapper.  Raises ValueError where it is not installed."""
+    if fmi == 2:
+        return pythonfmu
+    # fault: without the wrapper of FMI 3.0 a build ends in a traceback -> if False: | contact/test_half_build3
+    if importlib.util.find_spec("pythonfmu3") is None:
+        raise ValueError("FMI 3.0 needs the package pythonfmu3: pip install 'slideline[fmi3]'")
+    return importlib.import_module("pythonfmu3")
+
+
+def _wrapped(identifier: str, wrapper: Any) -> dict[str, bytes | Path]:
+    """pythonfmu's own modules, and the native wrapper of a package under the model's name."""
     home = Path(pythonfmu.__file__).parent
-    binaries = home / "resources" / "binaries"
+    binaries = Path(wrapper.__file__).parent / "resources" / "binaries"
     modules: dict[str, bytes | Path] = {f"resources/pythonfmu/{p.name}": p for p in sorted(home.glob("*.py"))}
     for path in sorted(binaries.rglob("*")):
         if path.suffix in (".so", ".dll", ".dylib"):

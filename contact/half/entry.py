@@ -73,10 +73,11 @@ def keep_alive(namespace: dict[str, Any]) -> None:
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(namespace))
 
 
-def half(load: str, packages: Mapping[str, str]) -> tuple[type, Callable[..., Any]]:
-    """Return the base class of a half's slave, and the half's load function, named "module:function"."""
+def half(load: str, packages: Mapping[str, str], fmi: int = 2) -> tuple[type, Callable[..., Any]]:
+    """Return the base class of a half's slave, and the half's load function, named "module:function".  fmi : 2 or 3."""
     use_packages(packages)
-    base: type = importlib.import_module("contact.half.slave").HalfSlave
+    base: type = (importlib.import_module("contact.half.slave3").HalfSlave3 if fmi == 3 else
+                  importlib.import_module("contact.half.slave").HalfSlave)
     module, _, name = load.partition(":")
     function: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return base, function

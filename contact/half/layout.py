@@ -222,7 +222,7 @@ def model_description(layout: Layout, identifier: str, guid: str, tool: str, des
         'canHandleVariableCommunicationStepSize="true" canInterpolateInputs="false" '
         'canBeInstantiatedOnlyOncePerProcess="false" canNotUseMemoryManagementFunctions="true" '
         'canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>',
-        "<UnitDefinitions>", *map(_unit, units), "</UnitDefinitions>",
+        "<UnitDefinitions>", *map(unit_definition, units), "</UnitDefinitions>",
         "<LogCategories>",
         *(f'<Category name="{name}"/>' for name in
           ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal", "logAll")),
@@ -246,7 +246,7 @@ def block_table(layout: Layout, xml: bytes) -> dict[str, Any]:
         start = None
         if not v.shape and (v.causality != "output" or v.variability == "constant"):
             start = repr(float(np.asarray(v.start))) if v.kind == "Real" else str(v.start)
-        rows.append([v.name, list(v.shape), v.kind, v.causality, _variability(v), v.unit if v.kind == "Real" else "1",
+        rows.append([v.name, list(v.shape), v.kind, v.causality, variability_of(v), v.unit if v.kind == "Real" else "1",
                      v.description, v.on, layout.first[v.name], start])
     return {"variables": variables_hash(xml), "blocks": rows}
 
@@ -256,7 +256,8 @@ def variables_hash(xml: bytes) -> str:
     return hashlib.sha256(xml.partition(b"<ModelVariables>")[2].partition(b"</ModelVariables>")[0]).hexdigest()
 
 
-def _variability(variable: Variable) -> str:
+def variability_of(variable: Variable) -> str:
+    """Return how a variable may change, in the words of FMI."""
     return variable.variability or (
         "fixed" if variable.causality == "parameter" else "continuous" if variable.kind == "Real" else "discrete")
 
@@ -281,7 +282,7 @@ def scalar_names(variable: Variable) -> Iterator[str]:
 
 def _scalars(variable: Variable, reference: int) -> list[str]:
     constant = variable.variability == "constant"
-    middle = f' causality="{variable.causality}" variability="{_variability(variable)}"'
+    middle = f' causality="{variable.causality}" variability="{variability_of(variable)}"'
     if variable.causality != "input":
         calculated = variable.causality == "output" and not constant
         middle += f' initial="{"calculated" if calculated else "exact"}"'
@@ -299,6 +300,7 @@ def _scalars(variable: Variable, reference: int) -> list[str]:
             for i, name in enumerate(scalar_names(variable))]
 
 
-def _unit(unit: str) -> str:
+def unit_definition(unit: str) -> str:
+    """Return what a unit is of SI base units, as XML.  Raises ValueError for one that is not SI."""
     exponents = "".join(f' {base}="{power}"' for base, power in base_exponents(unit).items())
     return f"<Unit name={quoteattr(unit)}><BaseUnit{exponents}/></Unit>"

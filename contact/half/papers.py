@@ -64,8 +64,8 @@ def requirements(packages: Mapping[str, Path], travels: Collection[str]) -> list
     return sorted(found, key=str.lower)
 
 
-def page(layout: Layout, title: str, origin: Origin, needs: Collection[str]) -> str:
-    """Return documentation/index.html: what the FMU is, what it needs, its variables block by block."""
+def page(layout: Layout, title: str, origin: Origin, needs: Collection[str], fmi: int = 2) -> str:
+    """Return documentation/index.html: what the FMU is, what it needs, its variables block by block.  fmi : 2 or 3."""
     rows = "\n".join(
         f"<tr><td><code>{escape(v.name)}{_shape(v.shape)}</code></td><td>{v.causality}</td><td>"
         f"{escape(v.unit) if v.kind == 'Real' else v.kind}</td><td>{escape(v.description)}</td></tr>"
@@ -77,17 +77,16 @@ def page(layout: Layout, title: str, origin: Origin, needs: Collection[str]) -> 
 <style>body {{ font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto }} td, th {{ text-align: left;
 padding-right: 1.5em; vertical-align: top }}</style></head><body>
 <h1>{escape(title)}</h1>
-<p>A half of a thermomechanical contact problem, for FMI 2.0 co-simulation.{made}</p>
+<p>A half of a thermomechanical contact problem, for FMI {fmi}.0 co-simulation.{made}</p>
 <h2>What it needs</h2>
 <p>The binary is a wrapper around Python: the process that loads it must have Python {python} or newer, and these
 packages (<code>resources/requirements.txt</code>). Its own sources travel with it.</p>
 <ul>{''.join(f'<li>{escape(need)}</li>' for need in needs)}</ul>
 <h2>What a master must know</h2>
 <ul>
-<li>A step may be discarded (fmi2Discard): restore a saved state and take a shorter one; <code>status.message</code>
+<li>A step may be discarded (fmi{fmi}Discard): restore a saved state and take a shorter one; <code>status.message</code>
 says why, <code>status.dt_suggest</code> which step is worth trying.</li>
-<li>All units are SI, temperatures kelvin. Arrays are scalars with 1-based indices, their value references
-consecutive.</li>
+<li>All units are SI, temperatures kelvin. {_ARRAYS[fmi]}</li>
 <li>Inputs hold through a step. A state has the inputs in it.</li>
 <li>One thread calls one instance.</li>
 </ul>
@@ -96,6 +95,11 @@ consecutive.</li>
 {rows}
 </table></body></html>
 """
+
+
+_ARRAYS = {2: "Arrays are scalars with 1-based indices, their value references\nconsecutive.",
+           3: "An array is one variable, its values row by row. The wrapper does not\npass on the start time: set "
+              "<code>time.start</code> where a run begins at another time than 0 s."}
 
 
 def _shape(shape: tuple[int, ...]) -> str:

@@ -255,7 +255,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
         super().__init__(**kwargs)
         resources = str(self.resources)
         # The wrapper adds the resources to sys.path for ever, once an instance.
-        sys.path[:] = [p for p in sys.path if p != resources]
+        sys.path[:] = [p for p in sys.path if p.rstrip("/\\") != resources.rstrip("/\\")]
         try:
             interface, model = load_directory(Path(resources))
             self._model: HalfModel | None = type(self).load(interface, model)

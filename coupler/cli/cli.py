@@ -61,7 +61,7 @@ VERBS = {
     "advise": Verb("coupler.cli.trials:advise_command", solves=True, about=
         "Find the cheapest model within your tolerance, and write it as a scenario."),
     "build": Verb("coupler.cli.running:build_command", solves=True, about=
-        "Build the FMUs of a scenario, for use in any FMI 2.0 master."),
+        "Build the FMUs of a scenario, for use in any FMI 2.0 or 3.0 master."),
     "verify-half": Verb("coupler.verify.verify:verify_half_command", solves=True, about=
         "Check a half against the interface specification: names, units, state, discards, substeps."),
     "host": Verb("coupler.cli.hosting:host_command", about=

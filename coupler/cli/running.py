@@ -153,9 +153,11 @@ def _each(*told: Callable[[Progress], None]) -> Callable[[Progress], None]:
 
 def build_command(scenario: ScenarioFile,
                   out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the FMUs.")] = Path(),
+                  fmi: Annotated[int, typer.Option("--fmi", min=2, max=3, help="Version of FMI; in 3 arrays are "
+                                                   "variables (needs pythonfmu3).")] = 2,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
-    """Build the FMUs of a scenario, for use in any FMI 2.0 master."""
-    for path in build_halves(scenario_of(scenario, sets, swaps), out):
+    """Build the FMUs of a scenario, for use in any FMI 2.0 or 3.0 master."""
+    for path in build_halves(scenario_of(scenario, sets, swaps), out, fmi):
         typer.echo(path)
 
 

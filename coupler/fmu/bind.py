@@ -1,5 +1,7 @@
 """FMUs with names of their own: a copy whose description has the names, units and signs of the border (`bind`).
 
+Of FMI 2.0 a block is the scalars that a pattern names, of FMI 3.0 an array as well.
+
 An FMU knows its variables by number, so a description with other names is the same FMU; the file itself is not touched.
 """
 
@@ -9,7 +11,7 @@ import difflib
 import math
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,6 +21,7 @@ from contact.problem.values import did_you_mean
 from coupler.errors import HalfError, ScenarioError, together
 from coupler.fmu.bounds import border_scene
 from coupler.fmu.description import check_size, with_description
+from coupler.fmu.description3 import shapes_of
 from coupler.fmu.names import BLOCKS, OUT, Face, face_of
 from coupler.fmu.units import COMMON, Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
 from coupler.scenario import Scenario
@@ -54,12 +57,13 @@ def bind(scenario: Scenario, role: str, fmu: Path, out: Path) -> Path:
             # fault: a description of any size is read -> pass | coupler/test_bind
             check_size(archive, fmu)
             root = ElementTree.fromstring(archive.read(XML))
-            errors = list(_bound(root, bindings, role, rows, lambda *a: _error(scenario, role, *a)))
-            if errors:
-                raise together(errors)
-    except (HalfError, OSError, KeyError, zipfile.BadZipFile, ElementTree.ParseError) as exc:
+        shapes = shapes_of(root) if _is_3(root) else {}
+    except (HalfError, OSError, KeyError, ValueError, zipfile.BadZipFile, ElementTree.ParseError) as exc:
         raise ScenarioError(f"{fmu} cannot be read as an FMU ({exc})", file=str(scenario.file), key=f"{role}.half",
-                            remedy="Give an FMU of FMI 2.0 for co-simulation") from exc
+                            remedy="Give an FMU of FMI 2.0 or 3.0 for co-simulation") from exc
+    errors = list(_bound(root, shapes, bindings, role, rows, lambda *a: _error(scenario, role, *a)))
+    if errors:
+        raise together(errors)
     xml = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return with_description(fmu, lambda _: xml, out)
 
@@ -89,10 +93,23 @@ class _Bound:
     node: ElementTree.Element
 
 
-def _bound(root: ElementTree.Element, bindings: Mapping[str, Binding], role: str, rows: Mapping[str, int],
-           error: Callable[[str, str, str], ScenarioError]) -> Iterator[ScenarioError]:
-    """Give variables of a description the names of the border, in place; yields what does not fit."""
-    nodes = {node.get("name", ""): node for node in root.iterfind("ModelVariables/ScalarVariable")}
+def _is_3(root: ElementTree.Element) -> bool:
+    """Whether a description is of FMI 3.0, where an element of ModelVariables is of the variable's type."""
+    return root.get("fmiVersion", "").startswith("3.")
+
+
+def _value(node: ElementTree.Element) -> ElementTree.Element:
+    """The element of a variable that says its type and its unit: of FMI 3.0 itself, of FMI 2.0 its first."""
+    return node if node.tag != "ScalarVariable" else next(iter(node), node)
+
+
+def _bound(root: ElementTree.Element, shapes: Mapping[str, tuple[int, ...]], bindings: Mapping[str, Binding], role: str,
+           rows: Mapping[str, int], error: Callable[[str, str, str], ScenarioError]) -> Iterator[ScenarioError]:
+    """Give variables of a description the names of the border, in place; yields what does not fit.
+
+    shapes : of its arrays, by name.
+    """
+    nodes = {node.get("name", ""): node for node in root.iterfind("ModelVariables/*")}
     declared, types = declared_units(root), type_units(root)
     taken: dict[int, str] = {}
     for number, (name, binding) in enumerate(bindings.items()):
@@ -101,8 +118,11 @@ def _bound(root: ElementTree.Element, bindings: Mapping[str, Binding], role: str
             if face is None or face.kind != "Real" or not face.causality(role):
                 raise BindError(f"a {role} half has no {name!r} at its border",
                                 did_you_mean(name, [n for n, f in BLOCKS.items() if f.causality(role)]))
-            found = _variables(nodes, name, binding, face, rows.get(name))
-            if found[0].name in nodes:
+            if binding.name in shapes:
+                found = [_array(nodes, shapes[binding.name], name, binding, face, rows.get(name))]
+            else:
+                found = _variables(nodes, shapes, name, binding, face, rows.get(name))
+            if found[0].name in nodes or name in nodes:
                 raise BindError(f"the FMU has variables {name} already", "Leave this binding out")
             # fault: of two bindings of the same variables the first is lost -> twice = None | coupler/test_bind
             twice = next((taken[id(one.node)] for one in found if id(one.node) in taken), None)
@@ -119,9 +139,23 @@ def _bound(root: ElementTree.Element, bindings: Mapping[str, Binding], role: str
             yield error(name, str(exc), exc.remedy)
 
 
-def _variables(nodes: Mapping[str, ElementTree.Element], name: str, binding: Binding, face: Face,
-               rows: int | None) -> list[_Bound]:
-    """The variables that a pattern names, one of each index.  rows : how many the scene has, where it says so."""
+def _array(nodes: Mapping[str, ElementTree.Element], shape: tuple[int, ...], name: str, binding: Binding, face: Face,
+           rows: int | None) -> _Bound:
+    """The array that is a block.  rows : how many the scene has, where it says so."""
+    expected = (shape[0] if rows is None else rows, 2)[: face.rank] if face.rank else ()
+    # fault: an array of another shape than the mesh's is bound -> if False: | coupler/test_bind3
+    if shape != expected:
+        raise BindError(f"the array {binding.name!r} has shape {shape}, but {name} has shape {expected} in this scene",
+                        "An FMU is of one mesh: bind one that was made for this scene")
+    return _Bound(name, nodes[binding.name])
+
+
+def _variables(nodes: Mapping[str, ElementTree.Element], arrays: Collection[str], name: str, binding: Binding,
+               face: Face, rows: int | None) -> list[_Bound]:
+    """The scalars that a pattern names, one of each index.
+
+    arrays : names of what are none.  rows : how many the scene has, where it says so.
+    """
     words = PLACEHOLDER.findall(binding.name)
     used = set(words)
     # fault: a placeholder that comes twice ends in the error of a library -> if False: | coupler/test_bind
@@ -132,11 +166,11 @@ def _variables(nodes: Mapping[str, ElementTree.Element], name: str, binding: Bin
     if len(used - across) != min(face.rank, 1) or len(across) != max(face.rank - 1, 0):
         want = ("no {i}", "one {i} (or {i0}, from 0)", "one {i} (or {i0}) and one {j}, {j0}, {xy} or {XY}")[face.rank]
         raise BindError(f"the pattern {binding.name!r} must have {want}", "{i} stands for the number of a row, from 1; "
-                        "{j} of a column; {xy} for x and y")
+                        "{j} of a column; {xy} for x and y; or give the name of an array of FMI 3.0")
     found: dict[tuple[int, ...], ElementTree.Element] = {}
     pattern = _pattern(binding.name)
     for text, node in nodes.items():
-        if match := pattern.fullmatch(text):
+        if text not in arrays and (match := pattern.fullmatch(text)):
             at = _index(match)
             # fault: of two variables of one number the later is taken -> if False: | coupler/test_bind
             if at in found:
@@ -189,13 +223,16 @@ def _conversion(found: list[_Bound], binding: Binding, face: Face,
 
     types : the units of the FMU's types, by name.
     """
-    kinds = {child.tag for one in found for child in one.node} & {"Integer", "Boolean", "String", "Enumeration"}
+    values = [_value(one.node) for one in found]
+    # fault: whole numbers are bound as a field -> kinds = set() | coupler/test_bind3
+    kinds = {value.tag for value in values} - {"Real", "Float64"}
     if kinds:
-        raise BindError(f"{binding.name!r} are of type {kinds.pop()}, not Real", "Bind variables of type Real")
+        raise BindError(f"{binding.name!r} are of type {kinds.pop()}, not Real", "Bind variables of type Real (of FMI "
+                        "3.0 Float64)")
     units = {binding.unit} if binding.unit else {
-        # fault: numbers without a unit are taken for SI -> unit_of(child, types) or face.unit for one in found for
-        #   child in one.node.iterfind("Real")} | coupler/test_bind
-        unit_of(child, types) for one in found for child in one.node.iterfind("Real")}
+        # fault: numbers without a unit are taken for SI -> unit_of(v, types) or face.unit for v in values} |
+        #   coupler/test_bind
+        unit_of(v, types) for v in values}
     if "" in units and face.unit == "1":
         units = (units - {""}) | {"1"}
     if "" in units:
@@ -222,9 +259,9 @@ def _rename(one: _Bound, role: str, face: Face, unit: str) -> None:
     one.node.set("name", one.name)
     if one.node.get("causality", "local") == "local" and face.causality(role) == OUT:
         one.node.set("causality", OUT)  # it can be read like one
-    for value in one.node.iterfind("Real"):
-        value.set("unit", unit)
-        value.attrib.pop("declaredType", None)
+    value = _value(one.node)
+    value.set("unit", unit)
+    value.attrib.pop("declaredType", None)
 
 
 def _define(root: ElementTree.Element, name: str, unit: str, how: Conversion) -> None:
@@ -232,8 +269,9 @@ def _define(root: ElementTree.Element, name: str, unit: str, how: Conversion) ->
     place = root.find("UnitDefinitions")
     if place is None:
         place = ElementTree.Element("UnitDefinitions")
-        # Before the types, as the schema of FMI 2.0 has it.
-        after = ("TypeDefinitions", "LogCategories", "DefaultExperiment", "VendorAnnotations", "ModelVariables")
+        # Before the types, as the schemas have it.
+        after = ("TypeDefinitions", "LogCategories", "DefaultExperiment", "VendorAnnotations", "Annotations",
+                 "ModelVariables")
         at = next(k for k, child in enumerate(root) if child.tag in after)
         root.insert(at, place)
     new = ElementTree.SubElement(place, "Unit", name=name)

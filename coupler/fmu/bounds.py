@@ -156,7 +156,12 @@ def wrong_blocks(role: str, blocks: Mapping[str, Block], scene: BorderScene | No
                          f"Declare it causality=\"{want}\"; docs/design.md lists the names of either role")
     for name, block in blocks.items():
         face = face_of(name)
-        if face is None or face.kind != "Real" or block.kind != "Real":
+        if face is None or face.kind != "Real":
+            continue
+        # fault: an array of whole or of short numbers is let in -> if False: | coupler/test_c_halves
+        if block.kind != "Real":
+            yield Breach(f"its {name} is of type {block.kind}, not Real",
+                         "Declare it Real (FMI 2.0) or Float64 (FMI 3.0)")
             continue
         # A block that states no unit is taken for SI: its values are looked at, and verify-half tells it.
         # fault: a unit nobody knows is taken for SI -> if False: | coupler/test_border_units

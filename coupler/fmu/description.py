@@ -14,49 +14,36 @@ import re
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contact.half.layout import VENDOR, variables_hash
 from contact.half.model import PLACES
 from coupler.errors import HalfError
+from coupler.fmu.description3 import fields_of
 from coupler.fmu.half import Block
 from coupler.fmu.names import face_of
-from coupler.fmu.units import SI, Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
+from coupler.fmu.units import Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
+from coupler.fmu.variables import Scalar, VariableBlock, gather, reference_of, stated
 
-_CACHE_VERSION = 4
-_INDEXED = re.compile(r"^(.+)\[(\d+(?:,\d+)*)\]$")
+_CACHE_VERSION = 5
+_VERSION_3 = re.compile(r"3\.\d+(\.\d+)?")
 _KINDS = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
 @dataclass(frozen=True)
-class VariableBlock:
-    """A block and where it lies.
+class Description:
+    """fmi : 2 or 3.  guid : of FMI 3.0 its instantiation token.  tool : the generator.
 
-    block : in the SI unit of its name, if it has one (coupler.fmu.names).  references : (size,) value references, last
-    index fastest.  start : as written in the XML, of a scalar only.  variability : as in the XML, the standard's
-    default where it is left out.  declared : the unit in the XML.  conversion : of numbers in it.
+    can_save, can_serialise : FMU state.  fields : by block name, in the XML's order.
     """
 
-    block: Block
-    references: NDArray[np.uint32]
-    start: str | None
-    variability: str
-    declared: str = "1"
-    conversion: Conversion = SI
-
-
-@dataclass(frozen=True)
-class Description:
-    """tool : the generator.  can_save, can_serialise : FMU state.  fields : by block name, in the XML's order."""
-
+    fmi: int
     guid: str
     identifier: str
     tool: str
@@ -65,28 +52,8 @@ class Description:
     fields: dict[str, VariableBlock]
 
 
-@dataclass(frozen=True)
-class _Scalar:
-    name: str
-    reference: int
-    causality: str
-    variability: str
-    kind: str
-    unit: str
-    start: str | None
-    description: str = ""
-
-
-@dataclass(frozen=True)
-class _Element:
-    """A scalar of a block.  index : from 1, () of a scalar alone."""
-
-    index: tuple[int, ...]
-    scalar: _Scalar
-
-
 def read_description(extracted: Path) -> Description:
-    """The description of an extracted FMU.  Raises HalfError where it is not one of FMI 2.0 co-simulation."""
+    """The description of an extracted FMU.  Raises HalfError where it is not one of FMI 2.0 or 3.0 co-simulation."""
     path = extracted / "modelDescription.xml"
     try:
         text = path.read_bytes()
@@ -127,7 +94,7 @@ def _told(path: Path, text: bytes) -> dict[str, VariableBlock] | None:
         for name, shape, kind, causality, variability, unit, description, on, first, start in table["blocks"]:
             block = Block(name, tuple(shape), unit, causality, kind, description, on)
             references = np.arange(first, first + math.prod(block.shape), dtype=np.uint32)
-            fields[name] = VariableBlock(block, references, start, variability, unit)
+            fields[name] = VariableBlock(block, references, start, variability, unit, type=kind)
     except (OSError, ValueError, KeyError, TypeError):
         return None  # the description itself is at hand and is read instead
     return fields if sum(f.references.size for f in fields.values()) == text.count(b"<ScalarVariable ") else None
@@ -141,20 +108,32 @@ def _parse(text: bytes, path: Path, told: dict[str, VariableBlock] | None) -> De
     except ElementTree.ParseError as exc:
         raise HalfError(f"{path} is not XML: {exc}") from exc
     version = root.get("fmiVersion", "")
-    if root.tag != "fmiModelDescription" or version != "2.0":
-        raise HalfError(f"{path}: FMI {version or 'of no version'}; a half must be FMI 2.0 for co-simulation")
+    fmi = 3 if _VERSION_3.fullmatch(version) else 2
+    must = "a half must be FMI 2.0 or 3.0 for co-simulation"
+    if root.tag != "fmiModelDescription" or (fmi == 2 and version != "2.0"):
+        raise HalfError(f"{path}: FMI {version or 'of no version'}; {must}")
     simulation = root.find("CoSimulation")
     if simulation is None:
-        raise HalfError(f"{path}: no CoSimulation; a half must be FMI 2.0 for co-simulation")
-    types = type_units(root)
-    return Description(
-        guid=root.get("guid", ""), identifier=simulation.get("modelIdentifier", ""),
-        tool=root.get("generationTool", ""),
-        can_save=simulation.get("canGetAndSetFMUstate") in ("true", "1"),
-        can_serialise=simulation.get("canSerializeFMUstate") in ("true", "1"),
-        fields=_in_si(told if told is not None
-                      else gather([_scalar(node, types) for node in root.iterfind("ModelVariables/ScalarVariable")],
-                                  _places(root)), declared_units(root)))
+        raise HalfError(f"{path}: no CoSimulation; {must}")
+    state = "State" if fmi == 3 else "state"
+    try:
+        fields = told if told is not None else _fields(root, fmi)
+        return Description(
+            fmi=fmi, guid=root.get("instantiationToken" if fmi == 3 else "guid", ""),
+            identifier=simulation.get("modelIdentifier", ""), tool=root.get("generationTool", ""),
+            can_save=simulation.get(f"canGetAndSetFMU{state}") in ("true", "1"),
+            can_serialise=simulation.get(f"canSerializeFMU{state}") in ("true", "1"),
+            fields=_in_si(fields, declared_units(root)))
+    except ValueError as exc:
+        raise HalfError(f"{path} is damaged: {exc}") from exc
+
+
+def _fields(root: ElementTree.Element, fmi: int) -> dict[str, VariableBlock]:
+    """Raises ValueError, for what is damaged."""
+    types, places = type_units(root), _places(root)
+    if fmi == 3:
+        return fields_of(root, types, places)
+    return gather([_scalar(node, types) for node in root.iterfind("ModelVariables/ScalarVariable")], places)
 
 
 def _in_si(fields: Mapping[str, VariableBlock], declared: Mapping[str, DeclaredUnit]) -> dict[str, VariableBlock]:
@@ -174,77 +153,45 @@ def _in_si(fields: Mapping[str, VariableBlock], declared: Mapping[str, DeclaredU
 
 def _places(root: ElementTree.Element) -> dict[str, str]:
     """Block -> what its rows belong to, of those for which the annotation of this program says it."""
-    blocks = (block for tool in root.iterfind("VendorAnnotations/Tool") if tool.get("name") == VENDOR
-              for block in tool.iter("Block"))
+    mine = [tool for tool in root.iterfind("VendorAnnotations/Tool") if tool.get("name") == VENDOR]
+    mine += [note for note in root.iterfind("Annotations/Annotation") if note.get("type") == VENDOR]
+    blocks = (block for note in mine for block in note.iter("Block"))
     return {block.get("name", ""): block.get("on", "") for block in blocks if block.get("on") in PLACES}
 
 
-def _scalar(node: ElementTree.Element, types: Mapping[str, str]) -> _Scalar:
-    value = next(child for child in node if child.tag in _KINDS)
-    return _Scalar(node.attrib["name"], int(node.attrib["valueReference"]), node.get("causality", "local"),
-                   node.get("variability", "continuous" if value.tag == "Real" else "discrete"),
-                   value.tag, unit_of(value, types) or "1", value.get("start"), node.get("description", ""))
-
-
-def gather(scalars: Sequence[_Scalar], places: Mapping[str, str] = MappingProxyType({})) -> dict[str, VariableBlock]:
-    """Scalars a[1], a[2], ... to one block "a"; what does not fill a whole box of 1-based indices stays scalar.
-
-    places : block -> what its rows belong to.
-    """
-    groups: dict[str, list[_Element]] = {}
-    for scalar in scalars:
-        match = _INDEXED.match(scalar.name)
-        name, index = (match[1], tuple(map(int, match[2].split(",")))) if match else (scalar.name, ())
-        groups.setdefault(name, []).append(_Element(index, scalar))
-    fields: dict[str, VariableBlock] = {}
-    for name, members in groups.items():
-        field = _block(name, members, places.get(name, ""))
-        if field is not None:
-            fields[name] = field
-        else:
-            fields.update({m.scalar.name: _field(m.scalar.name, (), [m.scalar]) for m in members})
-    return fields
-
-
-def _block(name: str, members: list[_Element], on: str) -> VariableBlock | None:
-    indices, scalars = [m.index for m in members], [m.scalar for m in members]
-    if len({len(index) for index in indices}) > 1 or len({(s.kind, s.causality, s.unit) for s in scalars}) > 1:
-        return None
-    shape = tuple(max(column) for column in zip(*indices, strict=True))
-    whole = len(set(indices)) == len(members) == math.prod(shape)
-    if not whole or any(min(index, default=1) < 1 for index in indices):
-        return None
-    return _field(name, shape, [m.scalar for m in sorted(members, key=lambda m: m.index)], on)
-
-
-def _field(name: str, shape: tuple[int, ...], scalars: list[_Scalar], on: str = "") -> VariableBlock:
-    first = scalars[0]
-    return VariableBlock(Block(name, shape, first.unit, first.causality, first.kind, first.description, on),
-                         np.array([s.reference for s in scalars], dtype=np.uint32),
-                         None if shape else first.start, first.variability, first.unit)
+def _scalar(node: ElementTree.Element, types: Mapping[str, str]) -> Scalar:
+    """Raises ValueError where it is none."""
+    name = stated(node, "name")
+    value = next((child for child in node if child.tag in _KINDS), None)
+    if value is None:
+        raise ValueError(f"variable {name!r} has no type")
+    return Scalar(name, reference_of(node), node.get("causality", "local"),
+                  node.get("variability", "continuous" if value.tag == "Real" else "discrete"),
+                  value.tag, unit_of(value, types) or "1", value.get("start"), node.get("description", ""))
 
 
 def _to_json(description: Description) -> dict[str, Any]:
-    def references(refs: NDArray[np.uint32]) -> list[int] | int:
-        consecutive = (np.diff(refs.astype(np.int64)) == 1).all()
-        return int(refs[0]) if consecutive else [int(r) for r in refs]
+    def references(field: VariableBlock) -> list[int]:
+        """First and number of those that follow each other, else all, after a number that none is."""
+        refs = [int(r) for r in field.references]
+        return [refs[0], len(refs)] if refs == list(range(refs[0], refs[0] + len(refs))) else [-1, *refs]
 
-    fields = [[{**vars(f.block), "shape": list(f.block.shape)}, references(f.references), f.start, f.variability,
-               f.declared, f.conversion.factor, f.conversion.offset]
+    fields = [[{**vars(f.block), "shape": list(f.block.shape)}, references(f), f.start, f.variability,
+               f.declared, f.conversion.factor, f.conversion.offset, f.type]
               for f in description.fields.values()]
     return {**vars(description), "fields": fields}
 
 
 def _from_json(kept: dict[str, Any]) -> Description:
     fields = {}
-    for about, refs, start, variability, declared, factor, offset in kept["fields"]:
+    for about, refs, start, variability, declared, factor, offset, kind in kept["fields"]:
         block = Block(**{**about, "shape": tuple(about["shape"])})
-        if isinstance(refs, int):
-            refs = np.arange(refs, refs + math.prod(block.shape))
-        fields[block.name] = VariableBlock(block, np.asarray(refs, dtype=np.uint32), start, variability, declared,
-                                           Conversion(factor, offset))
-    return Description(kept["guid"], kept["identifier"], kept["tool"], kept["can_save"], kept["can_serialise"],
-                       fields)
+        first, *more = refs
+        numbers = np.array(more if first < 0 else range(first, first + more[0]), dtype=np.uint32)
+        fields[block.name] = VariableBlock(block, numbers, start, variability, declared, Conversion(factor, offset),
+                                           kind)
+    return Description(kept["fmi"], kept["guid"], kept["identifier"], kept["tool"], kept["can_save"],
+                       kept["can_serialise"], fields)
 
 
 # Unpack FMUs where their wrapper can find them again.

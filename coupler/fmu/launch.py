@@ -23,6 +23,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -54,10 +55,11 @@ def known_halves() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
-def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
+def build_half(kind: str, directory: Path, cache: Path | None = None, fmi: int = 2) -> Path:
     """The FMU of the half of `kind` whose interface.h5 and model.json are in `directory`.
 
     kind : an entry point's name, or the path of a prebuilt FMU, which is copied to the cache as it is.
+    fmi : 2 or 3, of what is built.
     cache : where FMUs are kept (default: cache_directory()).  The same content is built once; beside the FMU lies
     what it unpacks to, which load_half then uses.  Raises HalfError for an unknown kind, or with the builder's words.
     """
@@ -70,8 +72,8 @@ def build_half(kind: str, directory: Path, cache: Path | None = None) -> Path:
                         + (f"; did you mean {near[0]!r}?" if near else ""))
     module = known[kind].module
     cache = cache_directory() if cache is None else cache
-    place = cache / f"{kind}-{_key(kind, module, directory)}"
-    return _cached(place, lambda new: _run_builder(kind, module, directory, new))
+    place = cache / f"{kind}-{'fmi3-' if fmi == 3 else ''}{_key(kind, module, directory)}"
+    return _cached(place, lambda new: _run_builder(kind, module, directory, new, fmi))
 
 
 def _ready(fmu: Path, cache: Path) -> Path:
@@ -204,8 +206,8 @@ def _put(place: Path, make: Callable[[Path], object]) -> None:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _run_builder(kind: str, module: str, directory: Path, out: Path) -> None:
-    command = [*python(), "-m", module, str(directory.absolute()), str(out)]
+def _run_builder(kind: str, module: str, directory: Path, out: Path, fmi: int) -> None:
+    command = [*python(), "-m", module, str(directory.absolute()), str(out), *(["--fmi", "3"] if fmi == 3 else [])]
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=DEADLINE,
                               stdin=subprocess.DEVNULL, check=False)
@@ -320,15 +322,16 @@ def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None) ->
         yield Launched(halves["thermal"], halves["mechanical"], scenario.coupling.link)
 
 
-def _built(scenario: Scenario, folders: Mapping[str, Path]) -> dict[str, Path]:
-    """The FMUs of roles, in the cache, with the names of the border.
+def _built(scenario: Scenario, folders: Mapping[str, Path], fmi: int = 2) -> dict[str, Path]:
+    """The FMUs of roles, in the cache, with the names of the border.  fmi : 2 or 3, of those that are built.
 
     folders : where what they are built from is written.  Builders are processes of their own, and run at once.
     """
     kinds = {role: scenario.write_half(role, folder) for role, folder in folders.items()}
     bound = [str(bind(scenario, role, Path(kind), folders[role] / "bound.fmu")) for role, kind in kinds.items()]
     with ThreadPoolExecutor(len(bound)) as builders:
-        return dict(zip(folders, builders.map(build_half, bound, folders.values()), strict=True))
+        return dict(zip(folders, builders.map(partial(build_half, fmi=fmi), bound, folders.values()),
+                        strict=True))
 
 
 def make_folder(folder: Path) -> None:
@@ -340,14 +343,16 @@ def make_folder(folder: Path) -> None:
                             remedy="Give another one") from exc
 
 
-def build_halves(scenario: Scenario, folder: Path) -> list[Path]:
+def build_halves(scenario: Scenario, folder: Path, fmi: int = 2) -> list[Path]:
     """Build both FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu, ours with its times in them.
+
+    fmi : 2, or 3 in which arrays are variables.  A half that is the path of an FMU is copied as it is.
 
     Raises ScenarioError if the folder cannot be made, HalfError if a half cannot be built.
     """
     make_folder(folder)
     with scratch_folder() as scratch:
-        fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")})
+        fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")}, fmi)
         return [_with_experiment(fmu, folder / f"{role}.fmu", scenario) for role, fmu in fmus.items()]
 
 

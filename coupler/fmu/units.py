@@ -60,13 +60,15 @@ def declared_units(root: ElementTree.Element) -> dict[str, DeclaredUnit]:
 
 def type_units(root: ElementTree.Element) -> dict[str, str]:
     """Return the units that a model description's types state, by the type's name."""
-    types = ((node.get("name", ""), node.find("Real")) for node in root.iterfind("TypeDefinitions/SimpleType"))
+    types = [(node.get("name", ""), node.find("Real")) for node in root.iterfind("TypeDefinitions/SimpleType")]
+    types += [(node.get("name", ""), node) for node in root.iterfind("TypeDefinitions/Float64Type")]  # FMI 3.0
     return {name: real.get("unit", "") for name, real in types if real is not None and real.get("unit")}
 
 
 def unit_of(value: ElementTree.Element, types: Mapping[str, str]) -> str:
-    """Return the unit of a variable's `Real`: its own, else that of its declared type; "" where neither says one.
+    """Return the unit of a variable's `Real`, or of its `Float64`: its own, else that of its declared type.
 
+    "" where neither says one.
     types : what type_units found.
     """
     # fault: the unit of a declared type is not seen -> return value.get("unit", "") | coupler/test_bind

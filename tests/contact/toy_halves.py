@@ -45,9 +45,9 @@ def fresh(code: str, *args: object, env: dict[str, str] | None = None) -> str:
     return done.stdout
 
 
-def build(path: Path, n: int = 4, **model: object) -> Path:
-    """The FMU of a toy half, built by its own builder in a process of its own."""
+def build(path: Path, n: int = 4, fmi: int = 2, **model: object) -> Path:
+    """The FMU of a toy half, built by its own builder in a process of its own.  fmi : 2 or 3."""
     out = directory(path, n, **model) / "toy.fmu"
-    subprocess.run([sys.executable, "-P", "-m", "toy_half.build", str(path), str(out)], check=True, timeout=240,
-                   env=environment())
+    subprocess.run([sys.executable, "-P", "-m", "toy_half.build", str(path), str(out),
+                    *(["--fmi", "3"] if fmi == 3 else [])], check=True, timeout=240, env=environment())
     return out

@@ -1,7 +1,8 @@
-"""A half in C that is wrong in one way at a time: `verify-half` names it, and so does a run."""
+"""A half in C that is wrong in one way at a time: `verify-half` names it, and so does a run.  FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import pytest
 
 from coupler import load_scenario, run
 from coupler.errors import CouplingError, HalfError
+from coupler.fmu.description import with_description
 from coupler.scenario import Scenario
 from coupler.verify.border import CheckVerdict
 from coupler.verify.child import ALIVE, findings_of
@@ -69,11 +71,11 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def made(case: Wrong, scenario: Scenario, folder: Path) -> Path:
+def made(case: Wrong, scenario: Scenario, folder: Path, fmi: int = 2) -> Path:
     i = scenario.interface
     if case.scale:
-        return make_body(folder, i.nodes, case.scale, *case.flags)
-    return make_wall(folder, len(i.nodes), len(i.pair_nodes), case.T_start, *case.flags, unit=case.unit)
+        return make_body(folder, i.nodes, case.scale, *case.flags, fmi=fmi)
+    return make_wall(folder, len(i.nodes), len(i.pair_nodes), case.T_start, *case.flags, unit=case.unit, fmi=fmi)
 
 
 def found(fmu: Path, scenario: Scenario, scratch: Path) -> dict[str, Any]:
@@ -82,29 +84,48 @@ def found(fmu: Path, scenario: Scenario, scratch: Path) -> dict[str, Any]:
     return {f.check: f for f in findings_of(fmu, scratch, 1.0, border, limit=5.0)}
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("name", WRONG)
-def test_verify_half_names_it(name: str, scene: Path, tmp_path: Path) -> None:
+def test_verify_half_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) -> None:
     case, scenario = WRONG[name], load_scenario(scene, overrides=ALL_AT_20)
-    finding = found(made(case, scenario, tmp_path / "half"), scenario, tmp_path / "scratch")[case.check]
+    finding = found(made(case, scenario, tmp_path / "half", fmi), scenario, tmp_path / "scratch")[case.check]
     assert finding.verdict is CheckVerdict.FAIL
     assert case.says in finding.reason
     assert finding.remedy
 
 
-@pytest.mark.parametrize("name", [name for name, case in WRONG.items() if case.run])
-def test_a_run_names_it(name: str, scene: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "fmi"), [*((name, 2) for name, case in WRONG.items() if case.run), ("discards", 3),
+                                           ("not a number", 3), ("crashes", 3), ("millimetres", 3)])
+def test_a_run_names_it(name: str, fmi: int, scene: Path, tmp_path: Path) -> None:
     case = WRONG[name]
-    fmu = made(case, load_scenario(scene, overrides=ALL_AT_20), tmp_path / "half")
+    fmu = made(case, load_scenario(scene, overrides=ALL_AT_20), tmp_path / "half", fmi)
     role = "mechanical" if case.scale else "thermal"
     swap: dict[str, Any] = {"mechanical.half": "rigid", f"{role}.half": str(fmu), "coupling.deadlines.thermal": 5}
     with pytest.raises((HalfError, CouplingError), match=f"(?s){case.run}"):
         run(load_scenario(scene, overrides=ALL_AT_20 | swap), out=tmp_path / "run.h5")
 
 
-def test_one_that_is_right_in_degrees_celsius_passes_and_runs(scene: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("type_", "kind"), [("Float32", "Float32"), ("Int64", "Integer")])
+def test_an_array_of_another_type_is_named(type_: str, kind: str, scene: Path, tmp_path: Path) -> None:
+    """Of numbers of 32 bits the half would be told nonsense, of whole ones no more than their whole part."""
+    scenario = load_scenario(scene, overrides=ALL_AT_20)
+    i = scenario.interface
+    fmu = with_description(make_wall(tmp_path / "half", len(i.nodes), len(i.pair_nodes), 293.15, fmi=3),
+                           lambda xml: re.sub(rb'Float64( name="x".*?)Float64', f"{type_}\\1{type_}".encode(), xml),
+                           tmp_path / "other.fmu")
+    finding = found(fmu, scenario, tmp_path / "scratch")["types"]
+    assert (finding.verdict, finding.reason) == (CheckVerdict.FAIL, f"x is {kind}, not Real")
+    with pytest.raises(HalfError, match=f"thermal.*its x is of type {kind}, not Real"):
+        run(load_scenario(scene, overrides=ALL_AT_20 | {"mechanical.half": "rigid", "thermal.half": str(fmu)}),
+            out=tmp_path / "run.h5")
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_one_that_is_right_in_degrees_celsius_passes_and_runs(fmi: int, scene: Path, tmp_path: Path) -> None:
     """Its description says degC, so the border makes kelvin of it; without a state it is told what that costs."""
     scenario, n = load_scenario(scene, overrides=ALL_AT_20), 21
-    fmu = make_wall(tmp_path / "half", n, len(scenario.interface.pair_nodes), 20.0, unit="degC", state=False)
+    fmu = make_wall(tmp_path / "half", n, len(scenario.interface.pair_nodes), 20.0, unit="degC", state=False,
+                    fmi=fmi)
     rows = found(fmu, scenario, tmp_path / "scratch")
     assert [check for check, f in rows.items() if f.verdict is CheckVerdict.FAIL] == []
     assert rows["keeps its state"].verdict is CheckVerdict.NOT_APPLICABLE

@@ -70,11 +70,21 @@ def test_a_damaged_cache_is_made_anew(tmp_path):
 
 
 @pytest.mark.parametrize(("change", "match"), [
-    ({"version": "3.0"}, "FMI 3.0; a half must be FMI 2.0"), ({"version": "1.0"}, "FMI 1.0"),
+    ({"version": "4.0"}, "FMI 4.0; a half must be FMI 2.0 or 3.0"), ({"version": "1.0"}, "FMI 1.0"),
     ({"cs": ""}, "no CoSimulation"), ({"cs": "<"}, "is not XML")])
-def test_what_is_no_fmi2_co_simulation_is_refused(tmp_path, change, match):
+def test_what_is_no_co_simulation_is_refused(tmp_path, change, match):
     with pytest.raises(HalfError, match=match):
         described(tmp_path, real("T", 0), **change)
+
+
+@pytest.mark.parametrize(("variable", "match"), [
+    (real("T", 0).replace('valueReference="0"', 'valueReference="x"'), "valueReference of 'T' is 'x', no number"),
+    (real("T", 0).replace('valueReference="0"', ""), "ScalarVariable 'T' has no valueReference"),
+    (real("T", 2**32), "no number of 32 bits"), (real("", 0), "ScalarVariable '' has no name"),
+    ('<ScalarVariable name="T" valueReference="0"/>', "variable 'T' has no type")])
+def test_a_damaged_variable_is_told(tmp_path, variable, match):
+    with pytest.raises(HalfError, match=f"is damaged.*{match}"):
+        described(tmp_path, variable)
 
 
 def test_a_directory_without_a_description_is_no_fmu(tmp_path):

@@ -1,4 +1,4 @@
-"""An FMU that answers what no FMU may: each is an error by name, and takes no memory."""
+"""An FMU that answers what no FMU may: each is an error by name, and takes no memory.  Both versions of FMI."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from fmpy.fmi1 import FMICallException
 
 from coupler.errors import HalfError
-from coupler.fmu.fmi import LOG_LENGTH, LOG_TEXT, FmuHalf
+from coupler.fmu.fmi import LOG_LENGTH, LOG_TEXT, FmuHalf, _recorder
+from coupler.fmu.library import Instance2, Instance3
 
 
 class Library:
@@ -22,41 +23,44 @@ class Library:
         def call(*args):
             if self.status > 1:
                 raise FMICallException(function=function, status=self.status)
-            if function == "fmi2SerializedFMUstateSize":
+            if "Serialized" in function:
                 c_size_t.from_buffer(args[2]._obj).value = self.size
             return self.status
 
         return call
 
 
-def half(**how: int) -> FmuHalf:
+def half(fmi: int = 2, **how: int) -> FmuHalf:
     half = FmuHalf.__new__(FmuHalf)
     half.name, half.can_serialise, half.blocks = "toy", True, {}
-    half._fmu, half._instance, half._dead, half._begun = Library(**how), None, False, True
+    kind = Instance3 if fmi == 3 else Instance2
+    half._fmu = kind.__new__(kind)
+    half._fmu._fmu, half._fmu._instance, half._dead, half._begun = Library(**how), None, False, True
     half._log, half._states, half._token = deque(maxlen=LOG_LENGTH), {1: c_void_p(1)}, 1
     half._t = half._h = float("nan")
     return half
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize(("status", "said"), [(9, "status 9, which FMI has not"), (3, "error"),
                                               (4, "fatal")])
-def test_a_status_that_fmi_does_not_know_is_told(status, said):
-    with pytest.raises(HalfError, match=f"fmi2DoStep answered {said}"):
-        half(status=status).advance(0.0, 1.0, {}, ())
+def test_a_status_that_fmi_does_not_know_is_told(status, said, fmi):
+    with pytest.raises(HalfError, match=f"fmi{fmi}DoStep answered {said}"):
+        half(fmi, status=status).advance(0.0, 1.0, {}, ())
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("size", [2**40, 2**63])
-def test_a_state_larger_than_memory_is_refused_by_its_size(size):
+def test_a_state_larger_than_memory_is_refused_by_its_size(size, fmi):
     with pytest.raises(HalfError, match=f"it says its state takes {size} bytes, more than 8 GiB: no resume"):
-        half(size=size).serialise(1)
+        half(fmi, size=size).serialise(1)
 
 
 def test_a_log_without_end_is_cut():
     talkative = half()
-    talkative._description = type("D", (), {"tool": "PythonFMU"})()
-    logger = talkative._make_callbacks().logger
+    say = _recorder(talkative._log)
     for _ in range(3 * LOG_LENGTH):
-        logger(None, b"toy", 0, b"", b"x" * 100_000)
+        say(0, b"x" * 100_000)
     assert len(talkative._log) == LOG_LENGTH
     assert max(map(len, talkative._log)) < LOG_TEXT + 20
     assert talkative.log_tail().startswith("[ok] xxx")

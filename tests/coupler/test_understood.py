@@ -100,6 +100,8 @@ def test_an_fmu_declares_it_in_its_description(tmp_path):
 
     said = '<ScalarVariable name="understands" valueReference="1">\n<String start="boundary.flux materials"/>'
     assert declared_in(fmu(f"{said}</ScalarVariable>")) == {"boundary.flux", "materials"}
+    said = '<String name="understands" valueReference="1" causality="output"><Start value="boundary.flux materials"/>'
+    assert declared_in(fmu(f"{said}</String>")) == {"boundary.flux", "materials"}  # FMI 3.0
     assert declared_in(fmu("")) is None
     assert declared_in(tmp_path / "none.fmu") is None
 
