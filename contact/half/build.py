@@ -72,10 +72,10 @@ def build_fmu(directory: Path, out: Path, *, package: str, load: str | Mapping[s
     half = getattr(importlib.import_module(module), function)(interface, model)
     needs = papers.requirements({name: package_directory(name) for name in packages}, {*packages, "pythonfmu"})
     origin = papers.origin_of(package)
+    version = [] if fmi == 2 else [f"FMI {fmi}", _version(wrapper)]
     # fault: FMUs with other requirements inside have one name -> guid = content_hash(interface, model, packages) |
     #   contact/test_half_build
-    guid = content_hash(interface, model, packages, [*needs, origin.name, origin.version, origin.license,
-                                                     *([] if fmi == 2 else [f"FMI {fmi}", _version(wrapper)])])
+    guid = content_hash(interface, model, packages, [*needs, origin.name, origin.version, origin.license, *version])
     kind = "".join(c if c.isalnum() else "_" for c in str(model.get("half", package)))
     identifier = f"{kind}_half_{guid[:8]}"
     standard = standard_variables(interface, " ".join(f"{k}:{v}" for k, v in packages.items()))

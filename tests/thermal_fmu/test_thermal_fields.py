@@ -187,7 +187,8 @@ def test_derivatives_are_exact(which):
     for slots, values in here.places:
         np.add.at(J, (rows[slots.ravel()], pattern.indices[slots.ravel()]), values.ravel())
     for nodes, values in here.across:
-        np.add.at(J, (np.repeat(nodes, 4, axis=1).ravel(), np.tile(nodes, (1, 4)).ravel()), values.ravel())
+        k = nodes.shape[1]
+        np.add.at(J, (np.repeat(nodes, k, axis=1).ravel(), np.tile(nodes, (1, k)).ravel()), values.ravel())
     numeric = np.array([(f(T - 1e-3 * e).f - f(T + 1e-3 * e).f) / 2e-3 for e in np.eye(n)]).T
     assert np.abs(numeric).max() > 0.0
     assert np.abs(J - numeric).max() < 1e-6 * np.abs(numeric).max()
