@@ -114,7 +114,7 @@ def _sizes(sizes: Sequence[float], plan: Plan) -> str:
 
 
 def schema_command(out: Annotated[Path | None, typer.Option("--out", "-o", help="A new file for it.")] = None) -> None:
-    """Write the JSON Schema of a scenario: editors complete and check its keys by it."""
+    """Write the JSON Schema of a scenario, for editors that complete and check keys."""
     text = json.dumps(json_schema(), indent=1) + "\n"
     if out is None:
         typer.echo(text, nl=False)
