@@ -137,6 +137,16 @@ def contact_points(surfaces: ContactSurfaces, facing: Facing, t_N: Floats, x: Fl
     return points if exchanged is None else _by_pair_sides(points, exchanged)
 
 
+def touching(points: ContactPoints | None, solved: NDArray[np.bool_]) -> int:
+    """Count points under pressure whose slave is solved for here.
+
+    solved : (n_nodes,) False at nodes of bodies that another half solves for, which counts theirs.
+    """
+    # fault: points between two halves are counted by both -> return 0 if points is None else int((points.p > 0).sum())
+    #   | coupler/test_several::test_numbers_of_the_role_are_those_of_one_half
+    return 0 if points is None else int(((points.p > 0) & solved[points.nodes[:, 0]]).sum())
+
+
 def _from_master(surfaces: ContactSurfaces, facing: Facing) -> NDArray[np.bool_] | None:
     """Return (n_p,) True where the point was searched from the pair's master; None where every pair is searched once.
     """

@@ -26,7 +26,8 @@ from thermal_fmu.cells import (
     tensors,
 )
 from thermal_fmu.conditions import NOTHING_COUNTED, HeatSoFar, n_heats, named_heats, no_heat_yet
-from thermal_fmu.contact_quadrature import ContactPoints, contact_points
+from thermal_fmu.contact_quadrature import ContactPoints, contact_points, touching
+from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, course_variables, damps_of
 from thermal_fmu.kernels import at_points, mean_flux
 from thermal_fmu.known import KnownRange, range_of, widened
 from thermal_fmu.linear import AnchorMatrix, Factors
@@ -55,6 +56,7 @@ def face_variables(interface: Interface, model: Model) -> tuple[Variable, ...]:
     return (
         Variable("x", (n, 2), "input", "m", interface.nodes, description="coordinates, held in a substep", on="nodes"),
         *surface,
+        *course_variables(interface, model),
         Variable("E_M", (n_cells,), "input", "J", 0.0, description="mechanical heat of the substep", on="cells"),
         Variable("E_S", (n_cells,), "input", "J", 0.0, description="entropy part, given at the substep's start",
                  on="cells"),
@@ -206,8 +208,10 @@ class ThermalHalf:
         state = ThermalState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0, given=no_heat_yet(n_heats(scene.interface, scene.model)), known=range_of(scene, T))
         points = contact_at(scene.surfaces, X, inputs, link)
-        touching = 0 if points is None else int((points.p > 0).sum())
-        outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T) | self._counts(0, 0)
+        touched = touching(points, scene.model.solved)
+        outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | self._counts(0, 0)
+        if scene.model.elsewhere.size:
+            outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, state.s, [(t, state.s)], t, 1.0)
         return state, outputs | field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
@@ -257,14 +261,16 @@ class ThermalHalf:
         # fault: E_M as power -> context = StepContext(scene, substep, load, self._calendar, substep.E_M, self._factors)
         #   | thermal_fmu/test_thermal_nonlinear
         context = StepContext(scene, substep, load, self._calendar, substep.E_M / h, self._factors, state.known, rate)
+        context = replace(context, elsewhere=course_of(scene.model, inputs, t, h))
         event = whole(inputs, "control.event")
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
-        jump = entropy_jump(context, E_S, np.array(state.s), state.anchor_S, self._factors_S, t) if E_S.any() else None
+        s_n = begun_with(context.elsewhere, scene.melting, np.array(state.s), scene.model.elsewhere)
+        jump = entropy_jump(context, E_S, s_n, state.anchor_S, self._factors_S, t) if E_S.any() else None
         if jump is not None and state.known is not None:
             context = replace(context, known=widened(state.known, jump.known))
-        # fault: entropy part without its jump -> start = SubstepStart(np.array(state.s), state.anchor, |
+        # fault: entropy part without its jump -> start = SubstepStart(s_n, state.anchor, |
         #   thermal_fmu/test_thermal_entropy
-        start = SubstepStart(np.array(state.s) if jump is None else jump.s, state.anchor,
+        start = SubstepStart(s_n if jump is None else jump.s, state.anchor,
                       # fault: no damped restart after an event -> state.damped, state.controller) |
                       #   thermal_fmu/test_thermal_time
                              DAMPED_SUBSTEPS if event != state.event else state.damped, state.controller)
@@ -289,6 +295,9 @@ class ThermalHalf:
         # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, substep.shapes, new.s,
         #   done.moved - done.inside) | thermal_fmu/test_thermal_anisotropy::test_surfaces_tell_what_they_gave_off
         outputs |= field_outputs(scene, substep.shapes, new.s, done.inside - done.moved)
+        if context.elsewhere is not None:
+            outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, start.s, result.done.path, t, h,
+                                      damps_of(result.done.damped, result.done.overshoots))
         return Done(new, outputs | self._counts(result.substeps, result.rejected))
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
@@ -312,7 +321,7 @@ class ThermalHalf:
             "T": T, **heat.outputs(self._scene.model), **state.given.outputs(self._named),
             "iterations": float(done.iterations) if done else 0.0,
             "residual": done.residual if done else 0.0,
-            "max_dT": float(np.abs(T - T_n).max()),
+            "max_dT": float(np.abs(T - T_n)[self._scene.model.solved].max()),
             "heat_stored": state.stored,
             "heat_moved": heat.moved,
             "heat_rounding": self._rounding,

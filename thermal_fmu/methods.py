@@ -94,3 +94,9 @@ METHOD_NUMBERS = {number: method.value for number, method in enumerate(thermal.M
 # steps.  sdirk2 in the place of backward Euler rings with the midpoint rule (its stiff modes fall like 1/z a step, not
 # 1/z^4); in front of sdirk2 itself the damped start costs a quarter more error and takes the overshoot away.
 DAMPED_SUBSTEPS = 1
+
+# Parts of a substep at which a method may ask for, or find, temperatures: its start, stages that stand for themselves,
+# the ends of damped parts, its end.  Between them nobody looks.
+KNOTS: tuple[float, ...] = tuple(sorted(
+    {0.0, 1.0} | {stage.c for method in METHODS.values() for stage in method.stages if stage.theta == 1.0}
+    | {(k + 1) / QUARTER_STEPS.parts for k in range(QUARTER_STEPS.parts)}))

@@ -129,6 +129,7 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     free = R - reaction
     norm, missing = float(np.abs(free).sum()), abs(float(free.sum()))
     moved = float(np.abs(S).sum())
+    of_own = moved if substep.solved is None else float(np.abs(S[substep.solved]).sum())
     scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
     matrix, pull = None, None
     if jacobian:
@@ -136,7 +137,7 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
         matrix, pull = _matrix(scene, boundary, slope, at.dT, data, lifted)
     flow = f + reaction / weight if weight else f
     return StageBalance(R, flow, inside, boundary.given, boundary.terms, boundary.each, stored, norm, missing, scale,
-                        matrix, pull, moved)
+                        matrix, pull, of_own)
 
 
 def _matrix(scene: ThermalScene, boundary: BoundaryHeat, slope: float, dT: Floats | None, data: Floats,

@@ -206,7 +206,8 @@ class Model:
     """A scene as it is solved: what model.json states, and what of it has nodes, edges or curves.
 
     bodies : in the order of interface.bodies.  parts : of interface.parts, the bodies and then their regions.
-    pairs : in the order of interface.pairs, None where no heat is exchanged.
+    pairs : in the order of interface.pairs, None where no heat is exchanged.  elsewhere : nodes (m,) of bodies that
+    another half solves for, ascending; solved : (n,) True at the nodes of all others.
     """
 
     stated: ThermalProblem
@@ -216,6 +217,8 @@ class Model:
     films: tuple[Film, ...]
     radiators: tuple[Radiator, ...]
     pairs: tuple[ThermalPair | None, ...]
+    elsewhere: Ints
+    solved: NDArray[np.bool_]
 
     @property
     def bodies(self) -> tuple[ThermalBody, ...]:
@@ -274,13 +277,15 @@ def parse_foreign(interface: Interface, spec: Mapping[str, Any]) -> Model:
 def _model(interface: Interface, problem: ThermalProblem) -> Model:
     materials = {name: made_material(m, name) for name, m in problem.materials.items()}
     conditions = [_condition(interface, b) for b in problem.boundary]
+    solved = ~np.isin(interface.node_body, [interface.bodies.index(name) for name in problem.elsewhere])
     model = Model(problem,
                   tuple(_body(name, problem.parts[name], materials) for name in interface.parts),
                   tuple(b for b in conditions if isinstance(b, Prescribed)),
                   tuple(b for b in conditions if isinstance(b, Flux)),
                   tuple(b for b in conditions if isinstance(b, Film)),
                   tuple(b for b in conditions if isinstance(b, Radiator)),
-                  tuple(_pair(problem.pairs[p.name]) if p.name in problem.pairs else None for p in interface.pairs))
+                  tuple(_pair(problem.pairs[p.name]) if p.name in problem.pairs else None for p in interface.pairs),
+                  np.flatnonzero(~solved).astype(np.int32), solved)
     if model.radiates:
         _demand_kelvin(model, interface)
     return model

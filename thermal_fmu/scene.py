@@ -26,8 +26,9 @@ from thermal_fmu.cells import (
     spread_energies,
 )
 from thermal_fmu.conditions import owners
-from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points
+from thermal_fmu.contact_quadrature import ContactPoints, edge_slots, gauss_points, touching
 from thermal_fmu.edges import AddedConduction, Couplings
+from thermal_fmu.elsewhere import counted_of
 from thermal_fmu.exchange import ConductionGroup, RadiationGroup, ThroughCells, conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
@@ -83,7 +84,11 @@ class ThermalScene:
         fixed = self.interface.node_body < 0
         for boundary in self.model.prescribed:
             fixed[boundary.nodes] = True
-        return fixed
+        return fixed | ~self.model.solved
+
+    def counted(self, of_bodies: Floats) -> Floats:
+        """Return (n_bodies,) with 0 for bodies that another half solves for."""
+        return counted_of(self.interface, self.model, of_bodies)
 
     @cached_property
     def owners(self) -> NDArray[np.int32]:
@@ -205,7 +210,8 @@ class SubstepData:
     films, radiators : surfaces open to the surroundings.  conduction_groups, radiation_groups : where bodies exchange
     heat.
     friction : [W] at nodes, None where none is made.  added : conduction that makes up for wrong signs (monotone.py).
-    place : where nodes are, for a given volume; None: cells know it.
+    place : where nodes are, for a given volume; None: cells know it.  solved : (n,) False at nodes of bodies that
+    another half solves for, whose heat is not counted here; None: there are none.
     """
 
     sigma_SB: float
@@ -225,6 +231,7 @@ class SubstepData:
     friction: FrictionHeat | None = None
     added: AddedConduction | None = None
     place: Coordinates | None = None
+    solved: NDArray[np.bool_] | None = None
 
 
 def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E_M: Floats,
@@ -244,7 +251,8 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
         # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
         #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
         #   thermal_fmu/test_thermal_fields
-        tuple(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),
+        (*(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),
+         *((Fixed(model.elsewhere, None),) if model.elsewhere.size else ())),
         tuple(_areas(b, x, volume) for b in model.fluxes),
         tuple(freeze_film(film, slots, geometry) for film, slots in zip(model.films, scene.film_slots, strict=True)),
         tuple(freeze_radiator(radiator, slots, geometry)
@@ -252,7 +260,8 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
         () if points is None else conduction_groups(
             points, model.pairs, scene.through_cells, [pair.by_node for pair in scene.interface.pairs]),
         () if points is None else radiation_groups(points, model.pairs),
-        0 if points is None else int((points.p > 0).sum()),
+        touching(points, model.solved),
+        solved=model.solved if model.elsewhere.size else None,
     )
 
 

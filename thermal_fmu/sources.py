@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from contact.half.functions import Field, Level, Property, Signal, resolve
 from thermal_fmu.cells import CellBlock, CellGeometry, CellMesh, spread
+from thermal_fmu.elsewhere import TemperatureCourse
 from thermal_fmu.kernels import at_points
 from thermal_fmu.problem import Model, ThermalBody
 from thermal_fmu.surface_terms import at_nodes
@@ -152,7 +153,7 @@ class PairFactors(NamedTuple):
 class ThermalLoads:
     """Boundary data at one time, each in the order of the model: numbers, but for fields that depend on place.
 
-    Q_T [W/m3] of parts.  fluxes [W/m2].  prescribed : temperatures [K].
+    Q_T [W/m3] of parts.  fluxes [W/m2].  prescribed : temperatures [K]; of nodes of bodies elsewhere last.
     """
 
     Q_T: tuple[Level, ...]
@@ -163,8 +164,12 @@ class ThermalLoads:
     pairs: tuple[PairFactors, ...]
 
 
-def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> ThermalLoads:
-    """Evaluate the boundary data at t [s], before a jump then (side = -1) or after it; factors : of the named ones."""
+def loads_at(model: Model, factors: LoadFactors, t: float, side: int,
+             elsewhere: TemperatureCourse | None = None) -> ThermalLoads:
+    """Evaluate the boundary data at t [s], before a jump then (side = -1) or after it.
+
+    factors : of the named ones.  elsewhere : of the nodes of bodies that another half solves for, where there are any.
+    """
     def now(field: Field, name: str = "") -> Level:
         return field.level(t, side) * factor(name)
 
@@ -178,7 +183,7 @@ def loads_at(model: Model, factors: LoadFactors, t: float, side: int) -> Thermal
         # fault: factor of radiation forgotten -> tuple(RadiatorLevels(1.0, now(b.T_inf)) for b in model.radiators), |
         #   thermal_fmu/test_thermal_radiation
         tuple(RadiatorLevels(factor(b.name), now(b.T_inf)) for b in model.radiators),
-        tuple(now(b.value, b.name) for b in model.prescribed),
+        (*(now(b.value, b.name) for b in model.prescribed), *(() if elsewhere is None else (elsewhere.at(t),))),
         tuple(PairFactors(0.0, 0.0) if p is None else
               PairFactors(p.closed_factor.at(t, side), p.open_factor.at(t, side)) for p in model.pairs),
     )

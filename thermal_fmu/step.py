@@ -12,6 +12,7 @@ from contact.half.functions import resolve
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
 from thermal_fmu.cells import BadPropertyError, spread_energies
+from thermal_fmu.elsewhere import Damped, TemperatureCourse, solved_at
 from thermal_fmu.known import KnownRange, data_range, range_of
 from thermal_fmu.limiter import end_of, went_beyond
 from thermal_fmu.linear import AnchorMatrix, Factors
@@ -32,7 +33,8 @@ class ThermalStep:
     overshoots : whether a node went beyond what pulls it (limiter.py).  anchor : of the next solve.
     moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
     increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.  substep : the data
-    it was taken with, wrong signs taken off.  known : the data of bodies after it.
+    it was taken with, wrong signs taken off.  known : the data of bodies after it.  path : times [s] in order at which
+    something was solved, and s : (n,) [K] then.  damped : whether it was taken by the method that damps.
     """
 
     s: Floats
@@ -45,12 +47,14 @@ class ThermalStep:
     substep: SubstepData
     known: KnownRange
     overshoots: bool = False
+    path: tuple[tuple[float, Floats], ...] = ()
+    damped: bool = False
 
     def then(self, more: ThermalStep) -> ThermalStep:
         """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual), moved=self.moved + more.moved,
-                       inside=self.inside + more.inside)
+                       inside=self.inside + more.inside, path=self.path + more.path)
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,7 @@ class StepContext:
 
     power_M : (n,) [W], E_M spread evenly over the substep.  known : the data of bodies before the step; None: what they
     are at its start.  rate : (n,) at which s moved in the step before [K/s]; None: nothing is known of it.
+    elsewhere : temperatures of bodies that another half solves for; None: there are none.
     """
 
     scene: ThermalScene
@@ -69,6 +74,16 @@ class StepContext:
     factors: Factors
     known: KnownRange | None = None
     rate: Floats | None = None
+    elsewhere: TemperatureCourse | None = None
+
+    @property
+    def how_damped(self) -> Damped:
+        """How it is to be taken, of a method that leaves some of the stiff part."""
+        return Damped.AS_IT_IS if self.elsewhere is None else self.elsewhere.damped
+
+    def loads_at(self, t: float, side: int) -> ThermalLoads:
+        """Evaluate the boundary data at t [s], before a jump then (side = -1) or after it."""
+        return loads_at(self.scene.model, self.load_factors, t, side, self.elsewhere)
 
 
 MOST_RETAKEN = 8  # times a step is taken again without wrong signs,
@@ -111,7 +126,7 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
         end_of(scene, done.substep, stage, s_n, done.last, dt, context.rate), stage.theta))
     return ThermalStep(done.last.s, _heat(scene, method, done.stages, dt), done.iterations,
                        max(one.residual for one in done.stages), done.last.anchor, moved, inside, done.substep,
-                       done.known, over)
+                       done.known, over, solved_at(method, [one.s for one in done.stages], t, dt))
 
 
 def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
@@ -171,9 +186,9 @@ def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: 
 def _stage_loads(context: StepContext, stage: Stage, t: float, dt: float) -> ThermalLoads:
     # The end of a step is before a jump that happens then.
     at = context.calendar.snap(t + stage.c * dt, dt)
-    # fault: jump seen too early -> return loads_at(context.scene.model, context.load_factors, at, 1) |
+    # fault: jump seen too early -> return context.loads_at(at, 1) |
     #   thermal_fmu/test_thermal_time
-    return loads_at(context.scene.model, context.load_factors, at, -1 if stage.c == 1.0 else 1)
+    return context.loads_at(at, -1 if stage.c == 1.0 else 1)
 
 
 def _stages(context: StepContext, method: TimeMethod, of_stages: Sequence[ThermalLoads], s_n: Floats,
@@ -182,7 +197,7 @@ def _stages(context: StepContext, method: TimeMethod, of_stages: Sequence[Therma
     solved: list[SolvedStage] = []
     for stage, loads in zip(method.stages, of_stages, strict=True):
         end = context.calendar.snap(t + dt, dt)
-        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else loads_at(model, context.load_factors, end, -1)
+        held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else context.loads_at(end, -1)
         earlier = np.zeros(s_n.size)
         for weight, done in zip(stage.earlier, solved, strict=True):
             earlier += weight * dt * done.balance.flow
@@ -219,11 +234,13 @@ def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: An
     """
     if method.damped is None:
         return take_step(context, method, s, anchor, t, h)
+    if context.how_damped is Damped.ALWAYS:
+        return damped_step(context, method, s, anchor, t, h)
     try:
         done = take_step(context, method, s, anchor, t, h)
     except BadPropertyError:
         return damped_step(context, method, s, anchor, t, h)
-    if not done.overshoots:
+    if not done.overshoots or context.how_damped is Damped.AFTER_A_JUMP:
         return done
     again = damped_step(context, method, s, done.anchor, t, h)
     return replace(again, iterations=done.iterations + again.iterations)
@@ -246,7 +263,7 @@ def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: Anc
         #   thermal_fmu/test_thermal_monotone
         context = replace(context, known=done.known)
         done = done.then(take_step(context, damping, done.s, done.anchor, start, h / parts))
-    return done
+    return replace(done, damped=True)
 
 
 def with_prescribed(context: StepContext, loads: ThermalLoads, s: Floats) -> Floats:
@@ -271,7 +288,7 @@ def flow_at(context: StepContext, s: Floats, t: float, dt: float, side: int) -> 
     (1).
     Raises BadPropertyError.
     """
-    loads = loads_at(context.scene.model, context.load_factors, context.calendar.snap(t, dt), side)
+    loads = context.loads_at(context.calendar.snap(t, dt), side)
     s = with_prescribed(context, loads, s)
     steady = METHODS["steady"].stages[0]
     problem = StageProblem(context.scene, context.substep, loads, steady, 1.0, s, context.power_M, np.zeros(s.size),
@@ -283,12 +300,13 @@ def _heat(scene: ThermalScene, method: TimeMethod, solved: Sequence[SolvedStage]
     """Sum the energies of a step with the weights of its stages; a stage's reaction is its residual at fixed nodes."""
     terms = sum((w * dt * s.balance.terms for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
     through = np.zeros(np.count_nonzero(scene.fixed))
+    own = scene.model.solved[scene.fixed]
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
         # fault: reaction of the last stage only -> through += (stage.c == 1.0) * s.balance.R[scene.fixed] |
         #   thermal_fmu/test_thermal_nonlinear
         through += w / stage.a * s.balance.R[scene.fixed]
     each = sum((w * dt * s.balance.each for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
-    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms),
+    return Heat(scene.counted(solved[-1].balance.stored), inflow_outflow(through[own]), np.asarray(terms),
                 np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]),
                 solved[-1].balance.moved)
 
@@ -347,16 +365,17 @@ def entropy_jump(context: StepContext, E_S: Floats, s_n: Floats, anchor: AnchorM
     """
     scene = context.scene
     given = spread_energies(scene.volume, context.substep.shapes, E_S)
-    loads = loads_at(scene.model, context.load_factors, context.calendar.snap(t, 0.0), 1)
+    loads = context.loads_at(context.calendar.snap(t, 0.0), 1)
     problem = StageProblem(scene, context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s_n, context.power_M, given, True)
     solved = solve_stage(problem, s_n, scene.model.stated.tolerance, factors, anchor)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E_S.sum()
     held_back = np.where(scene.fixed, solved.balance.R, 0.0)
+    own = np.where(scene.model.solved, held_back, 0.0)
     of_prescribed = through_prescribed(held_back[scene.fixed], scene.owners, len(scene.model.prescribed))
     each = np.concatenate([of_prescribed, 0.0 * solved.balance.each])
     # fault: entropy part at fixed nodes lost -> heat = Heat(solved.balance.stored, inflow_outflow(0.0 * held_back),
     #   terms, each) | thermal_fmu/test_thermal_entropy
-    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each, solved.balance.moved)
+    heat = Heat(scene.counted(solved.balance.stored), inflow_outflow(own), terms, each, solved.balance.moved)
     return ThermalStep(solved.s, heat, solved.iterations, solved.residual, solved.anchor, given + held_back, given,
                        context.substep, range_of(scene, phase_change.temperature(scene.melting, solved.s)))

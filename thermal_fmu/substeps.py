@@ -15,7 +15,7 @@ from thermal_fmu.limiter import MOST
 from thermal_fmu.linear import AnchorMatrix
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, TimeMethod
 from thermal_fmu.newton import NotConvergedError, SolvedStage, StageProblem, balance, solve_stage
-from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar, loads_at
+from thermal_fmu.sources import SNAP_STEP, SNAP_TIME, Calendar
 from thermal_fmu.step import (
     Floats,
     NodalFlow,
@@ -357,8 +357,7 @@ class _Path:
 
 
 def _path(context: StepContext, s_start: Floats, t: float, dt: float) -> _Path:
-    model = context.scene.model
-    loads = loads_at(model, context.load_factors, context.calendar.snap(t + dt, dt), -1)
+    loads = context.loads_at(context.calendar.snap(t + dt, dt), -1)
     problem = StageProblem(context.scene, context.substep, loads, STEADY.stages[0], dt, s_start, context.power_M,
                            np.zeros(s_start.size), False)
     f = -balance(problem, s_start, jacobian=False).R / dt
@@ -414,7 +413,7 @@ def held_value_jumps(context: StepContext, s: Floats, t: float, h: float) -> boo
     model, fixed = context.scene.model, context.scene.fixed
     if not any(b.name for b in model.prescribed):
         return False
-    loads = loads_at(model, context.load_factors, context.calendar.snap(t, h), 1)
+    loads = context.loads_at(context.calendar.snap(t, h), 1)
     T, held = (phase_change.temperature(context.scene.melting, v) for v in (s, with_prescribed(context, loads, s)))
     span = max(float(np.ptp(T)), float(np.ptp(held)))
     # fault: loads that a rule sets are slopes -> return False | thermal_fmu/test_thermal_windows

@@ -11,14 +11,15 @@ import typer
 
 from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.children import ChildError, python, ready_line, reap, start
-from coupler.fmu.hosts import ROLES, init_tls, read_hosts
+from coupler.fmu.hosts import init_tls, read_hosts
 from coupler.fmu.scratch import scratch_folder
 
 START_PATIENCE = 60.0  # s for imports on a busy machine
 PAUSE = 0.5  # s between one that ended and the next
 
 
-def host_command(role: Annotated[str, typer.Argument(help="thermal, mechanical or contact.")] = "",
+def host_command(role: Annotated[str, typer.Argument(
+                     help="thermal, mechanical or contact; thermal.NAME of several thermal halves.")] = "",
                  hosts: Annotated[Path, typer.Option("--hosts", metavar="FILE", help="Where each role runs.")] = Path(
                      "hosts.yaml"),
                  init: Annotated[bool, typer.Option(
@@ -32,10 +33,10 @@ def host_command(role: Annotated[str, typer.Argument(help="thermal, mechanical o
         typer.echo(f"{folder}: a folder for each role.  Copy {hosts.name} and {folder.name}/ROLE to the machine of "
                    "ROLE, by a way that nobody can read, and start `slideline host ROLE` there")
         return
-    if role not in ROLES:
-        raise ScenarioError("this is no role", key="slideline host", value=role,
-                            remedy=f"There are {', '.join(ROLES)}")
     known = read_hosts(hosts)
+    if role not in known.addresses:
+        raise ScenarioError("this is no role", key="slideline host", value=role,
+                            remedy=f"There are {', '.join(known.addresses)}")
     known.tls_of(role)
     typer.echo(f"{role} at {known.addresses[role]}: Ctrl-C ends it")
     serve(role, hosts, patience, once=once)

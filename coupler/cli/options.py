@@ -53,6 +53,12 @@ def overrides_of(sets: Sequence[str] | None, swaps: Sequence[str] | None) -> dic
     overrides: dict[str, Any] = dict(parse_override(text) for text in sets or ())
     for text in swaps or ():
         half, sep, kind = text.partition("=")
+        role, _, one = half.partition(".")
+        if sep and kind and role == "thermal" and one:
+            # fault: one of several halves is not swapped -> overrides["thermal.half"] = kind |
+            #   coupler/test_several_stated
+            overrides[f"thermal.halves.{one}.half"] = kind
+            continue
         if not sep or half not in ("thermal", "mechanical") or not kind:
             raise ScenarioError("--swap expects thermal=KIND or mechanical=KIND", key="--swap", value=text,
                                 remedy="For example --swap mechanical=rigid")

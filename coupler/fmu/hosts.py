@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 import secrets
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +23,7 @@ from coupler.errors import ScenarioError
 CONTACT, COUPLER = "contact", "coupler"
 HALVES = ("thermal", "mechanical")
 ROLES = (*HALVES, CONTACT)
+_SEVERAL = re.compile(r"thermal\.[A-Za-z_][A-Za-z0-9_-]{0,55}")  # one of several in the role; the name of a certificate
 DAYS = 825  # of a certificate
 MOST = 10_000  # bytes of a hosts file
 
@@ -33,25 +36,32 @@ class Hosts:
     addresses: dict[str, str]
     tls: Path
 
+    @property
+    def halves(self) -> tuple[str, ...]:
+        """The roles that are halves."""
+        return tuple(role for role in self.addresses if role != CONTACT)
+
     def tls_of(self, role: str) -> Tls:
         """What a role shows, and whom it speaks with.  Raises ScenarioError."""
-        # fault: a half serves the other half too -> callers = (COUPLER, *HALVES) |
+        # fault: a half serves the other half too -> callers = (COUPLER, *self.halves) |
         #   coupler/test_hosts::test_a_role_that_is_not_expected_is_shut_out_though_it_has_the_secret
-        callers = (COUPLER, *HALVES) if role == CONTACT else (COUPLER,)
-        servers = ROLES if role == COUPLER else () if role == CONTACT else (CONTACT,)
+        callers = (COUPLER, *self.halves) if role == CONTACT else (COUPLER,)
+        servers = tuple(self.addresses) if role == COUPLER else () if role == CONTACT else (CONTACT,)
         try:
             return Tls(self.tls / role, () if role == COUPLER else callers, servers)
         except LinkSpecError as exc:
             raise ScenarioError(str(exc), file=str(self.file), key="tls") from exc
 
 
-def read_hosts(path: Path) -> Hosts:
+def read_hosts(path: Path, halves: Iterable[str] = ()) -> Hosts:
     """Read a hosts file.  Raises ScenarioError.
 
         thermal: tls/10.0.0.2:7447
         mechanical: tls/10.0.0.3:7447
         contact: tls/10.0.0.3:7448
         tls: certificates      # a folder, beside this file
+    Several thermal halves each have a line, `thermal.NAME: tls/...`, in the place of `thermal`.
+    halves : that a run has; where the file has others that is an error.
     """
     try:
         text = path.read_bytes()
@@ -60,19 +70,29 @@ def read_hosts(path: Path) -> Hosts:
         raise ScenarioError(f"cannot be read ({exc.strerror})", file=str(path)) from exc
     except YAMLError as exc:
         raise ScenarioError(f"is not YAML: {str(exc).splitlines()[0]}", file=str(path)) from exc
-    keys = (*ROLES, "tls")
+    several = tuple(key for key in raw if isinstance(key, str) and _SEVERAL.fullmatch(key)) \
+        if isinstance(raw, dict) else ()
+    roles = (*several, *ROLES[1:]) if several else ROLES
+    keys = (*roles, "tls")
     if not isinstance(raw, dict) or set(raw) != set(keys) or not all(isinstance(v, str) for v in raw.values()):
         raise ScenarioError("a hosts file says where each role runs, and where the certificates are: "
                             + ", ".join(keys), file=str(path),
                             remedy="For example `thermal: tls/10.0.0.2:7447` and `tls: certificates`")
-    for role in ROLES:
+    for role in roles:
         if not is_tls(raw[role]):
             raise ScenarioError("this is not `tls/HOST:PORT`: what leaves a machine is encrypted, or not sent",
                                 file=str(path), key=role, value=raw[role],
                                 remedy="`slideline host --init-tls` makes the certificates")
-    if len({raw[role] for role in ROLES}) < len(ROLES):
+    if len({raw[role] for role in roles}) < len(roles):
         raise ScenarioError("two roles have one address", file=str(path), remedy="Give each a port of its own")
-    return Hosts(path, {role: raw[role] for role in ROLES}, path.parent / raw["tls"])
+    hosts = Hosts(path, {role: raw[role] for role in roles}, path.parent / raw["tls"])
+    wanted = set(halves)
+    # fault: a hosts file of other halves than the scene's is taken -> if False: |
+    #   coupler/test_several_hosts::test_a_hosts_file_has_a_line_for_each_half
+    if wanted and wanted != set(hosts.halves):
+        raise ScenarioError(f"it says where {' and '.join(hosts.halves)} run; the scenario has "
+                            f"{' and '.join(sorted(wanted))}", file=str(path), remedy="Give each half a line")
+    return hosts
 
 
 def init_tls(hosts: Hosts) -> Path:
@@ -92,7 +112,7 @@ def init_tls(hosts: Hosts) -> Path:
     made = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
         _authority(made)
-        for role in (COUPLER, *ROLES):
+        for role in (COUPLER, *hosts.addresses):
             _certificate(made, role, hosts.addresses.get(role, ""))
         (made / "ca.key").unlink()  # who has it can be anybody; more roles are a new authority
         made.rename(folder)

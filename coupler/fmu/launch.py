@@ -294,32 +294,43 @@ def is_foreign(fmu: Path) -> bool:
 
 
 @contextmanager
-def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None) -> Iterator[Launched]:
+def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
+           join: Callable[[Scenario, Mapping[str, Half]], Half] | None = None) -> Iterator[Launched]:
     """Build and load both halves; close them, and end their processes, on the way out.
 
-    hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).
+    hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).  join : makes one thermal
+    half of several, by name (coupler.schemes.several.joined); needed by scenes that have several.
     Raises HalfError naming the half that cannot be built or loaded.
     """
     with ExitStack() as stack:
         scratch = stack.enter_context(scratch_folder())
-        fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")})
+        fmus = _built(scenario, {name: scratch / name for name in scenario.halves})
+
+        def thermal(halves: Mapping[str, Half]) -> Half:
+            if scenario.several is None:
+                return halves["thermal"]
+            assert join is not None, "a scene of several halves in a role is launched with what joins them"
+            return join(scenario, halves)
+
         # fault: a foreign binary runs in the coupler's own process -> if processes: | coupler/test_foreign_binary
         if processes or hosts is not None or any(is_foreign(fmu) for fmu in fmus.values()):
             from coupler.fmu.hosts import read_hosts
             from coupler.fmu.processes import processes as in_processes  # embedded runs do not load zenoh
 
-            hosted = stack.enter_context(in_processes(fmus, step_deadlines=scenario.coupling.deadlines,
+            deadlines = {name: seconds for name in fmus
+                         if (seconds := scenario.coupling.deadlines.get(name.partition(".")[0])) is not None}
+            hosted = stack.enter_context(in_processes(fmus, step_deadlines=deadlines,
                                                       restarts=scenario.coupling.restart,
-                                                      hosts=None if hosts is None else read_hosts(hosts)))
+                                                      hosts=None if hosts is None else read_hosts(hosts, tuple(fmus))))
             remote = hosted.halves
-            yield Launched(remote["thermal"], remote["mechanical"], hosted.contact_link, hosted.asked, hosted.restarts,
+            yield Launched(thermal(remote), remote["mechanical"], hosted.contact_link, hosted.asked, hosted.restarts,
                            lambda: {n: half.at for n, half in remote.items() if half.at is not None}, hosted.recover)
             return
         halves = {}
-        for role, fmu in fmus.items():
-            halves[role] = load_half(fmu, None, role)
-            stack.callback(halves[role].close)
-        yield Launched(halves["thermal"], halves["mechanical"], scenario.coupling.link)
+        for name, fmu in fmus.items():
+            halves[name] = load_half(fmu, None, name)
+            stack.callback(halves[name].close)
+        yield Launched(thermal(halves), halves["mechanical"], scenario.coupling.link)
 
 
 def _built(scenario: Scenario, folders: Mapping[str, Path], fmi: int = 2) -> dict[str, Path]:
@@ -328,7 +339,9 @@ def _built(scenario: Scenario, folders: Mapping[str, Path], fmi: int = 2) -> dic
     folders : where what they are built from is written.  Builders are processes of their own, and run at once.
     """
     kinds = {role: scenario.write_half(role, folder) for role, folder in folders.items()}
-    bound = [str(bind(scenario, role, Path(kind), folders[role] / "bound.fmu")) for role, kind in kinds.items()]
+    # One of several is no FMU that lies ready, so no names of its own are bound.
+    bound = [str(bind(scenario, name, Path(kind), folders[name] / "bound.fmu")) if name in OWN else kind
+             for name, kind in kinds.items()]
     with ThreadPoolExecutor(len(bound)) as builders:
         return dict(zip(folders, builders.map(partial(build_half, fmi=fmi), bound, folders.values()),
                         strict=True))
@@ -344,7 +357,7 @@ def make_folder(folder: Path) -> None:
 
 
 def build_halves(scenario: Scenario, folder: Path, fmi: int = 2) -> list[Path]:
-    """Build both FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu, ours with its times in them.
+    """Build the FMUs of a scenario into a folder: thermal.fmu, mechanical.fmu, ours with its times in them.
 
     fmi : 2, or 3 in which arrays are variables.  A half that is the path of an FMU is copied as it is.
 
@@ -352,8 +365,8 @@ def build_halves(scenario: Scenario, folder: Path, fmi: int = 2) -> list[Path]:
     """
     make_folder(folder)
     with scratch_folder() as scratch:
-        fmus = _built(scenario, {role: scratch / role for role in ("thermal", "mechanical")}, fmi)
-        return [_with_experiment(fmu, folder / f"{role}.fmu", scenario) for role, fmu in fmus.items()]
+        fmus = _built(scenario, {name: scratch / name for name in scenario.halves}, fmi)
+        return [_with_experiment(fmu, folder / f"{name}.fmu", scenario) for name, fmu in fmus.items()]
 
 
 def _with_experiment(fmu: Path, out: Path, scenario: Scenario) -> Path:

@@ -30,7 +30,7 @@ from coupler.fmu.replayed import Place, ReplayedHalf
 from coupler.fmu.scratch import scratch_folder
 
 CONTACT = "contact"
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,129}")  # ROLE.NAME of one of several
 START_DEADLINE = 120.0  # s for all to be ready; a first run compiles kernels
 HOSTS_PATIENCE = 30.0  # s to find everybody on their machines
 TRIES = 10  # to have all of them live at once, before those that go on dying have the better of it
@@ -63,7 +63,8 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
               host: Sequence[str] | None = None, service: Sequence[str] | None = None) -> Iterator[Processes]:
     """Start the contact service and one host for every FMU; end them all on the way out, whatever the way.
 
-    fmus : name of a half (letters, digits, - and _) -> its FMU.  call_deadline : [s] of a call, and of the first steps.
+    fmus : name of a half (letters, digits, -, _ and .) -> its FMU.  call_deadline : [s] of a call, and of the first
+    steps.
     step_deadlines : name of a half -> seconds a step of it may take, where that is stated.  restarts : how often one
     that died may be started anew, in all.  hosts : where the roles run, if not on this machine.  host, service :
     commands to run instead of `python -m coupler.fmu.host` and `python -m contact.rpc.serve`, with the same options.
@@ -72,7 +73,8 @@ def processes(fmus: Mapping[str, Path], *, start_deadline: float = START_DEADLIN
     """
     for name in fmus:
         if not _NAME.fullmatch(name) or name == CONTACT:
-            raise ValueError(f"{name!r} cannot name a half's process: letters, digits, - and _ only, not {CONTACT!r}")
+            raise ValueError(f"{name!r} cannot name a half's process: letters, digits, -, _ and . only, not "
+                             f"{CONTACT!r}")
     run, secret = secrets.token_hex(4), secrets.token_bytes(SECRET_BYTES)
     with ExitStack() as stack:
         seal = keep_secret(run, secret)

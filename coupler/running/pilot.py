@@ -18,6 +18,7 @@ from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme, WindowRange
 from coupler.schemes.schedule import schedule
+from coupler.schemes.several import joined
 from coupler.schemes.state import CoupledState, Halves, Span
 from coupler.schemes.sweep import DiscardError
 
@@ -88,7 +89,7 @@ def pilot(scenario: Scenario) -> Prediction:
     rough = {name: q.changed(rtol=ROUGHLY) for name, q in tolerance}
     how = plan.iteration.changed(tolerance=tolerance.changed(**rough))
     plan = Plan(coarse, Scheme.ITERATED, plan.substeps, how)
-    with launch(scenario, processes=False) as launched:
+    with launch(scenario, processes=False, join=joined) as launched:
         halves = halves_of(launched.thermal, launched.mechanical, plan, scenario.interface)
         state = first_state(launched, halves, scenario.interface, end)
         return along(halves, state, plan, _method(scenario))

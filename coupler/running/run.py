@@ -64,6 +64,7 @@ from coupler.scenario.load import scenario_from
 from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
+from coupler.schemes.several import joined
 from coupler.schemes.state import CoupledState
 from coupler.trust.watch import TrustWatch
 
@@ -143,7 +144,7 @@ class Run:
         self._started = started = time.perf_counter()
         with ExitStack() as stack:
             stack.enter_context(self._interrupts)
-            loaded = stack.enter_context(launch(self.scenario, processes=self.processes, hosts=self.hosts))
+            loaded = stack.enter_context(launch(self.scenario, processes=self.processes, hosts=self.hosts, join=joined))
             self._launched = held = held_halves(loaded, self.scenario)
             self._meter = Meter(self._since.record.seconds if self._since is not None else 0.0)
             launched = replace(held, thermal=MeteredHalf(held.thermal, "thermal", self._meter),
@@ -393,7 +394,7 @@ class Run:
         if self._launched.recover is None:
             # Only of a failure inside a window is it known where the halves had been.
             return error is self._broken and isinstance(error, HalfError) and error.went_back
-        if len(self._places) < 2:
+        if len(self._places) < len(self.scenario.halves):
             return False
         try:
             # fault: after a failure a half stays where that left it -> pass |

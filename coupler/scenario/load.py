@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from contact.half.functions import Signal, signal_from
 from contact.half.interface import Interface, write_interface
 from contact.problem.errors import UNKNOWN, Wrong, meant, wrongs
 from contact.problem.part import Part
+from contact.problem.thermal import ThermalProblem
 from contact.problem.values import SignalName, did_you_mean
 from coupler.errors import ScenarioError, together
 from coupler.scenario.conditions import ConditionOutput, condition_outputs
@@ -49,6 +51,7 @@ from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
 from coupler.scenario.scene import Context, Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.several import Several, several_of, several_wrongs
 from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
@@ -147,21 +150,38 @@ class Scenario:
         """Kind of the mechanical half."""
         return str(self.models["mechanical"]["half"])
 
+    @cached_property
+    def several(self) -> Several | None:
+        """How the bodies are divided among several thermal halves; None where there is one."""
+        if self.stated is None:
+            return None
+        return several_of(self.stated.thermal, self.interface, self.models["thermal"])
+
+    @property
+    def halves(self) -> tuple[str, ...]:
+        """All halves: roles, and ROLE.NAME of several in one."""
+        thermal = ("thermal",) if self.several is None else tuple(m.name for m in self.several.members)
+        return (*thermal, "mechanical")
+
     @property
     def foreign(self) -> Mapping[str, bool]:
         """Role -> whether its half is of another package, or a prebuilt FMU."""
         return {role: str(model["half"]) not in OWN[role].values() for role, model in self.models.items()}
 
-    def write_half(self, role: str, directory: Path) -> str:
+    def write_half(self, name: str, directory: Path) -> str:
         """Write interface.h5 and model.json, from which the half's FMU is built; returns the half's kind.
 
-        role : "thermal" or "mechanical".  directory : made where it does not exist.
+        name : one of `halves`.  directory : made where it does not exist.
         """
+        members = () if self.several is None else self.several.members
+        found = [(m.interface, m.model) for m in members if m.name == name]
+        interface, told = found[0] if found else (with_recording(self.interface, self.recordings.get(name)),
+                                                  self.models[name])
         directory.mkdir(parents=True, exist_ok=True)
-        write_interface(with_recording(self.interface, self.recordings.get(role)), directory / "interface.h5")
-        model = json.dumps(self.models[role], indent=1, allow_nan=False)
+        write_interface(interface, directory / "interface.h5")
+        model = json.dumps(told, indent=1, allow_nan=False)
         (directory / "model.json").write_text(model + "\n", encoding="utf-8")
-        return str(self.models[role]["half"])
+        return str(told["half"])
 
 
 # From a file to a checked Scenario.
@@ -324,6 +344,14 @@ def problems_of(c: Context) -> dict[str, Part]:
     problems = {role: problem_of(stated, role, kind) for role, kind in kinds.items()}
     for key, text, remedy in wrongs_of(stated, problems):
         c.found.wrong(key, text, remedy)
+    thermal = problems["thermal"]
+    assert isinstance(thermal, ThermalProblem), "every thermal half is told one"
+    for name, one in file.thermal.halves.items():
+        if one.half is not None:
+            with c.found.each():
+                check_kind(c.document, "thermal", one.half, ("thermal", "halves", name, "half"))
+    for wrong in several_wrongs(file.thermal, c.interface, thermal):
+        c.found.wrong(wrong.key, wrong.text, wrong.remedy)
     return problems
 
 

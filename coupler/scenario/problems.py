@@ -76,17 +76,18 @@ def fmu_path(kind: str, folder: Path) -> Path | None:
     return (folder / kind).resolve() if kind.endswith(".fmu") else None
 
 
-def check_kind(document: Document, role: str, kind: str) -> None:
+def check_kind(document: Document, role: str, kind: str, at: Key = ()) -> None:
     """Raises ScenarioError where no such half is installed, it is one of the other role, or its FMU is not there."""
     fmu = fmu_path(kind, document.path.parent)
     if fmu is not None:
         if not fmu.is_file():
-            raise document.error((role, "half"), f"there is no FMU {fmu}", "Paths are relative to the scenario file.")
+            raise document.error(at or (role, "half"), f"there is no FMU {fmu}",
+                                 "Paths are relative to the scenario file.")
         return
     known = known_kinds(role)
     if kind not in known:
         raise document.error(
-            (role, "half"), f"there is no {role} half of kind {kind!r}", did_you_mean(kind, known)
+            at or (role, "half"), f"there is no {role} half of kind {kind!r}", did_you_mean(kind, known)
         )
 
 

@@ -14,7 +14,7 @@ from contact.problem.pairs import ContactPair
 from contact.problem.part import Entry, Part, exactly_one
 from contact.problem.start import Replay
 from contact.problem.thermal import ThermalSettings
-from contact.problem.values import Count, DottedName, Name, NotNegative, Number, Text, Whole, problem
+from contact.problem.values import Count, DottedName, Name, NotNegative, Number, Positive, Text, Whole, problem
 from coupler.scenario.bodies import MeshedBody
 from coupler.scenario.conditions import is_condition
 from coupler.scenario.coupling_schema import CouplingSpec
@@ -58,6 +58,25 @@ class Binding(Part):
     offset: Annotated[Number, Entry("added, in SI")] = 0.0
 
 
+class OneOfSeveral(Part):
+    """One of several halves in a role."""
+
+    bodies: Annotated[tuple[Name, ...], Entry("that it solves for; every body of the scene is in one half",
+                                              kind="[body, ...]")] = Field(min_length=1)
+    half: Annotated[Text | None, Entry("its kind", default="that of the role")] = None
+
+
+class Across(Part):
+    """How several halves agree on what crosses from bodies of one to bodies of another, in every substep."""
+
+    tolerance: Annotated[Positive, Entry(
+        "of the temperatures that they tell each other", "K",
+        why="What they then book of the heat between them differs by less than a run shows.")] = 1e-7
+    iterations: Annotated[Whole, Entry(
+        "of a substep, at most; one that takes more is tried again shorter",
+        why="A dozen and fewer are what it takes where each half has many nodes on the face.")] = 60
+
+
 class Thermal(ThermalSettings):
     """Which half solves for heat, and how."""
 
@@ -77,6 +96,11 @@ class Thermal(ThermalSettings):
         "names of an FMU's own, for a half that is the path of an FMU ([halves.md](halves.md)): "
         "`T: {name: \"wall_{i}\", unit: degC}`", kind="name at the border -> binding", default="none")] = Field(
         default_factory=dict)
+    halves: Annotated[dict[Name, OneOfSeveral], Entry(
+        "several halves in the place of one, each with bodies of its own, in processes or on machines of their own "
+        "([several_halves.md](several_halves.md))", kind="name -> bodies", default="one half for all bodies")] = Field(
+        default_factory=dict)
+    across: Annotated[Across, Entry("how `halves` agree on the heat between them")] = Across()
 
 
 class Mechanical(Part):

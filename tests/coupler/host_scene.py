@@ -2,17 +2,19 @@
 
     unshare -rnm python host_scene.py FOLDER SCENE        three hosts and a coupler around a router, all namespaces
     python host_scene.py FOLDER SCENE --loopback          the same on 127.0.0.1
-SCENE : plain, killed (a half), cut (a line), or left (the coupler killed).
+SCENE : plain, killed (a half), cut (a line), left (the coupler killed), or several (thermal halves).
 FOLDER gets hosts.yaml, certificates, run.h5 and the logs of all.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import psutil
@@ -23,6 +25,9 @@ ROLES = ("thermal", "mechanical", "contact")
 SLIDELINE = [sys.executable, "-m", "coupler.cli"]
 SETS = {"plain": {"coupling.end": "0.5"}, "killed": {"coupling.end": "0.5", "coupling.restart": "3"},
         "cut": {"coupling.end": "0.5"}, "left": {"coupling.end": "0.5"}}
+SEVERAL_ROLES = ("thermal.rod", "thermal.die", *ROLES[1:])
+SEVERAL_SETS = {"thermal.halves.rod.bodies": ["rod"], "thermal.halves.die.bodies": ["mould"], "coupling.end": 0.5}
+SETS["several"] = {key: json.dumps(value) for key, value in SEVERAL_SETS.items()}
 PATIENCE = "4"  # s, of a host for a coupler that is gone
 
 
@@ -30,18 +35,18 @@ def sh(*words: str) -> None:
     subprocess.run(words, check=True)
 
 
-def router() -> dict[str, str]:
+def router(roles: Iterable[str] = ROLES) -> dict[str, str]:
     """Make a network of its own for each role and the coupler, joined by this one, which forwards; their addresses."""
     sh("mount", "-t", "tmpfs", "none", "/run")
     Path("/run/netns").mkdir()
     sh("ip", "link", "set", "lo", "up")
     Path("/proc/sys/net/ipv4/ip_forward").write_text("1")
     addresses = {}
-    for k, name in enumerate((*ROLES, "coupler"), 1):
+    for k, name in enumerate((*roles, "coupler"), 1):
         sh("ip", "netns", "add", name)
-        sh("ip", "link", "add", f"to-{name}", "type", "veth", "peer", "name", "eth0", "netns", name)
-        sh("ip", "addr", "add", f"10.77.{k}.1/24", "dev", f"to-{name}")
-        sh("ip", "link", "set", f"to-{name}", "up")
+        sh("ip", "link", "add", f"to-{name}"[:15], "type", "veth", "peer", "name", "eth0", "netns", name)
+        sh("ip", "addr", "add", f"10.77.{k}.1/24", "dev", f"to-{name}"[:15])
+        sh("ip", "link", "set", f"to-{name}"[:15], "up")
         sh("ip", "-n", name, "addr", "add", f"10.77.{k}.2/24", "dev", "eth0")
         sh("ip", "-n", name, "link", "set", "eth0", "up")
         sh("ip", "-n", name, "link", "set", "lo", "up")
@@ -52,7 +57,8 @@ def router() -> dict[str, str]:
 
 def write_hosts(folder: Path, addresses: dict[str, str], port: int = 17450) -> Path:
     file = folder / "hosts.yaml"
-    file.write_text("".join(f"{role}: tls/{addresses[role]}:{port + k}\n" for k, role in enumerate(ROLES))
+    roles = [role for role in addresses if role != "coupler"]
+    file.write_text("".join(f"{role}: tls/{addresses[role]}:{port + k}\n" for k, role in enumerate(roles))
                     + "tls: certificates\n")
     subprocess.run([*SLIDELINE, "host", "--init-tls", "--hosts", str(file)], check=True, stdout=subprocess.DEVNULL)
     return file
@@ -71,16 +77,17 @@ def wait_for(done, what: str, seconds: float = 60.0) -> None:
         time.sleep(0.02)
 
 
-def waiting(folder: Path, times: int = 1) -> bool:
-    return all((folder / f"{role}.log").read_text().count("waiting for a run") >= times for role in ROLES)
+def waiting(folder: Path, roles: Iterable[str], times: int = 1) -> bool:
+    return all((folder / f"{role}.log").read_text().count("waiting for a run") >= times for role in roles)
 
 
 def run_scene(folder: Path, scene: str, addresses: dict[str, str], inside) -> int:
     write_hosts(folder, addresses)
+    roles = SEVERAL_ROLES if scene == "several" else ROLES
     options = ("--patience", PATIENCE) if scene == "left" else ()
-    hosts = [host(folder, role, inside(role), *options) for role in ROLES]
+    hosts = [host(folder, role, inside(role), *options) for role in roles]
     try:
-        wait_for(lambda: waiting(folder), "no host came up")
+        wait_for(lambda: waiting(folder, roles), "no host came up")
         sets = [word for key, value in SETS[scene].items() for word in ("--set", f"{key}={value}")]
         with (folder / "run.log").open("wb") as log:
             run = subprocess.Popen([*inside("coupler"), *SLIDELINE, "run", str(SCENARIO), "-o", str(folder / "run.h5"),
@@ -98,7 +105,7 @@ def run_scene(folder: Path, scene: str, addresses: dict[str, str], inside) -> in
             run.kill()
         code = run.wait(300)
         # Each is free again, whatever became of the run.
-        wait_for(lambda: waiting(folder, 2), "a host is not free again")
+        wait_for(lambda: waiting(folder, roles, 2), "a host is not free again")
         return code
     finally:
         for process in hosts:
@@ -109,9 +116,10 @@ def run_scene(folder: Path, scene: str, addresses: dict[str, str], inside) -> in
 def main() -> int:
     folder, scene = Path(sys.argv[1]), sys.argv[2]
     os.environ.setdefault("PYTHONPATH", str(ROOT))
+    roles = SEVERAL_ROLES if scene == "several" else ROLES
     if "--loopback" in sys.argv:
-        return run_scene(folder, scene, dict.fromkeys(ROLES, "127.0.0.1"), lambda role: [])
-    return run_scene(folder, scene, router(), lambda role: ["ip", "netns", "exec", role])
+        return run_scene(folder, scene, dict.fromkeys(roles, "127.0.0.1"), lambda role: [])
+    return run_scene(folder, scene, router(roles), lambda role: ["ip", "netns", "exec", role])
 
 
 if __name__ == "__main__":

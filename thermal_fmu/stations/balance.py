@@ -19,6 +19,7 @@ from thermal_fmu.boundary import (
     through_prescribed,
 )
 from thermal_fmu.cells import BadPropertyError
+from thermal_fmu.elsewhere import Damped, TemperatureCourse, solved_at
 from thermal_fmu.limiter import NodesAtEnd, went_beyond
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHODS, Stage, TimeMethod
 from thermal_fmu.newton import (
@@ -139,8 +140,9 @@ def station_balance(problem: StationProblem, s: Floats) -> StationBalance:
     reaction = np.where(scene.fixed, R, 0.0)
     moved, free = float(np.abs(S).sum()), R - reaction
     scale = moved + float(np.abs(reaction).sum()) + weight * boundary.magnitude
+    of_own = moved if problem.substep.data.solved is None else float(np.abs(S[problem.substep.data.solved]).sum())
     return StationBalance(R, f + reaction / weight if weight else f, boundary.terms, boundary.each, stored,
-                          float(np.abs(free).sum()), abs(float(free.sum())), scale, band, pull, moved)
+                          float(np.abs(free).sum()), abs(float(free.sum())), scale, band, pull, of_own)
 
 
 def _fields(melting: tuple[Melting, ...], s: Floats) -> NodalFields:
@@ -305,7 +307,8 @@ def _newton(problem: StationProblem, s: Floats, tolerance: float, limits: Newton
 @dataclass(frozen=True)
 class StationContext:
     """What a step needs beside time and state.  power_M : (n,) [W], E_M spread evenly over the substep.  rate : (n,) at
-    which s moved in the substep before [K/s]; None: nothing is known of it.
+    which s moved in the substep before [K/s]; None: nothing is known of it.  elsewhere : temperatures of bodies that
+    another half solves for; None: there are none.
     """
 
     substep: StationSubstep
@@ -313,6 +316,11 @@ class StationContext:
     calendar: Calendar
     power_M: Floats
     rate: Floats | None = None
+    elsewhere: TemperatureCourse | None = None
+
+    def loads_at(self, t: float, side: int) -> ThermalLoads:
+        """Evaluate the boundary data at t [s], before a jump then (side = -1) or after it."""
+        return loads_at(self.scene.model, self.load_factors, t, side, self.elsewhere)
 
     @property
     def scene(self) -> StationScene:
@@ -325,7 +333,8 @@ class StationStep:
     """A step that was solved.
 
     s : (n,) [K] at the end, heat of the step, linear solves, worst relative residual [1]; whether a station went beyond
-    what pulls it.
+    what pulls it.  path : times [s] in order at which something was solved, and s : (n,) [K] then.  damped : whether it
+    was taken by the method that damps.
     """
 
     s: Floats
@@ -333,11 +342,13 @@ class StationStep:
     iterations: int
     residual: float
     overshoots: bool = False
+    path: tuple[tuple[float, Floats], ...] = ()
+    damped: bool = False
 
     def then(self, more: StationStep) -> StationStep:
         """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
-                       residual=max(self.residual, more.residual))
+                       residual=max(self.residual, more.residual), path=self.path + more.path)
 
 
 def advance_stations(context: StationContext, method: TimeMethod, s: Floats, damped: int, t: float,
@@ -349,14 +360,14 @@ def advance_stations(context: StationContext, method: TimeMethod, s: Floats, dam
     damped_left = DAMPED_SUBSTEPS if context.calendar.jump_within(t, h) else damped
     if method.damped is None:
         return _take(context, method, s, t, h), max(damped_left - 1, 0)
-    tried = 0
-    if damped_left == 0:
+    tried, how = 0, Damped.AS_IT_IS if context.elsewhere is None else context.elsewhere.damped
+    if damped_left == 0 and how is not Damped.ALWAYS:
         try:
             done = _take(context, method, s, t, h)
         except BadPropertyError:
             pass
         else:
-            if not done.overshoots:
+            if not done.overshoots or how is Damped.AFTER_A_JUMP:
                 return done, 0
             tried = done.iterations
     damping, parts = METHODS[method.damped.method], method.damped.parts
@@ -365,7 +376,7 @@ def advance_stations(context: StationContext, method: TimeMethod, s: Floats, dam
     for part in range(1, parts):
         end = t + h if part == parts - 1 else t + (part + 1) * h / parts
         done = done.then(_take(context, damping, done.s, end - h / parts, h / parts))
-    return done, max(damped_left - 1, 0)
+    return replace(done, damped=True), max(damped_left - 1, 0)
 
 
 def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) -> StationStep:
@@ -374,15 +385,16 @@ def entropy_stations(context: StationContext, E: Floats, s: Floats, t: float) ->
     Prescribed stations stay, and the heat they hold back counts.
     """
     model = context.scene.model
-    loads = loads_at(model, context.load_factors, context.calendar.snap(t, 0.0), 1)
+    loads = context.loads_at(context.calendar.snap(t, 0.0), 1)
     problem = StationProblem(context.substep, loads, Stage(0.0, 1.0, 1.0), 0.0, s, context.power_M, E)
     solved = solve_stations(problem, s, model.stated.tolerance)
     terms = np.zeros(len(TERMS))
     terms[TERMS.index("entropy")] = E.sum()
-    held_back = solved.balance.R[context.scene.fixed]
+    held_back, own = solved.balance.R[context.scene.fixed], context.scene.solved[context.scene.fixed]
     of_prescribed = through_prescribed(held_back, context.scene.owners, len(model.prescribed))
     each = np.concatenate([of_prescribed, 0.0 * solved.balance.each])
-    heat = Heat(solved.balance.stored, inflow_outflow(held_back), terms, each, solved.balance.moved)
+    heat = Heat(context.scene.counted(solved.balance.stored), inflow_outflow(held_back[own]), terms, each,
+                solved.balance.moved)
     return StationStep(solved.s, heat, solved.iterations,
                        solved.balance.relative_residual)
 
@@ -392,10 +404,9 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
     solved: list[SolvedStations] = []
     for stage in method.stages:
         # The end of a step is before a jump that happens then.
-        loads = loads_at(model, context.load_factors, context.calendar.snap(t + stage.c * dt, dt),
-                         -1 if stage.c == 1.0 else 1)
+        loads = context.loads_at(context.calendar.snap(t + stage.c * dt, dt), -1 if stage.c == 1.0 else 1)
         held_T = loads if stage.c == 1.0 or stage.theta == 1.0 else \
-            loads_at(model, context.load_factors, context.calendar.snap(t + dt, dt), -1)
+            context.loads_at(context.calendar.snap(t + dt, dt), -1)
         earlier = np.zeros(s_n.size)
         for weight, done in zip(stage.earlier, solved, strict=True):
             earlier += weight * dt * done.balance.flow
@@ -404,7 +415,8 @@ def _take(context: StationContext, method: TimeMethod, s_n: Floats, t: float, dt
         solved.append(solve_stations(problem, guess, model.stated.tolerance))
     over = method.damped is not None and _overshoots(context, method.stages[-1], s_n, solved[-1], dt)
     return StationStep(solved[-1].s, _heat(context.scene, method, solved, dt), sum(s.iterations for s in solved),
-                       max(s.balance.relative_residual for s in solved), over)
+                       max(s.balance.relative_residual for s in solved), over,
+                       solved_at(method, [one.s for one in solved], t, dt))
 
 
 def _overshoots(context: StationContext, stage: Stage, s_n: Floats, last: SolvedStations, dt: float) -> bool:
@@ -433,6 +445,7 @@ def _heat(scene: StationScene, method: TimeMethod, solved: list[SolvedStations],
     for w, s, stage in zip(method.weights, solved, method.stages, strict=True):
         through += w / stage.a * s.balance.R[scene.fixed]
     each = sum((w * dt * s.balance.each for w, s in zip(method.weights, solved, strict=True)), np.zeros(1))
-    return Heat(solved[-1].balance.stored, inflow_outflow(through), np.asarray(terms),
+    own = scene.solved[scene.fixed]
+    return Heat(scene.counted(solved[-1].balance.stored), inflow_outflow(through[own]), np.asarray(terms),
                 np.concatenate([through_prescribed(through, scene.owners, len(scene.model.prescribed)), each]),
                 solved[-1].balance.moved)

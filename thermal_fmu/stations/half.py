@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, no_heat
 from thermal_fmu.cells import BadPropertyError, InvertedMeshError
 from thermal_fmu.conditions import HeatSoFar, n_heats, named_heats, no_heat_yet
+from thermal_fmu.contact_quadrature import touching
+from thermal_fmu.elsewhere import begun_with, course_of, course_outputs, damps_of
 from thermal_fmu.half import contact_at, face_variables, whole
 from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
@@ -71,6 +73,7 @@ class StationHalf:
         self._first: tuple[Floats, StationGeometry] | None = None
         self.variables = _variables(self._scene)
         self._named = named_heats(interface, self._scene.model)
+        self._contact = self._scene.mapped(interface.contact_nodes)
 
     def start(self, inputs: Values, t: float, link: Link) -> tuple[StationState, Mapping[str, Value]]:
         """Set T = T0 everywhere; a prescribed temperature acts from the first substep.  The first x is the reference.
@@ -86,8 +89,10 @@ class StationHalf:
         state = StationState(phase_change.unknown(scene.melting, T), X, whole(inputs, "control.event"), DAMPED_SUBSTEPS,
                              0.0, no_heat_yet(n_heats(scene.interface, scene.model)))
         points = contact_at(scene.surfaces, X, inputs, link)
-        touching = 0 if points is None else int((points.p > 0).sum())
-        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touching, None, T)
+        touched = touching(points, scene.model.solved)
+        told = course_outputs(self._contact, scene.melting, state.s, [(t, state.s)], t, 1.0)
+        return state, self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | (
+            told if scene.model.elsewhere.size else {})
 
     def step(self, state: StationState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
@@ -121,15 +126,21 @@ class StationHalf:
         context = StationContext(substep, factors_of(scene.model, inputs), self._calendar, data.E_M / h, rate)
         event = whole(inputs, "control.event")
         damped = DAMPED_SUBSTEPS if event != state.event else state.damped
+        course = course_of(scene.model, inputs, t, h, scene.columns_elsewhere)
+        context = replace(context, elsewhere=course)
+        s = begun_with(course, scene.melting, s, scene.mapped(scene.model.elsewhere))
         E_S = np.asarray(inputs["E_S"], dtype=np.float64)
         jump = entropy_stations(context, scene.mesh.spread(E_S, shape), s, t) if E_S.any() else None
         begin = s if jump is None else jump.s
         done, damped = advance_stations(context, method, begin, damped, t, h)
         rate = (done.s - begin) / h
+        told = {} if course is None else course_outputs(self._contact, scene.melting, begin, done.path, t, h,
+                                                        damps_of(done.damped, done.overshoots))
         done = done if jump is None else jump.then(done)
         new = StationState(done.s, state.X, event, damped, state.stored + float(done.heat.stored.sum()),
                            state.given.plus(done.heat.each), rate)
-        return Done(new, self._outputs(new, done.heat, data.touching, done, phase_change.temperature(scene.melting, s)))
+        return Done(new, self._outputs(new, done.heat, data.touching, done,
+                                       phase_change.temperature(scene.melting, s)) | told)
 
     def _shape_of(self, X: Floats) -> StationGeometry:
         if self._first is None or not np.array_equal(self._first[0], X):
@@ -147,7 +158,7 @@ class StationHalf:
             "T": T[of_node], **melts, **heat.outputs(scene.model), **state.given.outputs(self._named),
             "iterations": float(done.iterations) if done else 0.0,
             "residual": done.residual if done else 0.0,
-            "max_dT": float(np.abs(T - T_n).max()),
+            "max_dT": float(np.abs(T - T_n)[self._scene.solved].max()),
             "heat_stored": state.stored,
             "heat_moved": heat.moved,
             "contact.touching": float(touching),

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactSurfaces
 from contact.half.interface import Interface
 from thermal_fmu.conditions import owners
-from thermal_fmu.contact_quadrature import ContactPoints, gauss_points
+from thermal_fmu.contact_quadrature import ContactPoints, gauss_points, touching
+from thermal_fmu.elsewhere import counted_of
 from thermal_fmu.exchange import conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields
 from thermal_fmu.problem import Exposed, Model
@@ -55,7 +56,32 @@ class StationScene:
         fixed = np.zeros(self.stations.n, dtype=np.bool_)
         for boundary in self.model.prescribed:
             fixed[self.stations.of_node[boundary.nodes]] = True
-        return fixed
+        return fixed | ~self.solved
+
+    @cached_property
+    def solved(self) -> NDArray[np.bool_]:
+        """(n,) False at stations of bodies that another half solves for."""
+        solved = np.ones(self.stations.n, dtype=np.bool_)
+        solved[self.stations.of_node[self.model.elsewhere]] = False
+        return solved
+
+    @cached_property
+    def columns_elsewhere(self) -> Ints:
+        """(m,) for each node elsewhere the place among them of one that has its temperature, at a surface in contact
+        where there is one: nodes of a station are alike, and those inside bodies are told as they were."""
+        nodes = self.model.elsewhere
+        of = self.stations.of_node[nodes]
+        found = np.zeros(self.stations.n, dtype=np.intp)
+        found[of] = np.arange(nodes.size)
+        # fault: whole bodies elsewhere are as warm as inside, a substep late -> touching = np.zeros(0, np.intp) |
+        #   coupler/test_several::test_whole_bodies_of_one_temperature
+        touching = np.flatnonzero(np.isin(nodes, self.interface.contact_nodes))
+        found[of[touching]] = touching
+        return found[of]
+
+    def counted(self, of_bodies: Floats) -> Floats:
+        """Return (n_bodies,) with 0 for bodies that another half solves for."""
+        return counted_of(self.interface, self.model, of_bodies)
 
     @cached_property
     def melting(self) -> tuple[Melting, ...]:
@@ -98,7 +124,9 @@ def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M:
     return SubstepData(
         model.stated.sigma_SB, (), (), scene.mesh.spread(E_M, shape) if E_M.any() else np.zeros(scene.stations.n),
         _sources(scene, shape), (), (),
-        tuple(Fixed(np.unique(scene.mapped(b.nodes)), None) for b in model.prescribed),
+        (*(Fixed(np.unique(scene.mapped(b.nodes)), None) for b in model.prescribed),
+         # Those of a station are alike in the half that solves for them, which is of the same kind.
+         *((Fixed(scene.mapped(model.elsewhere), None),) if model.elsewhere.size else ())),
         tuple(_areas(scene, flux.edges, x) for flux in model.fluxes),
         tuple(replace(frozen, points=_moved(scene, frozen.points)) for frozen in
               (freeze_film(film, _no_slots(film.where), geometry) for film in model.films)),
@@ -106,7 +134,8 @@ def freeze_stations(scene: StationScene, shape: StationGeometry, x: Floats, E_M:
               (freeze_radiator(radiator, _no_slots(radiator.where), geometry) for radiator in model.radiators)),
         tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in groups),
         tuple(replace(group, nodes=scene.mapped(group.nodes)) for group in near),
-        0 if points is None else int((points.p > 0).sum()),
+        touching(points, model.solved),
+        solved=scene.solved if model.elsewhere.size else None,
     )
 
 
