@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import signal
 import sys
@@ -92,7 +93,13 @@ class Interrupts:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
-        print("stopping after this window; Ctrl-C again stops at once", file=sys.stderr, flush=True)
+        line = "stopping after this window; Ctrl-C again stops at once"
+        try:
+            print(line, file=sys.stderr, flush=True)
+        except RuntimeError:
+            # The signal came while a line of progress was being written, and no buffer may be entered twice.
+            # fault: a signal amid a line ends the run -> raise | coupler/test_stopped::test_ctrl_c_amid_a_line
+            os.write(2, f"\n{line}\n".encode())
 
     def __exit__(self, *exc: object) -> None:
         if self._old is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import signal
@@ -17,6 +18,7 @@ from contact.rpc.calls import ServiceDownError
 from coupler.errors import HalfError
 from coupler.fmu.processes import Processes
 from coupler.fmu.remote import KNOWN_STEPS, LEAST_DEADLINE, Course
+from coupler.running.run import Interrupts
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
@@ -126,3 +128,22 @@ def test_the_deadline_of_a_step_follows_its_median():
         course.add(float(k), 30.0)
     assert course.deadline == 600.0
     assert Course(7.0).deadline == 7.0
+
+
+def test_ctrl_c_amid_a_line(monkeypatch, capfd):
+    """A signal that comes while progress is being written to stderr, whose buffer cannot be entered twice."""
+    with Interrupts() as interrupts:
+        class Slow(io.RawIOBase):
+            def writable(self) -> bool:
+                return True
+
+            def write(self, data: bytes) -> int:
+                if not interrupts.asked:
+                    os.kill(os.getpid(), signal.SIGINT)
+                    time.sleep(0.01)
+                return len(data)
+
+        monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(io.BufferedWriter(Slow()), write_through=True))
+        print("window 7", file=sys.stderr, flush=True)
+        assert interrupts.asked
+    assert "stopping after this window" in capfd.readouterr().err
