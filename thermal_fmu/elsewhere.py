@@ -146,4 +146,4 @@ def counted_of(interface: Interface, model: Model, of_bodies: Floats) -> Floats:
         return of_bodies
     # fault: what bodies elsewhere store is counted here too -> return of_bodies |
     #   coupler/test_several::test_numbers_of_the_role_are_those_of_one_half
-    return np.where(np.isin(interface.bodies, model.stated.elsewhere), 0.0, of_bodies)
+    return np.where(np.isin(interface.bodies, model.stated.elsewhere or ()), 0.0, of_bodies)

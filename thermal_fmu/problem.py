@@ -277,7 +277,7 @@ def parse_foreign(interface: Interface, spec: Mapping[str, Any]) -> Model:
 def _model(interface: Interface, problem: ThermalProblem) -> Model:
     materials = {name: made_material(m, name) for name, m in problem.materials.items()}
     conditions = [_condition(interface, b) for b in problem.boundary]
-    solved = ~np.isin(interface.node_body, [interface.bodies.index(name) for name in problem.elsewhere])
+    solved = ~np.isin(interface.node_body, [interface.bodies.index(name) for name in problem.elsewhere or ()])
     model = Model(problem,
                   tuple(_body(name, problem.parts[name], materials) for name in interface.parts),
                   tuple(b for b in conditions if isinstance(b, Prescribed)),

@@ -248,7 +248,7 @@ def freeze(scene: ThermalScene, masses: tuple[ReferenceCells, ...], x: Floats, E
     return SubstepData(
         model.stated.sigma_SB, shapes, masses, _mechanical(volume, shapes, E_M),
         plain_sources(volume, shapes, model.parts), *freeze_sources(volume, shapes, model.parts, x),
-        # fault: prescribed field in the reference -> tuple(Fixed(b.nodes, None if b.value.is_uniform else
+        # fault: prescribed field in the reference -> (*(Fixed(b.nodes, None if b.value.is_uniform else
         #   b.value.shapes(scene.interface.nodes[b.nodes])) for b in model.prescribed), |
         #   thermal_fmu/test_thermal_fields
         (*(Fixed(b.nodes, None if b.value.is_uniform else b.value.shapes(x[b.nodes])) for b in model.prescribed),

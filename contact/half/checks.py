@@ -162,7 +162,7 @@ def _steady_is_held(problem: ThermalProblem, interface: Interface) -> Iterator[W
     #   body in _bodies_at(interface, b.where)} | coupler/test_scenario_thermal
     held = {body for b in problem.boundary if b.flux is None for body in _bodies_at(interface, b.where)}
     held |= {name.split(".")[0] for name, part in problem.parts.items() if part.Q_T_factor is not None}
-    held |= set(problem.elsewhere)
+    held |= set(problem.elsewhere or ())
     pairs = [{side.split(".")[0] for side in (p.slave, p.master)} for p in interface.pairs
              if (data := problem.pairs.get(p.name)) and (data.conduction is not None or data.radiation is not None)]
     while reached := [sides for sides in pairs if sides & held and not sides <= held]:

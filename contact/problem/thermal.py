@@ -187,13 +187,13 @@ class ThermalProblem(ThermalSettings):
     bodies: Annotated[dict[Name, BodyHeat], Entry("by name")]
     pairs: Annotated[dict[Name, PairData], Entry("by name; what both halves must agree on is in interface.h5")] = Field(
         default_factory=dict)
-    elsewhere: Annotated[tuple[Name, ...], Entry(
+    elsewhere: Annotated[tuple[Name, ...] | None, Entry(
         "bodies that another half of the role solves for: their temperature is the input `course.T_elsewhere`",
-        default="none")] = ()
+        default="none")] = None
 
     @model_validator(mode="after")
     def _elsewhere(self) -> ThermalProblem:
-        for i, name in enumerate(self.elsewhere):
+        for i, name in enumerate(self.elsewhere or ()):
             if name not in self.bodies:
                 raise problem(f"there is no body {name!r}", at=("elsewhere", i))
         if self.elsewhere and self.adaptive is not None:
