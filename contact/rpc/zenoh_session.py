@@ -277,6 +277,10 @@ def _config(listen: tuple[str, ...], connect: tuple[str, ...], tls: Tls | None) 
         "connect/timeout_ms": int(CONNECT_TIMEOUT * 1000),
         "connect/exit_on_failure": tls is None,
         "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 2},
+        # Its segments outlive the session, and the process where that is killed: 40 MB and 4 open files a run.
+        # fault: memory shared with nobody stays when a session is closed -> "transport/shared_memory/enabled": True, |
+        #   contact/test_zenoh::test_a_closed_session_leaves_nothing_behind
+        "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/size/data": 16,
         # After 5 s of a full queue zenoh would drop the connection and lose what it holds.

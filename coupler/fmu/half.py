@@ -44,6 +44,7 @@ class Advance:
 
     Of the time it took besides, as far as it is known [s]: border : to set inputs and get outputs, in the half's
     process.  transport : of the messages there and back, 0 in one process.
+    states : kept, put back and let go ahead of it, in the same message.
     waited : of `seconds`, until contact had answered, in so many `requests`.
     """
 
@@ -54,6 +55,7 @@ class Advance:
     dt_suggest: float = 0.0
     border: float = 0.0
     transport: float = 0.0
+    states: float = 0.0
     waited: float = 0.0
     requests: int = 0
 

@@ -44,7 +44,7 @@ window was recorded.  calls : of halves, with those of the record.  requests : o
 
 CALL_PARTS = ("side", "call", "begun", "seconds", "work", "contact", "border", "transport")
 """What is told of a call: which of SIDES and of CALLS; [s] since its window began; [s]; of these, of a step, those of
-its own work, of contact, of the border and of transport."""
+its own work, of contact, of the border and of transport (what is left: of states, ahead of it in the same message)."""
 
 
 class Meter:
@@ -56,6 +56,7 @@ class Meter:
     def __init__(self, spent: float = 0.0) -> None:
         self._calls: list[tuple[float, ...]] = []
         self._requests = 0
+        self._ahead = 0.0  # [s] of states, within steps
         self._origin: float | None = None
         self._spent = spent
         self._begun = self._solved = 0.0
@@ -74,12 +75,14 @@ class Meter:
         self._calls.append((side, _ADVANCE, begun - self._begun, time.perf_counter() - begun,
                             done.seconds - done.waited, done.waited, done.border, done.transport))
         self._requests += done.requests
+        self._ahead += done.states
         return done
 
     def begin(self) -> None:
         """A window begins; calls before are no part of it."""
         self._calls.clear()
         self._requests = 0
+        self._ahead = 0.0
         self._begun = time.perf_counter()
         if self._origin is None:
             self._origin = self._begun - self._spent
@@ -94,7 +97,8 @@ class Meter:
         ended, seconds = time.perf_counter(), self._solved - self._begun
         # Plain sums: for a dozen calls arrays take ten times as long, and a window may be over in a millisecond.
         called, work, contact = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-        border = transport = states = 0.0
+        border = transport = 0.0
+        states = self._ahead
         for side, name, begun, took, own, waited, at_border, on_way in self._calls:
             # fault: calls of the record count as the window's own -> if begun > ended: |
             #   coupler/test_timings::test_every_second_of_a_window_is_in_one_part

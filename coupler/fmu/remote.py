@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
@@ -20,8 +20,9 @@ from coupler.fmu.half import Advance, Array, Block, Status
 
 # What the coupler says to a half that lives in another process, and what it hears back.
 #
-# Coarse on purpose: a substep is one message each way.  States stay with the half; only tokens travel. Repeating a
-# message is harmless: the server knows a call by its number and carries it out once.
+# Coarse on purpose: a substep is one message each way.  States stay with the half; only tokens travel.  The coupler
+# chooses them, so it need not hear that a state was kept: what is done with states goes ahead of the next call, in its
+# message.  Repeating a message is harmless: the server knows a call by its number and carries it out once.
 
 @dataclass(frozen=True)
 class Describe:
@@ -77,12 +78,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Save:
-    """Half.save.  Answered by Token."""
-
-
-@dataclass(frozen=True)
-class Token:
-    """Names a state that the half keeps."""
+    """Half.save.  token : by which the caller will name the state.  Answered by Acknowledged."""
 
     token: int
 
@@ -117,9 +113,18 @@ class StateBytes:
 
 @dataclass(frozen=True)
 class Deserialise:
-    """Half.deserialise.  Answered by Token."""
+    """Half.deserialise.  token : by which the caller will name the state.  Answered by Acknowledged."""
 
+    token: int
     data: bytes
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """What is done with states, in this order, before a verb.  Answered as the verb is."""
+
+    first: tuple[Save | Restore | Release, ...]
+    verb: Initialise | Step | Read | Serialise | Deserialise
 
 
 @dataclass(frozen=True)
@@ -152,13 +157,15 @@ class Failed:
     log: str
 
 
-Verb = Describe | Initialise | Step | Read | Save | Restore | Release | Serialise | Deserialise | LogTail | Close
-VERBS = kinds_of((Describe, Initialise, Step, Read, Save, Restore, Release, Serialise, Deserialise, LogTail, Close))
-ANSWERS = kinds_of((Described, Values, Advance, Token, StateBytes, Text, Acknowledged, Failed))
+OfStates = Save | Restore | Release
+Verb = Describe | Initialise | Step | Read | OfStates | Serialise | Deserialise | Ahead | LogTail | Close
+VERBS = kinds_of(get_args(Verb))
+ANSWERS = kinds_of((Described, Values, Advance, StateBytes, Text, Acknowledged, Failed))
 
 
 # The half itself.
 
+CARRIERS = (Initialise, Step, Read, Serialise, Deserialise)  # verbs that others go ahead of
 LEAST_DEADLINE = 60.0  # s
 TIMES_MEDIAN = 20.0  # the deadline of a step, by the median of those before it
 RECENT_STEPS = 100
@@ -215,6 +222,9 @@ class RemoteHalf:
         self._blame = blame
         self._course = Course(step_deadline)
         self._tail = tail
+        self._token = 0
+        self._ahead: list[OfStates] = []  # not sent yet
+        self._failed = False
         description = self._call(Describe(), Described)
         self.blocks = {block.name: block for block in description.blocks}
         self.strings = description.strings
@@ -242,7 +252,7 @@ class RemoteHalf:
         done = self._call(step, Advance, self._course.deadline)
         took = time.perf_counter() - begun
         # fault: what messages take is not told -> pass | coupler/test_timings
-        done = replace(done, transport=max(took - done.seconds - done.border, 0.0))
+        done = replace(done, transport=max(took - done.seconds - done.border - done.states, 0.0))
         if done.status is Status.OK:
             self._course.add(t + h, took)
         # A half that lost its contact service can only discard; a smaller step would not help it, the same one does
@@ -262,19 +272,23 @@ class RemoteHalf:
         return self._call(Read(tuple(names), finite), Values).values
 
     def save(self) -> int:
-        return self._call(Save(), Token).token
+        self._token += 1
+        self._of_states(Save(self._token))
+        return self._token
 
     def restore(self, token: int) -> None:
-        self._call(Restore(token), Acknowledged)
+        self._of_states(Restore(token))
 
     def release(self, token: int) -> None:
-        self._call(Release(token), Acknowledged)
+        self._of_states(Release(token))
 
     def serialise(self, token: int) -> bytes:
         return self._call(Serialise(token), StateBytes).data
 
     def deserialise(self, data: bytes) -> int:
-        return self._call(Deserialise(data), Token).token
+        self._token += 1
+        self._call(Deserialise(self._token, data), Acknowledged)
+        return self._token
 
     def log_tail(self) -> str:
         return self._call(LogTail(), Text, LOG_DEADLINE).text
@@ -282,17 +296,35 @@ class RemoteHalf:
     def close(self) -> None:
         self._call(Close(), Acknowledged, CLOSE_DEADLINE)
 
+    def _of_states(self, verb: OfStates) -> None:
+        """Do something with states: ahead of the next call, or at once where the last one failed."""
+        # Nobody else calls this half, so its state is then still the one of now.
+        # fault: whether a half that failed does as it is told is not heard -> if False: |
+        #   coupler/test_ahead::test_after_a_failure_nothing_is_put_off
+        if self._failed:
+            self._call(verb, Acknowledged)
+        else:
+            self._ahead.append(verb)
+
     def _call(self, verb: Verb, kind: type[AnswerT], deadline: float | None = None) -> AnswerT:
         """The answer to a verb.  Raises HalfError, or what `blame` raises."""
+        sent: Verb = verb
+        if self._ahead and isinstance(verb, CARRIERS):
+            sent = Ahead(tuple(self._ahead), verb)
+            self._ahead.clear()
         try:
-            return self._answered(verb, kind, deadline)
+            answer = self._answered(sent, kind, deadline)
+            self._failed = False
+            return answer
         except HalfError as exc:
+            self._failed = True
             if exc.half == self.name:
                 exc.message += self._where(verb)
             else:  # another one is at fault, and was found while this one was called
                 exc.add_note(f"found when half {self.name!r} was called{self._where(verb)}")
             raise
         except ServiceDownError as exc:
+            self._failed = True
             exc.add_note(f"found when half {self.name!r} was called{self._where(verb)}")
             raise
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import struct
 import sys
 import time
@@ -90,7 +91,9 @@ class Journal:
             self._file.write(head + record)
             self._file.flush()
         except OSError as exc:
-            raise ResultsError(f"{self.path}: cannot be written ({exc.strerror}); what it holds stays good") from exc
+            run = shlex.quote(str(self.path.with_suffix("")))
+            raise ResultsError(f"{self.path}: cannot be written ({exc.strerror}). What it holds stays good: once this "
+                               f"is mended, `slideline resume {run}` goes on") from exc
         self.mark = self.mark.after(head)
 
     def sync(self) -> None:

@@ -22,7 +22,7 @@ TO_US = 1e6  # seconds to microseconds
 def trace_of(results: Results) -> dict[str, Any]:
     """Return the trace of a run: windows, records and the calls of both halves, over the seconds of the run.
 
-    When a message was on its way is not known, but for how long: half of `transport` stands before a step's work and
+    When a message was on its way is not known, but for how long: half of it stands before a step's work and
     half behind it.  Raises ResultsError for a run of which no calls are known.
     """
     if not len(results.timings):

@@ -98,6 +98,7 @@ class _Tally:
     seconds: float = 0.0
     border: float = 0.0
     transport: float = 0.0
+    states: float = 0.0
     waited: float = 0.0
     requests: int = 0
     iterations: float = 0.0
@@ -106,6 +107,7 @@ class _Tally:
         self.seconds += done.seconds
         self.border += done.border
         self.transport += done.transport
+        self.states += done.states
         self.waited += done.waited
         self.requests += done.requests
         self.iterations += float(done.outputs.get("iterations", np.zeros(())))
@@ -219,7 +221,7 @@ class SeveralHalves:
                 for part, token in zip(self._parts, kept, strict=False):
                     part.half.restore(token)
                 return replace(discard, seconds=tally.seconds, border=tally.border, transport=tally.transport,
-                               waited=tally.waited, requests=tally.requests)
+                               states=tally.states, waited=tally.waited, requests=tally.requests)
         finally:
             for part, token in zip(self._parts, kept, strict=False):
                 part.half.release(token)
@@ -227,7 +229,7 @@ class SeveralHalves:
         begun = time.perf_counter()
         values = self.read(outputs)
         return Advance(Status.OK, "", values, tally.seconds, 0.0, tally.border + time.perf_counter() - begun,
-                       tally.transport, tally.waited, tally.requests)
+                       tally.transport, tally.states, tally.waited, tally.requests)
 
     def _agreed(self, t: float, h: float, inputs: Sequence[Mapping[str, Array]], kept: Sequence[int],
                 tally: _Tally) -> Advance | None:

@@ -253,6 +253,35 @@ def test_only_loopback(endpoint):
         open_session(listen=(endpoint,))
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts what Linux shows of a process")
+def test_a_closed_session_leaves_nothing_behind():
+    """In a process of its own: files that stay open, and shared memory, of which a killed process would leave all."""
+    done = run_script("""
+import os
+import time
+from contact.rpc.zenoh_session import Session, open_session, close_session
+
+def held():
+    files = [os.readlink(f"/proc/self/fd/{fd.name}") for fd in os.scandir("/proc/self/fd") if os.path.lexists(fd.path)]
+    return len(files), sum("/dev/shm/" in file for file in files)
+
+counts = []
+for _ in range(6):
+    here = open_session(listen=("tcp/127.0.0.1:0",))
+    there = Session((), here.listen)
+    token = here.show_token("here")
+    until = time.monotonic() + 20.0
+    while not there.tokens("here", lambda: None) and time.monotonic() < until:
+        pass
+    there.close()
+    close_session(here)
+    counts.append(held())
+print(counts)
+assert counts[-1][0] <= counts[1][0] and counts[-1][1] == 0, counts
+""")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_a_taken_port_is_an_error(service):
     with pytest.raises(LinkError, match="Address already in use"):
         open_session(listen=(service.endpoint,))

@@ -2,19 +2,20 @@
 
     unshare -rnm python host_scene.py FOLDER SCENE        three hosts and a coupler around a router, all namespaces
     python host_scene.py FOLDER SCENE --loopback          the same on 127.0.0.1
-SCENE : plain, killed (a half), cut (a line), left (the coupler killed), or several (thermal halves).
+SCENE : plain, killed (a half), cut (a line), left (the coupler killed), bad (lines), or several (thermal halves).
 FOLDER gets hosts.yaml, certificates, run.h5 and the logs of all.
 """
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import psutil
@@ -24,10 +25,11 @@ SCENARIO = ROOT / "scenarios/casting_1d.yaml"
 ROLES = ("thermal", "mechanical", "contact")
 SLIDELINE = [sys.executable, "-m", "coupler.cli"]
 SETS = {"plain": {"coupling.end": "0.5"}, "killed": {"coupling.end": "0.5", "coupling.restart": "3"},
-        "cut": {"coupling.end": "0.5"}, "left": {"coupling.end": "0.5"}}
+        "cut": {"coupling.end": "0.5"}, "left": {"coupling.end": "0.5"}, "bad": {"coupling.end": "0.5"}}
 SEVERAL_ROLES = ("thermal.rod", "thermal.die", *ROLES[1:])
 SEVERAL_SETS = {"thermal.halves.rod.bodies": ["rod"], "thermal.halves.die.bodies": ["mould"], "coupling.end": 0.5}
 SETS["several"] = {key: json.dumps(value) for key, value in SEVERAL_SETS.items()}
+BAD_LINE = {"delay": 0.002, "rate": 1e7, "loss": 0.01, "double": 0.01, "late": 0.02}  # of bad_line.Line
 PATIENCE = "4"  # s, of a host for a coupler that is gone
 
 
@@ -35,8 +37,11 @@ def sh(*words: str) -> None:
     subprocess.run(words, check=True)
 
 
-def router(roles: Iterable[str] = ROLES) -> dict[str, str]:
-    """Make a network of its own for each role and the coupler, joined by this one, which forwards; their addresses."""
+def router(roles: Iterable[str] = ROLES, line: Mapping[str, float] | None = None) -> dict[str, str]:
+    """Make a network of its own for each role and the coupler, joined by this one, which forwards; their addresses.
+
+    line : of bad_line.Line, between this one and each of the others.
+    """
     sh("mount", "-t", "tmpfs", "none", "/run")
     Path("/run/netns").mkdir()
     sh("ip", "link", "set", "lo", "up")
@@ -44,9 +49,19 @@ def router(roles: Iterable[str] = ROLES) -> dict[str, str]:
     addresses = {}
     for k, name in enumerate((*roles, "coupler"), 1):
         sh("ip", "netns", "add", name)
-        sh("ip", "link", "add", f"to-{name}"[:15], "type", "veth", "peer", "name", "eth0", "netns", name)
-        sh("ip", "addr", "add", f"10.77.{k}.1/24", "dev", f"to-{name}"[:15])
-        sh("ip", "link", "set", f"to-{name}"[:15], "up")
+        near = f"to-{name}"[:15]
+        if line is None:
+            sh("ip", "link", "add", near, "type", "veth", "peer", "name", "eth0", "netns", name)
+        else:
+            sh("ip", "link", "add", near, "type", "veth", "peer", "name", f"left{k}")
+            sh("ip", "link", "add", f"right{k}", "type", "veth", "peer", "name", "eth0", "netns", name)
+            for end in (f"left{k}", f"right{k}"):  # nobody here answers what only passes through
+                sh("ip", "link", "set", end, "arp", "off", "up")
+            carrier = subprocess.Popen([sys.executable, str(Path(__file__).with_name("bad_line.py")), f"left{k}",
+                                        f"right{k}", json.dumps(line)])
+            atexit.register(carrier.kill)
+        sh("ip", "addr", "add", f"10.77.{k}.1/24", "dev", near)
+        sh("ip", "link", "set", near, "up")
         sh("ip", "-n", name, "addr", "add", f"10.77.{k}.2/24", "dev", "eth0")
         sh("ip", "-n", name, "link", "set", "eth0", "up")
         sh("ip", "-n", name, "link", "set", "lo", "up")
@@ -119,7 +134,8 @@ def main() -> int:
     roles = SEVERAL_ROLES if scene == "several" else ROLES
     if "--loopback" in sys.argv:
         return run_scene(folder, scene, dict.fromkeys(roles, "127.0.0.1"), lambda role: [])
-    return run_scene(folder, scene, router(roles), lambda role: ["ip", "netns", "exec", role])
+    addresses = router(roles, BAD_LINE if scene == "bad" else None)
+    return run_scene(folder, scene, addresses, lambda role: ["ip", "netns", "exec", role])
 
 
 if __name__ == "__main__":

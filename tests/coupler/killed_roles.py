@@ -1,6 +1,9 @@
-"""Runs in processes whose halves and contact service are killed at random moments and started anew.
+"""Runs in processes whose halves and contact service are killed at random moments and started anew, or stopped.
 
-    python tests/coupler/killed_roles.py [RUNS] [SEED]     each run kills each role once; compared with one undisturbed
+    python tests/coupler/killed_roles.py [KILLS] [STOPS] [SEED]
+
+Each of KILLS runs kills each role once, each of STOPS runs stops each role once for a while (SIGSTOP, SIGCONT); all
+are compared with one that nobody disturbed, bit by bit.
 """
 
 from __future__ import annotations
@@ -29,11 +32,12 @@ CHANGED = {"coupling.end": 0.5}
 ROLES = ["thermal", "mechanical", "contact"]
 PAUSE = (0.05, 0.4)  # s between two kills; a run takes two seconds, and one more for each that is started anew
 RESTARTED = 30.0  # s to wait for the next process
+STOPPED = (0.2, 7.0)  # s that a role is stopped: a lease is three
 
 
 @dataclass(frozen=True)
 class KilledRun:
-    """roles : in the order in which they were killed.  restarts : that the run tells.  differences : of its files."""
+    """roles : in the order of what befell them.  restarts : that the run tells.  differences : of its files."""
 
     roles: tuple[str, ...]
     restarts: int
@@ -54,8 +58,11 @@ def children() -> dict[str, int]:
     return found
 
 
-def killed_run(whole: Path, out: Path, seed: int) -> KilledRun:
-    """Run the scenario, each role killed once at a random moment, and compare it with the one nobody disturbed."""
+def killed_run(whole: Path, out: Path, seed: int, stops: bool = False) -> KilledRun:
+    """Run the scenario, each role killed once at a random moment, and compare it with the one nobody disturbed.
+
+    stops : they are stopped for a while, and none is killed.
+    """
     random, killed, stop = np.random.default_rng(seed), [], threading.Event()
 
     def kill() -> None:
@@ -63,8 +70,12 @@ def killed_run(whole: Path, out: Path, seed: int) -> KilledRun:
             stop.wait(float(random.uniform(*PAUSE)))
             if stop.is_set() or role not in (now := children()):
                 return
-            os.kill(now[role], signal.SIGKILL)
+            os.kill(now[role], signal.SIGSTOP if stops else signal.SIGKILL)
             killed.append(str(role))
+            if stops:
+                time.sleep(float(random.uniform(*STOPPED)))
+                os.kill(now[role], signal.SIGCONT)
+                continue
             until = time.monotonic() + RESTARTED
             while children().get(role) in (None, now[role]) and time.monotonic() < until and not stop.is_set():
                 time.sleep(0.02)
@@ -81,23 +92,25 @@ def killed_run(whole: Path, out: Path, seed: int) -> KilledRun:
     return KilledRun(tuple(killed), len(Results(out).totals["restarts"]), found)
 
 
-def main(runs: int, seed: int) -> int:
-    """Tell how many kills there were of each role, and what they changed."""
-    killed: Counter[str] = Counter()
+def main(kills: int = 10, stops: int = 3, seed: int = 100) -> int:
+    """Tell how many roles were killed and stopped, and what that changed."""
+    done: dict[str, Counter[str]] = {"killed": Counter(), "stopped": Counter()}
     different = 0
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "whole.h5"
         run(load_scenario(SCENARIO, CHANGED), whole)
-        for k in range(runs):
-            one = killed_run(whole, Path(folder) / f"run{k}.h5", seed + k)
-            killed.update(one.roles)
+        for k in range(kills + stops):
+            what = "killed" if k < kills else "stopped"
+            one = killed_run(whole, Path(folder) / f"run{k}.h5", seed + k, stops=k >= kills)
+            done[what].update(one.roles)
             different += bool(one.differences)
-            print(f"run {k + 1}: killed {', '.join(one.roles) or 'nobody'}; {one.restarts} started anew; "
+            print(f"run {k + 1}: {what} {', '.join(one.roles) or 'nobody'}; {one.restarts} started anew; "
                   f"{one.differences or 'the same bits'}", flush=True)
-    print(f"{sum(killed.values())} kills ({', '.join(f'{n} {role}' for role, n in sorted(killed.items()))}) in {runs} "
-          f"runs, {different} runs differ")
+    for what, roles in done.items():
+        print(f"{what}: {', '.join(f'{n} {role}' for role, n in sorted(roles.items())) or 'nobody'}")
+    print(f"{kills + stops} runs, {different} differ")
     return 1 if different else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(*(int(word) for word in (sys.argv[1:] + ["10", "100"][len(sys.argv) - 1:]))))
+    sys.exit(main(*map(int, sys.argv[1:])))

@@ -56,10 +56,9 @@ def try_everything(network: Any, signed: str = SIGNED) -> dict[str, Any]:
     tokens = sorted(str(r.ok.key_expr) for r in network.liveliness().get("slideline/*/alive/**", timeout=3.0))
     got: dict[str, Any] = {"roles": [t.split("/")[3] for t in tokens], "read": [], "state": [], "step": [], "close": []}
     for token in tokens:
-        read, saved = (ask(network, token, verb, n, signed) for n, verb in ((1, Read(("y",))), (2, Save())))
-        number = next((s.token for s in saved if hasattr(s, "token")), 0)
+        read, _ = (ask(network, token, verb, n, signed) for n, verb in ((1, Read(("y",))), (2, Save(1))))
         got["read"] += [r.values["y"].tolist() if isinstance(r, Values) else r for r in read]
-        state = ask(network, token, Serialise(number), 3, signed)
+        state = ask(network, token, Serialise(1), 3, signed)
         got["state"] += [len(s.data) if hasattr(s, "data") else s for s in state]
         step = ask(network, token, Step(0.0, 0.02, {}, ("y",)), 4, signed)
         got["step"] += [s.status.value if isinstance(s, Advance) else str(s) for s in step]

@@ -22,7 +22,7 @@ from coupler.errors import HalfError
 from coupler.fmu.half import Advance
 from coupler.fmu.host import Hosted
 from coupler.fmu.processes import Processes
-from coupler.fmu.remote import ANSWERS, Describe, Failed, Initialise, Restore, Save, Step
+from coupler.fmu.remote import ANSWERS, Acknowledged, Describe, Failed, Initialise, Restore, Save, Step
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
@@ -162,7 +162,7 @@ def test_a_half_knows_the_time_of_the_state_it_has():
     assert not isinstance(hosted.answer(Initialise(5.0, 9.0, {}, {"x": X}, ())), Failed)
     hosted.half.link.ask = lambda request: facing(Project("", X))
     assert [steps(0.0, 1.0), steps(5.0, 0.1), steps(5.1, 0.1)] == [False, True, True]
-    token = hosted.answer(Save()).token
+    assert hosted.answer(Save(1)) == Acknowledged()
     assert [steps(5.1 + 0.1, 11.0), steps(5.2, 0.3), steps(5.2, 0.3)] == [True, True, False]  # a discard moves nothing
-    hosted.answer(Restore(token))
+    hosted.answer(Restore(1))
     assert [steps(5.5, 0.1), steps(5.2, 0.1)] == [False, True]
