@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from queue import SimpleQueue
 from statistics import median
 from threading import Lock
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 KEEP_ANSWERS = 4  # per client; it has one call open at a time, so one would do if no packet were ever late
 KEEP_CLIENTS = 64
@@ -25,6 +25,13 @@ CAPACITY = 64  # calls waiting; more is a client gone wild, and it is told so
 
 Waiter = TypeVar("Waiter")
 _ENVELOPE = re.compile(r"([A-Za-z0-9_-]{1,64})/([A-Za-z0-9_-]{1,64})/([1-9][0-9]{0,17})/([1-9][0-9]{0,17})")
+
+
+def name_of(request: Any) -> str:
+    """What is asked: the kind of a request, or of the one that it carries as its `verb`."""
+    # fault: who is busy says with what carries the call -> return type(request).__name__ |
+    #   coupler/test_processes::test_a_stuck_half_is_named_at_its_deadline
+    return type(getattr(request, "verb", request)).__name__
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from contact.rpc.calls import (
     LinkTimeoutError,
     ServerStats,
     ServiceDownError,
+    name_of,
 )
 from contact.rpc.seal import Seal, seal_of
 from contact.rpc.server import keys_of, question_label
@@ -74,7 +75,7 @@ class Client:
         cannot be sent.
         """
         payload = encode(request)
-        what = f"{type(request).__name__} to {self._role}"
+        what = f"{name_of(request)} to {self._role}"
         with self._lock:
             until = time.monotonic() + (self._deadline if deadline is None else deadline)
             self._number += 1

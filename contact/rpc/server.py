@@ -29,7 +29,17 @@ from typing import Any, Self
 
 from contact.codec import Kinds, decode, encode
 from contact.records import MAX_MESSAGE_HEADER, WireError
-from contact.rpc.calls import Answered, CallQueue, CallStats, Envelope, Heard, LinkError, failure, parse_envelope
+from contact.rpc.calls import (
+    Answered,
+    CallQueue,
+    CallStats,
+    Envelope,
+    Heard,
+    LinkError,
+    failure,
+    name_of,
+    parse_envelope,
+)
 from contact.rpc.seal import Seal
 from contact.rpc.zenoh_session import Question, Session
 
@@ -118,7 +128,7 @@ class Server:
             request = decode(payload, self._requests, MAX_MESSAGE_HEADER)
         except WireError as exc:
             return UNREADABLE, failure("bad_request", str(exc))
-        verb = type(request).__name__
+        verb = name_of(request)
         self._busy = verb, started
         try:
             return verb, Answered(True, encode(handle(request)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from contact.codec import kinds_of
 from contact.records import WireError
-from contact.rpc.calls import LinkError, ServiceDownError
+from contact.rpc.calls import LinkError, ServiceDownError, name_of
 from contact.rpc.client import Client
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Array, Block, Status
@@ -342,12 +342,12 @@ class RemoteHalf:
             self._blame(1.0)
             raise HalfError(str(exc), half=self.name, log=self._tail()) from exc
         except WireError as exc:
-            raise HalfError(f"{type(verb).__name__} cannot be sent: {exc}", half=self.name) from exc
+            raise HalfError(f"{name_of(verb)} cannot be sent: {exc}", half=self.name) from exc
         if isinstance(answer, Failed):
             self._blame(0.0)
             raise HalfError(answer.message, half=self.name, log=answer.log)
         if not isinstance(answer, kind):
-            raise HalfError(f"{type(verb).__name__} was answered by {type(answer).__name__}", half=self.name)
+            raise HalfError(f"{name_of(verb)} was answered by {type(answer).__name__}", half=self.name)
         return answer
 
 
