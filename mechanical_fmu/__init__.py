@@ -13,12 +13,17 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from contact.half.volume import VolumeMesh
-    from mechanical_fmu.elastic_half import mechanical_half
+    from mechanical_fmu.elastic_half import mechanical_half, mechanical_program_half
     from mechanical_fmu.given import ElasticMaterial, MechanicalVolume
+    from mechanical_fmu.program import DisplacementAnswer, ForceTask, MechanicalProgram
 
-__all__ = ["ElasticMaterial", "MechanicalVolume", "VolumeMesh", "mechanical_half"]
+__all__ = ["DisplacementAnswer", "ElasticMaterial", "ForceTask", "MechanicalProgram", "MechanicalVolume", "VolumeMesh",
+           "mechanical_half", "mechanical_program_half"]
 
-_MODULE_OF = {"mechanical_half": "mechanical_fmu.elastic_half", "MechanicalVolume": "mechanical_fmu.given",
+_MODULE_OF = {"mechanical_half": "mechanical_fmu.elastic_half",
+              "mechanical_program_half": "mechanical_fmu.elastic_half",
+              "DisplacementAnswer": "mechanical_fmu.program", "ForceTask": "mechanical_fmu.program",
+              "MechanicalProgram": "mechanical_fmu.program", "MechanicalVolume": "mechanical_fmu.given",
               "ElasticMaterial": "mechanical_fmu.given", "VolumeMesh": "contact.half.volume"}
 
 

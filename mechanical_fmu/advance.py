@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact.half.model import Values
+from contact.half.program import ProgramError
 from contact.messages import Tractions
 from mechanical_fmu.carrying import carried
 from mechanical_fmu.dynamics import BodyMotion, fly, free_flight, inertia_of, motion_after
@@ -19,6 +20,7 @@ from mechanical_fmu.laws.law import CREEP, LIQUID, OVERSTRESS
 from mechanical_fmu.loads import driven, pressure_forces
 from mechanical_fmu.newton import Equilibrium, SolverSettings
 from mechanical_fmu.passing import refuse_passing
+from mechanical_fmu.program_step import solve_by_program
 from mechanical_fmu.stabilisation import stabilised
 from mechanical_fmu.system import ForceBalance, Loading, System
 from mechanical_fmu.tangent import LooseBodyError, StiffnessAnchor
@@ -153,7 +155,7 @@ class StepResult:
 
     iterations : of all.  cuts : pieces beyond the first.  residual : largest of the pieces.
     last : what the points remembered when the last piece began, and its length.  work : [J] of all, of what damped
-    bodies that contact did not hold yet.
+    bodies that contact did not hold yet.  runs : of a program that solves for the inside of bodies.
     """
 
     balance: ForceBalance
@@ -165,6 +167,7 @@ class StepResult:
     dt_stable: float = 0.0
     last: PointStep = field(default_factory=PointStep)
     work: float = 0.0
+    runs: int = 0
 
 
 class PartWayError(ArithmeticError):
@@ -211,11 +214,15 @@ def solved(system: System, u: Floats, loading: Loading, first: ForceBalance, anc
     Where contact alone could hold a body and does not yet, the body is damped until it does.
     Raises PassingError where a body would go through another, and what solve_step does.
     """
-    try:
-        found = solve_step(system, loading, first, anchor, settings)
-    except LooseBodyError:
-        # fault: first contact under a force refused -> raise | mechanical_fmu/test_first_contact
-        found = stabilised(system, loading, first, settings)
+    def by_cells(loading: Loading, first: ForceBalance) -> Equilibrium:
+        try:
+            return solve_step(system, loading, first, anchor, settings)
+        except LooseBodyError:
+            # fault: first contact under a force refused -> raise | mechanical_fmu/test_first_contact
+            return stabilised(system, loading, first, settings)
+
+    found = by_cells(loading, first) if system.program is None else solve_by_program(
+        system, system.program, loading, first, by_cells)
     refuse_passing(system, u, found.balance)
     return found
 
@@ -235,7 +242,7 @@ def in_pieces(system: System, task: Task, begin: Departure, settings: SolverSett
             piece = _piece(system, task, begin, (share, goal), settings, left == 0)
         except ArithmeticError as exc:
             failed = failed if isinstance(failed, CellError) else exc
-            if left == 0:
+            if left == 0 or isinstance(exc, ProgramError):
                 raise PartWayError(share, failed) from exc
             size, left = 0.5 * size, left - 1
             continue
@@ -278,7 +285,7 @@ def _piece(system: System, task: Task, begin: Departure, span: tuple[float, floa
         after = motion_after(system, motion, found, inertia, dt)
         after = with_its_energy(system, motion, after, found, loading, owes=last)
     return StepResult(found, after, found.heat, equilibrium.iterations, equilibrium.residual, last=loading.step,
-                      work=equilibrium.work)
+                      work=equilibrium.work, runs=equilibrium.runs)
 
 
 def _carried(system: System, flown: Floats, moved: Floats) -> Floats:
@@ -296,4 +303,4 @@ def _joined(first: StepResult, then: StepResult) -> StepResult:
     heat = first.heat + then.heat if first.heat.size else then.heat
     return StepResult(then.balance, then.motion, heat, first.iterations + then.iterations,
                       max(first.residual, then.residual), first.cuts + 1, then.dt_stable, then.last,
-                      first.work + then.work)
+                      first.work + then.work, first.runs + then.runs)

@@ -15,6 +15,7 @@ from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.memory import LAYOUT
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
 from contact.problem.mechanical import Solution, Start
 from mechanical_fmu.advance import (
@@ -42,6 +43,7 @@ from mechanical_fmu.material import MaterialRangeError, SolidMaterial
 from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic, parse_foreign
+from mechanical_fmu.program import MechanicalProgram
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
 from mechanical_fmu.volume import CellError, CellInversionError, PointStep, von_mises
@@ -133,6 +135,8 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                         on="cells"),
                Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
                Variable("cuts", description="pieces of the step beyond the first")]
+    if system.program is not None:
+        outputs.append(Variable("program.runs", description="runs of the program in the step"))
     outputs += [Variable(f"reaction.{name}", (2,), unit="N", description="force of the prescribed displacements",
                          on="none")
                 for name in interface.bodies]
@@ -189,6 +193,8 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         "x": system.interface.nodes[:n] + balance.u[:n], "strain": strain,
         "iterations": float(found.iterations), "residual": found.residual,
         "max_strain_increment": increment, "cuts": float(found.cuts)}
+    if system.program is not None:
+        outputs["program.runs"] = float(found.runs)
     if system.volume.tells_stress:
         outputs |= {"sigma": sigma, "sigma_v": sigma_v}
     # An explicit step has no acceleration of what is held: their own masses, lumped at the nodes, are left out.
@@ -464,7 +470,7 @@ class ElasticHalf:
             anchored = state.anchored or self._adopts(anchor, first)
             now = self._solved(state, loading, first, anchor if anchored else None)
         except ArithmeticError as exc:
-            if self.system.spec.stated.cuts == 0 or isinstance(exc, MaterialRangeError):
+            if self.system.spec.stated.cuts == 0 or isinstance(exc, MaterialRangeError | ProgramError):
                 raise
             found = self._in_pieces(state, task, "newton", exc)
             return found, replace(state, anchor_u=found.balance.u, anchor_T=task.end.T, anchored=False)
@@ -512,7 +518,9 @@ class ElasticHalf:
             body = self.system.interface.bodies[exc.body]
             why = "would be turned inside out" if isinstance(exc, CellInversionError) else f"fails: {exc.why}"
             return Discard(f"cell {exc.cell + 1} of body {body} {why}{reached}", h * max(0.25, share))
-        suggest = 0.0 if isinstance(exc, MaterialRangeError) else h * (share or 0.5)
+        # A program would fail again: a step as long as this one says that no shorter one helps.
+        again = h if isinstance(exc, ProgramError) else h * (share or 0.5)
+        suggest = 0.0 if isinstance(exc, MaterialRangeError) else again
         return Discard(f"{exc}{reached}", suggest)
 
     def _skips(self, state: ElasticState, drive: StepDrive) -> bool:
@@ -528,6 +536,7 @@ class ElasticHalf:
         of_the_step = ("E_M", "E_S", "contact.E_friction", "contact.slip")
         made: dict[str, Value] = {v.name: np.zeros(v.shape) for v in self.variables if v.name in of_the_step}
         made |= {v.name: 0.0 for v in self.variables if v.name.startswith("flow_rate.")}
+        made |= {v.name: 0.0 for v in self.variables if v.name == "program.runs"}
         made |= {v.name: state.damped for v in self.variables if v.name == "work.stabilisation"}
         return out | made
 
@@ -564,12 +573,30 @@ def mechanical_half(volume: MechanicalVolume, interface: Interface, model: Mappi
     return ElasticHalf(system, SolverSettings(spec.stated.tolerance))
 
 
+def mechanical_program_half(program: MechanicalProgram, interface: Interface, model: Mapping[str, Any]) -> ElasticHalf:
+    """Make the elastic half of an interface and a model.json, with the inside of its bodies by a program.
+
+    Raises ValueError naming what is wrong.
+    """
+    spec = parse_foreign(interface, model)
+    system = replace(system_of(interface, spec), program=program)
+    if spec.dynamics is not None:
+        raise ValueError("mechanical.elastic.dynamics: a program finds equilibria; choose the half elastic")
+    if program.takes == "force" and system.can_be_loose:
+        raise ValueError("contact alone holds a body: a program that is given forces there cannot hold it. Prescribe "
+                         "a displacement of the body, or let the program take displacements")
+    program.start(volume_mesh(interface), tuple(_told(spec.materials[m]) for m in spec.part_material))
+    beginning(system)
+    return ElasticHalf(system, SolverSettings(spec.stated.tolerance))
+
+
 def _told(material: SolidMaterial) -> ElasticMaterial:
     return ElasticMaterial(material.E, material.nu, material.alpha, material.T_ref)
 
 
 def _found(solved: Equilibrium, motion: BodyMotion) -> StepResult:
-    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual, work=solved.work)
+    return StepResult(solved.balance, motion, solved.balance.heat, solved.iterations, solved.residual, work=solved.work,
+                      runs=solved.runs)
 
 
 def _array(value: Any) -> Floats:

@@ -214,7 +214,8 @@ class Equilibrium:
     """balance : at the solution.  residual : largest relative residual of a body.  history : of every iterate.
 
     iterations : directions computed.  fresh : whether a tangent had to be taken anew.
-    work : [J] of what damped loose bodies on the way (stabilisation.py).
+    work : [J] of what damped loose bodies on the way (stabilisation.py).  runs : of a program that solves for the
+    inside of bodies.
     """
 
     balance: ForceBalance
@@ -222,6 +223,7 @@ class Equilibrium:
     history: tuple[float, ...]
     fresh: bool
     work: float = 0.0
+    runs: int = 0
 
     @property
     def iterations(self) -> int:

@@ -25,6 +25,7 @@ from mechanical_fmu.masses import Inertia, Masses
 from mechanical_fmu.material import Moduli, moduli
 from mechanical_fmu.named_forces import NamedForces, named_forces
 from mechanical_fmu.problem import ElasticSpec, Pressure
+from mechanical_fmu.program import MechanicalProgram
 from mechanical_fmu.volume import DeformableMesh, PointStep
 
 Floats = NDArray[np.float64]
@@ -81,7 +82,7 @@ class ForceBalance:
 
 @dataclass(frozen=True)
 class System:
-    """A scene of elastic bodies, apart from its loading."""
+    """A scene of elastic bodies, apart from its loading.  program : solves for their inside; None: the cells."""
 
     interface: Interface
     spec: ElasticSpec
@@ -89,6 +90,7 @@ class System:
     constraints: Constraints
     contact: MeshContact
     masses: Masses
+    program: MechanicalProgram | None = None
 
     @property
     def rigid(self) -> RigidBodies | None:
@@ -181,8 +183,10 @@ class System:
         solid = self.volume.means(f_s) if f_s is not None and f_s.size else (None,) * len(kinds)
         found = tuple(moduli(self.spec.materials, self.spec.part_material[cells.part], mean, part)
                       for cells, mean, part in zip(kinds, self.volume.means(T), solid, strict=True))
+        if not self.volume.tells_stress or self.program is not None:
+            found = tuple(replace(m, T=T) for m in found)
         if not self.volume.tells_stress:
-            return tuple(replace(m, T=T) for m in found)
+            return found
         if not self._drawn:
             return found
         # fault: a poured body has its mesh's shape when it is solid -> return tuple(replace(m, e_th=m.e_th - 0.0 *

@@ -12,12 +12,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from contact.half.volume import VolumeMesh
-    from thermal_fmu.half import thermal_half
+    from thermal_fmu.half import thermal_half, thermal_program_half
+    from thermal_fmu.program import HeatAnswer, HeatTask, ThermalProgram
     from thermal_fmu.volume import ThermalVolume, VolumeMaterial
 
-__all__ = ["ThermalVolume", "VolumeMaterial", "VolumeMesh", "thermal_half"]
+__all__ = ["HeatAnswer", "HeatTask", "ThermalProgram", "ThermalVolume", "VolumeMaterial", "VolumeMesh", "thermal_half",
+           "thermal_program_half"]
 
-_MODULE_OF = {"thermal_half": "thermal_fmu.half", "ThermalVolume": "thermal_fmu.volume",
+_MODULE_OF = {"thermal_half": "thermal_fmu.half", "thermal_program_half": "thermal_fmu.half",
+              "HeatAnswer": "thermal_fmu.program", "HeatTask": "thermal_fmu.program",
+              "ThermalProgram": "thermal_fmu.program", "ThermalVolume": "thermal_fmu.volume",
               "VolumeMaterial": "thermal_fmu.volume", "VolumeMesh": "contact.half.volume"}
 
 

@@ -13,6 +13,8 @@ from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.program import ProgramError
+from contact.half.volume import volume_mesh
 from thermal_fmu import phase_change
 from thermal_fmu.boundary import Heat, names_of, no_heat
 from thermal_fmu.cells import (
@@ -35,11 +37,12 @@ from thermal_fmu.methods import DAMPED_SUBSTEPS, METHOD_NUMBERS, TimeMethod
 from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Conductivity, Model, parse_foreign, parse_model
+from thermal_fmu.program import ThermalProgram, refuse_beyond
 from thermal_fmu.scene import ThermalScene, freeze, with_friction
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
 from thermal_fmu.substeps import NO_STEPS_YET, LeastStepError, StepController, SubstepStart, advance
-from thermal_fmu.volume import Coordinates, ThermalVolume
+from thermal_fmu.volume import Coordinates, ThermalVolume, volume_materials
 
 Floats = NDArray[np.float64]
 
@@ -182,13 +185,19 @@ class ThermalHalf:
     The object caches what follows from constant inputs, and factors of exactly the matrix asked for.
     """
 
-    def __init__(self, interface: Interface, spec: Mapping[str, Any], given: ThermalVolume | None = None) -> None:
+    def __init__(self, interface: Interface, spec: Mapping[str, Any], given: ThermalVolume | None = None,
+                 program: ThermalProgram | None = None) -> None:
         """Raises ValueError for a model.json that is not right, naming key and value.
 
-        given : what conducts and stores inside bodies; None: the cells of this half.
+        given : what conducts and stores inside bodies; None: the cells of this half.  program : one that does so and
+        answers at nodes alone.
         """
-        model = parse_model(interface, spec) if given is None else parse_foreign(interface, spec)
-        self._scene = ThermalScene(interface, model, given)
+        foreign = given is not None or program is not None
+        model = parse_foreign(interface, spec) if foreign else parse_model(interface, spec)
+        self._scene = ThermalScene(interface, model, given, program)
+        if program is not None:
+            refuse_beyond(model)
+            program.start(volume_mesh(interface), volume_materials(model))
         self._scene.bulk  # noqa: B018  what it cannot solve is told before anything runs
         self._calendar = calendar_of(self._scene.model)
         self._factors, self._factors_S = Factors(), Factors()
@@ -228,6 +237,9 @@ class ThermalHalf:
             #   thermal_fmu/test_thermal_steady
             again = h if self._is_same_at_any_length(method, state, inputs["x"]) else RETRY_SHARE * h
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", again)
+        except ProgramError as exc:
+            # The program would fail again: a step as long as this one says that no shorter one helps.
+            return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", h)
         except LeastStepError as exc:
             # Inner steps can only get shorter where the substep itself is shorter than the least of them.
             return Discard(f"thermal step from {t:.9g} s by {h:.6g} s: {exc}", RETRY_SHARE * exc.least)
@@ -248,7 +260,7 @@ class ThermalHalf:
         # fault: mass from the current volume -> substep = freeze(scene, scene.masses(x), x, E_M, points) |
         #   thermal_fmu/test_thermal_nonlinear
         substep = freeze(scene, self._masses_of(state.X), x, E_M, points)
-        if scene.given is not None:
+        if scene.given is not None or scene.program is not None:
             substep = replace(substep, place=Coordinates(x, np.array(state.X)))
         if points is not None:
             E_friction = np.asarray(inputs["contact.E_friction"], dtype=np.float64)
@@ -326,6 +338,7 @@ class ThermalHalf:
             "heat_moved": heat.moved,
             "heat_rounding": self._rounding,
             "contact.touching": float(touching),
+            **({} if self._scene.program is None else {"program.runs": float(done.runs) if done else 0.0}),
         }
 
 
@@ -334,7 +347,9 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
         Variable("substeps", description="inner steps of the substep"),
         Variable("rejected", description="inner steps tried that were too long"))
     rounding = Variable("heat_rounding", unit="J", description="what round-off leaves of the heat of a substep")
-    return (*face_variables(scene.interface, scene.model), *inner, rounding, *field_variables(scene))
+    runs = () if scene.program is None else (
+        Variable("program.runs", description="runs of the program in the substep"),)
+    return (*face_variables(scene.interface, scene.model), *inner, rounding, *runs, *field_variables(scene))
 
 
 def load(interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
@@ -348,3 +363,11 @@ def thermal_half(volume: ThermalVolume, interface: Interface, spec: Mapping[str,
     Raises ValueError naming every key that is wrong.
     """
     return ThermalHalf(interface, spec, volume)
+
+
+def thermal_program_half(program: ThermalProgram, interface: Interface, spec: Mapping[str, Any]) -> ThermalHalf:
+    """Make the thermal half of an interface file and a model.json, with the inside of its bodies by a program.
+
+    Raises ValueError naming every key that is wrong.
+    """
+    return ThermalHalf(interface, spec, program=program)

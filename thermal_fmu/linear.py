@@ -29,15 +29,29 @@ SMALLEST = 400  # unknowns: below, new factors cost no more than a few products 
 
 
 @dataclass(frozen=True)
+class Learnt:
+    """What is known of a program from the stage before.  defect : (n,) [W].
+
+    residuals, outcomes : (k, n) differences of what its iterates left and led to [W], the newest first.
+    """
+
+    defect: Floats
+    residuals: Floats
+    outcomes: Floats
+
+
+@dataclass(frozen=True)
 class AnchorMatrix:
     """The matrix whose factors are used, as CSR arrays.
 
-    indptr : (n + 1,).  indices : (nnz,).  data : (nnz,) [J/K].
+    indptr : (n + 1,).  indices : (nnz,).  data : (nnz,) [J/K].  learnt : of a program, where the inside of bodies is
+    one's; None: nothing.
     """
 
     indptr: Ints
     indices: Ints
     data: Floats
+    learnt: Learnt | None = None
 
     def matrix(self) -> csr_matrix:
         """Return the matrix itself."""

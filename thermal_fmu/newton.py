@@ -36,6 +36,7 @@ class StageProblem:
     s_n : (n,) start of the step [K], T itself in bodies that do not melt.  power_M : (n,) [W].
     earlier : (n,) dt sum_j a_j F_j [J].  stores : False drops the left side (steady).  blur : 0 is the problem itself,
     up to 1 a smoothed one in which melting shows less and less in T(s) (phase_change.blurred).
+    defect : (n,) [W] that the program which solves for the inside of bodies needs beyond the cells; None: no program.
     """
 
     scene: ThermalScene
@@ -48,6 +49,7 @@ class StageProblem:
     earlier: Floats
     stores: bool
     blur: float = 0.0
+    defect: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,8 @@ def balance(problem: StageProblem, s: Floats, jacobian: bool) -> StageBalance:
     boundary = boundary_flow(substep, problem.loads, problem.power_M, at.T)
     if (made := scene.bulk.made(substep, at)) is not None:
         boundary = with_source(boundary, made)
+    if problem.defect is not None:
+        f -= problem.defect
     inside = f + boundary.inside
     f += boundary.f
     R = S - problem.earlier - weight * f
@@ -219,7 +223,7 @@ class SolvedStage:
     """A stage that was solved.
 
     s : (n,) [K].  iterations : linear solves.  residual : norm over scale [1].  anchor : of the next solve.
-    linear : its last matrix.
+    linear : its last matrix.  runs : of a program that solves for the inside of bodies.
     """
 
     s: Floats
@@ -228,6 +232,7 @@ class SolvedStage:
     residual: float
     anchor: AnchorMatrix | None
     linear: Linearisation
+    runs: int = 0
 
 
 def solve_stage(problem: StageProblem, s: Floats, tolerance: float, factors: Factors,

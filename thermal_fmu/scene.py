@@ -32,6 +32,7 @@ from thermal_fmu.elsewhere import counted_of
 from thermal_fmu.exchange import ConductionGroup, RadiationGroup, ThroughCells, conduction_groups, radiation_groups
 from thermal_fmu.phase_change import Melting, NodalFields, PhaseChange, melting_of
 from thermal_fmu.problem import Flux, Model
+from thermal_fmu.program import ThermalProgram, surface_nodes
 from thermal_fmu.sources import FieldSource, TemperatureSource, freeze_sources, plain_sources
 from thermal_fmu.surface_terms import (
     FrictionHeat,
@@ -54,11 +55,13 @@ class ThermalScene:
     """Model, mesh and surfaces of a thermal half, with what follows from them alone.
 
     given : the solver of another package for the inside of bodies; None: the cells of this half.
+    program : one that answers at nodes alone, around which the cells of this half search; None: there is none.
     """
 
     interface: Interface
     model: Model
     given: ThermalVolume | None = None
+    program: ThermalProgram | None = None
 
     @cached_property
     def volume(self) -> CellMesh:
@@ -67,6 +70,11 @@ class ThermalScene:
     @cached_property
     def surfaces(self) -> ContactSurfaces:
         return ContactSurfaces(self.interface)
+
+    @cached_property
+    def surface_nodes(self) -> NDArray[np.intp]:
+        """(m,) nodes at edges of one cell alone."""
+        return surface_nodes(self.interface)
 
     @cached_property
     def film_slots(self) -> tuple[NDArray[np.int64], ...]:
@@ -210,8 +218,8 @@ class SubstepData:
     films, radiators : surfaces open to the surroundings.  conduction_groups, radiation_groups : where bodies exchange
     heat.
     friction : [W] at nodes, None where none is made.  added : conduction that makes up for wrong signs (monotone.py).
-    place : where nodes are, for a given volume; None: cells know it.  solved : (n,) False at nodes of bodies that
-    another half solves for, whose heat is not counted here; None: there are none.
+    place : where nodes are, for a given volume or a program; None: cells know it.  solved : (n,) False at nodes of
+    bodies that another half solves for, whose heat is not counted here; None: there are none.
     """
 
     sigma_SB: float

@@ -19,6 +19,7 @@ from thermal_fmu.linear import AnchorMatrix, Factors
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
 from thermal_fmu.monotone import StepEnd, Try, eased, monotone, needed
 from thermal_fmu.newton import SolvedStage, StageProblem, balance, solve_stage
+from thermal_fmu.program_stage import solve_by_program
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
 from thermal_fmu.sources import Calendar, LoadFactors, ThermalLoads, loads_at
 
@@ -34,7 +35,8 @@ class ThermalStep:
     moved : (n,) [J] that flowed into the nodes, fixed nodes' reactions included: their
     increase of enthalpy.  inside : (n,) [J] the part of it that did not come through the surface.  substep : the data
     it was taken with, wrong signs taken off.  known : the data of bodies after it.  path : times [s] in order at which
-    something was solved, and s : (n,) [K] then.  damped : whether it was taken by the method that damps.
+    something was solved, and s : (n,) [K] then.  damped : whether it was taken by the method that damps.  runs : of a
+    program that solves for the inside of bodies.
     """
 
     s: Floats
@@ -49,12 +51,14 @@ class ThermalStep:
     overshoots: bool = False
     path: tuple[tuple[float, Floats], ...] = ()
     damped: bool = False
+    runs: int = 0
 
     def then(self, more: ThermalStep) -> ThermalStep:
         """Join this step and the one after it."""
         return replace(more, heat=self.heat + more.heat, iterations=self.iterations + more.iterations,
                        residual=max(self.residual, more.residual), moved=self.moved + more.moved,
-                       inside=self.inside + more.inside, path=self.path + more.path)
+                       inside=self.inside + more.inside, path=self.path + more.path,
+                       runs=self.runs + more.runs)
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,8 @@ def take_step(context: StepContext, method: TimeMethod, s_n: Floats, anchor: Anc
         end_of(scene, done.substep, stage, s_n, done.last, dt, context.rate), stage.theta))
     return ThermalStep(done.last.s, _heat(scene, method, done.stages, dt), done.iterations,
                        max(one.residual for one in done.stages), done.last.anchor, moved, inside, done.substep,
-                       done.known, over, solved_at(method, [one.s for one in done.stages], t, dt))
+                       done.known, over, solved_at(method, [one.s for one in done.stages], t, dt),
+                       runs=sum(one.runs for one in done.stages))
 
 
 def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: AnchorMatrix | None, t: float,
@@ -153,6 +158,8 @@ def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: 
                                          done.last.anchor, t, dt))
 
     first = done = attempt(context.substep, stages)
+    if scene.program is not None:
+        return first  # the operator is the program's: no wrong sign can be taken off
     left_first, spent = data.left_by(T), first.iterations
 
     for _ in range(MOST_RETAKEN):
@@ -204,7 +211,9 @@ def _stages(context: StepContext, method: TimeMethod, of_stages: Sequence[Therma
         problem = StageProblem(context.scene, context.substep, loads, stage, dt, s_n, context.power_M, earlier,
                                method.stores)
         guess = with_prescribed(context, held_T, solved[-1].s if solved else s_n)
-        solved.append(solve_stage(problem, guess, model.stated.tolerance, context.factors, anchor))
+        program = context.scene.program
+        solved.append(solve_stage(problem, guess, model.stated.tolerance, context.factors, anchor) if program is None
+                      else solve_by_program(problem, guess, program, context.factors, anchor))
         anchor = solved[-1].anchor
     return tuple(solved)
 
@@ -243,7 +252,7 @@ def limited_step(context: StepContext, method: TimeMethod, s: Floats, anchor: An
     if not done.overshoots or context.how_damped is Damped.AFTER_A_JUMP:
         return done
     again = damped_step(context, method, s, done.anchor, t, h)
-    return replace(again, iterations=done.iterations + again.iterations)
+    return replace(again, iterations=done.iterations + again.iterations, runs=done.runs + again.runs)
 
 
 def damped_step(context: StepContext, method: TimeMethod, s: Floats, anchor: AnchorMatrix | None, t: float,

@@ -167,7 +167,7 @@ class GivenVolume:
         self._given, self._pattern = given, pattern
         self._body, self._n_bodies = interface.node_body, len(interface.bodies)
         self._diagonal = np.flatnonzero(np.repeat(np.arange(pattern.n), np.diff(pattern.indptr)) == pattern.indices)
-        materials = tuple(_told(part) for part in model.parts)
+        materials = volume_materials(model)
         self._constant = all(m.k.is_constant and m.c.is_constant for m in materials) and not getattr(
             given, "depends_on_T", False)
         self._kept: list[_Matrices] = []
@@ -242,6 +242,11 @@ def _place(substep: InsideData) -> Coordinates:
 
 def _range(values: Floats) -> str:
     return f"{values.min():.3g} to {values.max():.3g}" if values.size else "none"
+
+
+def volume_materials(model: Model) -> tuple[VolumeMaterial, ...]:
+    """Return the material of each part, as another solver is told it.  Raises ValueError."""
+    return tuple(_told(part) for part in model.parts)
 
 
 def _told(part: ThermalBody) -> VolumeMaterial:

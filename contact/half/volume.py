@@ -67,3 +67,13 @@ def on_pattern(K: Any, pattern: Pattern, whose: str) -> Floats:
         raise VolumeError(f"{whose}: K is not finite")
     same = keys[at] == own
     return np.asarray(np.bincount(at[same], weights=entries.data[same], minlength=keys.size), dtype=np.float64)
+
+
+def part_volumes(mesh: VolumeMesh, x: Floats) -> Floats:
+    """Return (n_parts,) the areas of the cells of each part [m2] on coordinates x : (n, 2) [m], of a plane scene."""
+    areas = np.zeros(len(mesh.parts))
+    for cells, part in ((mesh.quads, mesh.quad_part), (mesh.triangles, mesh.triangle_part)):
+        if len(cells):
+            a, b = x[cells], x[np.roll(cells, -1, axis=1)]
+            np.add.at(areas, part, 0.5 * (a[..., 0] * b[..., 1] - b[..., 0] * a[..., 1]).sum(axis=1))
+    return areas

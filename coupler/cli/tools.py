@@ -12,7 +12,7 @@ import typer
 from coupler.cli.options import JsonOption
 from coupler.fmu.launch import CAP, cache_directory, cached_halves, clear_cache, drop_to, known_halves
 from coupler.init.templates import shipped_scenarios
-from coupler.scenario.problems import OWN
+from coupler.scenario.problems import OWN, PROGRAMS, SHIPPED
 
 ABOUT = {
     ("thermal", "thermal"): "heat conduction on the mesh, with radiation, convection, melting and sources",
@@ -23,6 +23,8 @@ ABOUT = {
     ("mechanical", "rigid"): "bodies that only move as prescribed",
     ("mechanical", "rod"): "one-dimensional bars that lengthen and are pressed together",
     ("mechanical", "replay"): "deformation as an earlier run recorded it",
+    ("thermal", "ccx"): "heat conduction by the program CalculiX, one deck a step",
+    ("mechanical", "ccx"): "elastic deformation by the program CalculiX, one deck a step",
 }
 
 
@@ -44,10 +46,10 @@ def listed() -> dict[str, list[dict[str, str]]]:
     folder = shipped_scenarios()
     scenarios = [{"name": path.stem, "file": str(path), "about": sentence_of(path)}
                  for path in sorted(folder.glob("*.yaml"))]
-    halves = [{"name": name, "role": role, "about": ABOUT[role, name]} for role, kinds in OWN.items() for name in kinds]
-    ours = {kind for kinds in OWN.values() for kind in kinds.values()}
+    halves = [{"name": name, "role": role, "about": ABOUT[role, name]}
+              for table in (OWN, PROGRAMS) for role, kinds in table.items() for name in kinds]
     halves += [{"name": name, "role": "either", "about": f"of the package {point.module.partition('.')[0]}"}
-               for name, point in sorted(known_halves().items()) if name not in ours]
+               for name, point in sorted(known_halves().items()) if name not in SHIPPED]
     return {"scenarios": scenarios, "halves": halves}
 
 

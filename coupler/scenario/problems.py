@@ -63,12 +63,19 @@ OWN: dict[str, dict[str, str]] = {
     "thermal": {"thermal": "thermal", "lumped": "lumped", "rod": "thermal_rod", REPLAY: "thermal_replay"},
     "mechanical": {"elastic": "elastic", "rigid": "rigid", "rod": "mechanical_rod", REPLAY: "mechanical_replay"},
 }
+# Halves of ours around a program of another maker: told the scene, and checked, as halves of other packages are.
+PROGRAMS: dict[str, dict[str, str]] = {"thermal": {"ccx": "thermal_ccx"}, "mechanical": {"ccx": "mechanical_ccx"}}
+SHIPPED = frozenset(entry for table in (OWN, PROGRAMS) for kinds in table.values() for entry in kinds.values())
 
 
 def known_kinds(role: str) -> tuple[str, ...]:
     """Kinds that can stand in a role: ours for it, and those of other packages, whose role we cannot know."""
-    ours = {kind for kinds in OWN.values() for kind in kinds.values()}
-    return tuple(OWN[role]) + tuple(sorted({e.name for e in entry_points(group=GROUP)} - ours))
+    return (*OWN[role], *PROGRAMS[role], *sorted({e.name for e in entry_points(group=GROUP)} - SHIPPED))
+
+
+def entry_of(role: str, kind: str) -> str:
+    """Return the entry point of the scenario's word for a half."""
+    return OWN[role].get(kind) or PROGRAMS[role].get(kind, kind)
 
 
 def fmu_path(kind: str, folder: Path) -> Path | None:
@@ -169,7 +176,7 @@ def _problem_of(s: Stated, role: str, kind: str) -> Part:
     if own is None:
         maker: Callable[[Stated, str], Part] = _foreign_thermal if role == "thermal" else _foreign_mechanical
         fmu = fmu_path(kind, s.file_folder)
-        return maker(s, kind) if fmu is None else _prebuilt(maker(s, str(fmu)))
+        return maker(s, entry_of(role, kind)) if fmu is None else _prebuilt(maker(s, str(fmu)))
     return _MAKERS[own](s, own)
 
 
@@ -405,7 +412,7 @@ def _file_key(s: Stated, role: str, key: Key) -> Key:
 
 def _ignored(s: Stated, role: str, problem: Part, kind: str, ignore: Collection[str]) -> Iterator[Wrong]:
     """Conditions of the scene that a half of another package declares not to read."""
-    words = understood_by(kind, s.file_folder)
+    words = understood_by(entry_of(role, kind), s.file_folder)
     if words is None:
         return
     used = problem.model_copy(update={"materials": {name: s.file.materials[name] for name in s.used}})
@@ -416,7 +423,8 @@ def _ignored(s: Stated, role: str, problem: Part, kind: str, ignore: Collection[
 
 
 def understood_by(kind: str, folder: Path) -> frozenset[str] | None:
-    """What a half of another package declares to read of a scene; None where it says nothing."""
+    """What a half of another package declares to read of a scene; None where it says nothing.  kind : its entry point.
+    """
     if (fmu := fmu_path(kind, folder)) is not None:
         return declared_in(fmu)
     entry = next((e for e in entry_points(group=GROUP) if e.name == kind), None)

@@ -21,7 +21,7 @@ from contact.half.start import START_T
 from contact.problem.errors import Wrong, read
 from contact.problem.thermal import ForeignThermal, ThermalProblem
 from contact.problem.values import did_you_mean
-from coupler.scenario.problems import OWN, REPLAY
+from coupler.scenario.problems import OWN, REPLAY, entry_of
 from coupler.scenario.schema import Across, Thermal
 
 Indices = NDArray[np.intp]
@@ -123,7 +123,7 @@ def several_of(thermal: Thermal, interface: Interface, model: Mapping[str, Any])
         return None
     members = []
     for i, (name, one) in enumerate(thermal.halves.items()):
-        kind = str(model["half"]) if one.half is None else OWN["thermal"].get(one.half, one.half)
+        kind = str(model["half"]) if one.half is None else entry_of("thermal", one.half)
         share, nodes, cells = share_of(interface, one.bodies, with_loose=i == 0)
         members.append(Member(f"thermal.{name}", one.bodies, share, _model(model, kind, share, one.bodies), nodes,
                               cells))
