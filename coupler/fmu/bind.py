@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 from contact.half.layout import base_exponents
 from contact.problem.values import did_you_mean
 from coupler.errors import HalfError, ScenarioError, together
-from coupler.fmu.bounds import border_scene
+from coupler.fmu.bounds import scenario_border
 from coupler.fmu.description import check_size, with_description
 from coupler.fmu.description3 import shapes_of
 from coupler.fmu.names import BLOCKS, OUT, Face, face_of
@@ -50,8 +50,7 @@ def bind(scenario: Scenario, role: str, fmu: Path, out: Path) -> Path:
     bindings = _bindings(scenario, role)
     if not bindings or fmu.suffix != ".fmu":
         return fmu
-    stated = () if scenario.stated is None else scenario.stated.thermal.boundary
-    rows = border_scene(scenario.interface, scenario.models["thermal"], stated).rows
+    rows = scenario_border(scenario, role).rows
     try:
         with zipfile.ZipFile(fmu) as archive:
             # fault: a description of any size is read -> pass | coupler/test_bind

@@ -22,6 +22,7 @@ from contact.problem.start import Course, FromFrames
 from contact.problem.thermal import ForeignThermal, ThermalBoundary, ThermalProblem
 from coupler.fmu.half import Array, Block
 from coupler.fmu.names import MECHANICAL, NEEDED, OUT, THERMAL, face_of
+from coupler.scenario import Scenario
 
 MOST_T = 1e5  # K, beyond any heat that bodies in contact survive
 MOST_TIMES = 10.0  # of the hottest T0, where that is beyond it
@@ -128,6 +129,13 @@ def border_scene(interface: Interface, thermal: Mapping[str, Any],
     # fault: a scene of its own scale is refused -> return BorderScene(interface, low, high) |
     #   coupler/test_broken_halves
     return BorderScene(interface, low, high, 0.0 if lowest > 0.0 else -np.inf)
+
+
+def scenario_border(scenario: Scenario, role: str = "mechanical") -> BorderScene:
+    """Return the scene of a role in a scenario: the thermal half may have a mesh of its own."""
+    interface = scenario.thermal_interface if role == "thermal" else scenario.interface
+    stated = () if scenario.stated is None else scenario.stated.thermal.boundary
+    return border_scene(interface, scenario.models["thermal"], stated)
 
 
 def _nodes_of(place: str, interface: Interface) -> NDArray[np.integer]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from contact.half.interface import Interface
 from coupler.errors import HalfError
 from coupler.fmu.bounds import BorderScene, Breach, off_the_mesh, wrong_blocks, wrong_start, wrong_values
 from coupler.fmu.half import Advance, Array, Block, Half, Status
@@ -83,6 +84,16 @@ class HeldHalf:
     def close(self) -> None:
         """As of the half."""
         self.half.close()
+
+
+def check_scene(half: Half, interface: Interface) -> None:
+    """Check that a half was built for this mesh, as far as it says so.  Raises HalfError."""
+    expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
+                "geometry": interface.geometry}
+    for name, value in expected.items():
+        own = half.strings.get(name, value)
+        if own != value:
+            raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})", half=half.name)
 
 
 def refused(breach: Breach, h: float, seconds: float) -> Advance:

@@ -299,7 +299,8 @@ def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
     """Build and load both halves; close them, and end their processes, on the way out.
 
     hosts : a file that says on which machines the halves and contact run (coupler.fmu.hosts).  join : makes one thermal
-    half of several, by name (coupler.schemes.several.joined); needed by scenes that have several.
+    half on the scene's mesh of those by name (coupler.schemes.mapped.joined); needed by scenes that have several, or a
+    thermal mesh of its own.
     Raises HalfError naming the half that cannot be built or loaded.
     """
     with ExitStack() as stack:
@@ -307,9 +308,9 @@ def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
         fmus = _built(scenario, {name: scratch / name for name in scenario.halves})
 
         def thermal(halves: Mapping[str, Half]) -> Half:
-            if scenario.several is None:
+            if scenario.several is None and scenario.own_mesh is None:
                 return halves["thermal"]
-            assert join is not None, "a scene of several halves in a role is launched with what joins them"
+            assert join is not None, "several halves in a role, and one on a mesh of its own, are launched with a join"
             return join(scenario, halves)
 
         # fault: a foreign binary runs in the coupler's own process -> if processes: | coupler/test_foreign_binary

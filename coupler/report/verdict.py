@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 UNSEEN = 1e-5  # of a range: what solvers leave over, which no error of windows tells
 # Keys of a scenario that say how it is solved, not what: halves and their settings, meshes, windows, what is recorded.
 HOW = ("title", "coupling", "output", "probes", "rules", "thermal.half", "thermal.options", "thermal.ignore",
-       "thermal.method", "thermal.theta", "thermal.adaptive", "thermal.increments", "thermal.tolerance",
+       "thermal.meshes", "thermal.method", "thermal.theta", "thermal.adaptive", "thermal.increments",
+       "thermal.tolerance",
        "mechanical.half", "mechanical.options", "mechanical.ignore", "mechanical.elastic.method",
        "mechanical.elastic.tolerance", "mechanical.elastic.cuts", "mechanical.elastic.element",
        "mechanical.elastic.skip")

@@ -17,8 +17,8 @@ from coupler.fmu.launch import launch
 from coupler.running.setup import first_state, halves_of, plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.options import Scheme, WindowRange
+from coupler.schemes.mapped import joined
 from coupler.schemes.schedule import schedule
-from coupler.schemes.several import joined
 from coupler.schemes.state import CoupledState, Halves, Span
 from coupler.schemes.sweep import DiscardError
 

@@ -65,8 +65,8 @@ from coupler.scenario.load import scenario_from
 from coupler.scenario.timing import SAME_TIME, Frames
 from coupler.schemes.accounts import HEATS
 from coupler.schemes.ledger import Ledger
-from coupler.schemes.several import joined
-from coupler.schemes.state import CoupledState
+from coupler.schemes.mapped import joined
+from coupler.schemes.state import OFF_MESH, CoupledState
 from coupler.trust.watch import TrustWatch
 
 Array = NDArray[np.float64]
@@ -167,7 +167,8 @@ class Run:
             both = {"thermal": launched.thermal, "mechanical": launched.mechanical}
             self._probes = ProbeReader(self.scenario.probes, interface, both, self.scenario.file)
             units = {n: a["unit"] for n, a in self._probes.about.items()}
-            self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None)
+            self._trust_watch = TrustWatch(interface, self.scenario.models, units, self.plan.adaptive is not None,
+                                           self.scenario.own_mesh is not None)
             watched = self._probes.measurable if units else self._trust_watch.means
             self.plan = replace(self.plan, probed=self._probes.named, watched=watched)
             self.notes += what_is_missing(launched.thermal, launched.mechanical, bool(interface.pairs))
@@ -287,7 +288,8 @@ class Run:
                 self._trust = self._trust_watch.after(
                     self._trust, (self.state.now, tried.solved.state.now), Ledger().after(tried.solved.terms).terms,
                     fresh=self.state.now.t in kinks, forced=tried.solved.anyway, looked=tried.looked,
-                    inputs=tried.before.settings.inputs.get("thermal", {}))
+                    inputs=tried.before.settings.inputs.get("thermal", {}),
+                    off_mesh=tried.solved.monitors.get(f"thermal.{OFF_MESH}"))
                 self.ledger = self.ledger.after(tried.solved.terms)
             elif tried.mended is not None:
                 self._trust = self._trust_watch.mended(self._trust, tried.mended, tried.t + tried.H, tried.H)

@@ -14,9 +14,9 @@ from coupler.control.auto import chooses, schemes_under
 from coupler.control.contact_status import branches_of, pair_nodes_of, status_monitors
 from coupler.control.plan import Locate, Plan
 from coupler.errors import HalfError
-from coupler.fmu.bounds import border_scene
+from coupler.fmu.bounds import scenario_border
 from coupler.fmu.half import Half
-from coupler.fmu.held import HeldHalf
+from coupler.fmu.held import HeldHalf, check_scene
 from coupler.fmu.launch import Launched
 from coupler.rules.engine import schemes_of, unfit, wanted
 from coupler.scenario import Scenario
@@ -39,20 +39,10 @@ def held_halves(launched: Launched, scenario: Scenario) -> Launched:
     """
     for half in (launched.thermal, launched.mechanical):
         check_scene(half, scenario.interface)
-    stated = () if scenario.stated is None else scenario.stated.thermal.boundary
-    scene = border_scene(scenario.interface, scenario.models["thermal"], stated)
-    return replace(launched, thermal=HeldHalf(launched.thermal, "thermal", scene),
-                   mechanical=HeldHalf(launched.mechanical, "mechanical", scene))
-
-
-def check_scene(half: Half, interface: Interface) -> None:
-    """Check that a half was built for this mesh, as far as it says so.  Raises HalfError."""
-    expected = {"mesh.hash": interface.mesh_hash, "surfaces.hash": interface.surfaces_hash,
-                "geometry": interface.geometry}
-    for name, value in expected.items():
-        own = half.strings.get(name, value)
-        if own != value:
-            raise HalfError(f"was built for another scene ({name} is {own}, the scenario's is {value})", half=half.name)
+    scene = scenario_border(scenario)
+    # One on a mesh of its own is held to that (coupler.schemes.mapped).
+    thermal = launched.thermal if scenario.own_mesh is not None else HeldHalf(launched.thermal, "thermal", scene)
+    return replace(launched, thermal=thermal, mechanical=HeldHalf(launched.mechanical, "mechanical", scene))
 
 
 def check_halves(thermal: Half, mechanical: Half, scenario: Scenario) -> None:

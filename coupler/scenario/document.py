@@ -120,6 +120,10 @@ class DocumentErrors:
             for error in (exc, *exc.others):
                 self._add(error)
 
+    def __bool__(self) -> bool:
+        """Whether there is anything to tell."""
+        return bool(self._errors)
+
     def stop(self) -> None:
         """Raise the ScenarioError that tells all, if there is anything to tell."""
         if self._errors:

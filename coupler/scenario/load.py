@@ -32,6 +32,7 @@ from coupler.scenario.document import (
 from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
+from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
 from coupler.scenario.plausible import unlikely
 from coupler.scenario.probes import Probe, probes_of
 from coupler.scenario.problems import (
@@ -75,6 +76,7 @@ class Scenario:
     starts : what bodies took over from other runs.
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
     recordings : role -> what a half `replay` plays.
+    own_mesh : of the thermal half, None where it has that of the scene.
     """
 
     file: Path
@@ -96,6 +98,7 @@ class Scenario:
     stated: ScenarioFile | None = None
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
     recordings: Mapping[str, TakenRecording] = field(default_factory=dict)
+    own_mesh: OwnMesh | None = None
 
     def __repr__(self) -> str:
         """Three lines: a field array of the mesh would be pages."""
@@ -116,11 +119,13 @@ class Scenario:
         """What a user should know though it is no error: conditions moved to a node, bodies that overlap, pairs that
         face nothing, laws that do not join, radiation that is missing or counted twice, numbers of unlikely size."""
         found = [*self.version_notes, *(start.note for start in self.starts.values())]
-        for model in self.models.values():
+        found += () if self.own_mesh is None else self.own_mesh.notes
+        for role, model in self.models.items():
+            mesh = self.thermal_interface if role == "thermal" else self.interface
             for boundary in model.get("boundary", ()):
                 name = str(boundary.get("at", ""))
                 if name.endswith(NEAREST):
-                    x, y = self.interface.nodes[self.interface.node_sets[name][0]]
+                    x, y = mesh.nodes[mesh.node_sets[name][0]]
                     found.append(f"no node lies at {name.removesuffix(NEAREST)}: the nearest one, "
                                  f"at ({x:.6g}, {y:.6g}) m, takes the condition")
         for role, model in self.models.items():
@@ -138,7 +143,7 @@ class Scenario:
     @property
     def mesh_notes(self) -> tuple[str, ...]:
         """Where the meshes let temperatures leave their data; it takes a look at every cell."""
-        return tuple(sign_notes(self.interface, self.models["thermal"]))
+        return tuple(sign_notes(self.thermal_interface, self.models["thermal"]))
 
     @property
     def thermal_half(self) -> str:
@@ -155,7 +160,12 @@ class Scenario:
         """How the bodies are divided among several thermal halves; None where there is one."""
         if self.stated is None:
             return None
-        return several_of(self.stated.thermal, self.interface, self.models["thermal"])
+        return several_of(self.stated.thermal, self.thermal_interface, self.models["thermal"])
+
+    @property
+    def thermal_interface(self) -> Interface:
+        """What the thermal half is built from: `interface`, or that of its own mesh."""
+        return self.interface if self.own_mesh is None else self.own_mesh.interface
 
     @property
     def halves(self) -> tuple[str, ...]:
@@ -175,8 +185,8 @@ class Scenario:
         """
         members = () if self.several is None else self.several.members
         found = [(m.interface, m.model) for m in members if m.name == name]
-        interface, told = found[0] if found else (with_recording(self.interface, self.recordings.get(name)),
-                                                  self.models[name])
+        whole = self.thermal_interface if name == "thermal" else self.interface
+        interface, told = found[0] if found else (with_recording(whole, self.recordings.get(name)), self.models[name])
         directory.mkdir(parents=True, exist_ok=True)
         write_interface(interface, directory / "interface.h5")
         model = json.dumps(told, indent=1, allow_nan=False)
@@ -265,8 +275,9 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
     convert = ToSI(document, file.units.temperature.value, file.signals, found.wrong)
     stated = in_si(file, convert)
     scene = scene_of(document, stated, found)
+    own_mesh = own_mesh_of(document, stated, scene, found)
     context = Context(document, stated, convert, scene, found)
-    problems = problems_of(context)
+    problems = problems_of(context, scene.interface if own_mesh is None else own_mesh.interface)
     written = {role: problem.plain() for role, problem in problems.items()}
     recordings = recordings_of(document, file, scene.interface, found)
     coupling, output = None, None
@@ -300,6 +311,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         starts=_taken(scene) | recordings,
         stated=stated,
         recordings=recordings,
+        own_mesh=own_mesh,
     )
 
 
@@ -333,16 +345,17 @@ def in_si(file: ScenarioFile, convert: ToSI) -> ScenarioFile:
         "mechanical": file.mechanical.model_copy(update=blocks)})
 
 
-def problems_of(c: Context) -> dict[str, Part]:
-    """What each half is told, by role; what is wrong with it is noted."""
+def problems_of(c: Context, thermal_mesh: Interface) -> dict[str, Part]:
+    """What each half is told, by role; what is wrong with it is noted.  thermal_mesh : that of the thermal half."""
     file = c.file
     kinds = {"thermal": file.thermal.half, "mechanical": file.mechanical.half}
     for role, kind in kinds.items():
         with c.found.each():
             check_kind(c.document, role, kind)
     stated = Stated(file, c.interface, c.convert.unit, c.convert.offset, c.document.path.parent)
-    problems = {role: problem_of(stated, role, kind) for role, kind in kinds.items()}
-    for key, text, remedy in wrongs_of(stated, problems):
+    seen = {"thermal": replace(stated, interface=thermal_mesh), "mechanical": stated}
+    problems = {role: problem_of(seen[role], role, kind) for role, kind in kinds.items()}
+    for key, text, remedy in wrongs_of(stated, seen["thermal"], problems):
         c.found.wrong(key, text, remedy)
     thermal = problems["thermal"]
     assert isinstance(thermal, ThermalProblem), "every thermal half is told one"
@@ -350,7 +363,7 @@ def problems_of(c: Context) -> dict[str, Part]:
         if one.half is not None:
             with c.found.each():
                 check_kind(c.document, "thermal", one.half, ("thermal", "halves", name, "half"))
-    for wrong in several_wrongs(file.thermal, c.interface, thermal):
+    for wrong in several_wrongs(file.thermal, thermal_mesh, thermal):
         c.found.wrong(wrong.key, wrong.text, wrong.remedy)
     return problems
 
@@ -370,12 +383,10 @@ def _hash(document: Document, file: ScenarioFile, starts: Mapping[str, Taken]) -
     #   coupler/test_study_run
     values = {key: value for key, value in document.tree.items() if key != "study"}
     digest = hashlib.sha256(json.dumps(_as_numbers(values), sort_keys=True, allow_nan=False).encode())
-    for body in file.bodies.values():
+    for mesh in (*(body.mesh for body in file.bodies.values()), *file.thermal.meshes.values()):
         # fault: hash of the text, not of the mesh -> if False: | coupler/test_scenario_mesh
-        if body.mesh.file is not None:
-            digest.update(
-                hashlib.sha256(mesh_path(body.mesh.file, document.path.parent).read_bytes()).digest()
-            )
+        if mesh.file is not None:
+            digest.update(hashlib.sha256(mesh_path(mesh.file, document.path.parent).read_bytes()).digest())
     for start in starts.values():
         # fault: another run to start from is the same scenario -> pass |
         #   coupler/test_starts_from_runs::test_another_source_is_another_scenario

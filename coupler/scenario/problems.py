@@ -378,8 +378,11 @@ def _first_at_each(found: Iterable[Wrong]) -> Iterator[Wrong]:
             yield wrong
 
 
-def wrongs_of(s: Stated, problems: Problems) -> Iterator[tuple[Key, str, str]]:
-    """Tell all that is wrong with the problems: its key in the file, what, remedy."""
+def wrongs_of(s: Stated, thermal: Stated, problems: Problems) -> Iterator[tuple[Key, str, str]]:
+    """Tell all that is wrong with the problems: its key in the file, what, remedy.
+
+    thermal : the same with the thermal half's mesh, which may be one of its own.
+    """
     for name, body in s.file.bodies.items():
         yield from _in_file(s, "", checks.known(body.material, s.file.materials, ("bodies", name, "material"),
                                                 "material"))
@@ -389,7 +392,7 @@ def wrongs_of(s: Stated, problems: Problems) -> Iterator[tuple[Key, str, str]]:
                                                         ("bodies", name, "regions", region, "material"), "material"))
     yield from _in_file(s, "", _starts_below_zero(s))
     yield from _in_file(s, "", _first_at_each(_positive_at_start(s)))
-    for role, found in (("thermal", _of_thermal(s, problems)), ("mechanical", _of_mechanical(s, problems))):
+    for role, found in (("thermal", _of_thermal(thermal, problems)), ("mechanical", _of_mechanical(s, problems))):
         yield from _in_file(s, role, found)
 
 

@@ -18,6 +18,7 @@ from contact.problem.values import Count, DottedName, Name, NotNegative, Number,
 from coupler.scenario.bodies import MeshedBody
 from coupler.scenario.conditions import is_condition
 from coupler.scenario.coupling_schema import CouplingSpec
+from coupler.scenario.mesh import Mesh
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_schema import RuleSpec
 
@@ -101,6 +102,10 @@ class Thermal(ThermalSettings):
         "([several_halves.md](several_halves.md))", kind="name -> bodies", default="one half for all bodies")] = Field(
         default_factory=dict)
     across: Annotated[Across, Entry("how `halves` agree on the heat between them")] = Across()
+    meshes: Annotated[dict[Name, Mesh], Entry(
+        "meshes of the thermal half's own, of the same bodies with surfaces of the same names; what halves exchange is "
+        "carried from one mesh to the other ([halves.md](halves.md#a-mesh-of-its-own))", kind="body -> mesh",
+        default="those of the bodies")] = Field(default_factory=dict)
 
 
 class Mechanical(Part):

@@ -81,7 +81,7 @@ class _Part:
             block = self.half.blocks.get(name)
             if block is None:
                 continue
-            rows = self.rows.get(_place(block))
+            rows = self.rows.get(place_of(block))
             if rows is None:
                 found[name] = value
                 continue
@@ -113,10 +113,10 @@ class _Tally:
         self.iterations += float(done.outputs.get("iterations", np.zeros(())))
 
 
-def joined(scenario: Scenario, halves: Mapping[str, Half]) -> Half:
+def several_joined(scenario: Scenario, halves: Mapping[str, Half]) -> Half:
     """Return the thermal half of a scenario, where it has several.  halves : by name.  Raises HalfError."""
     assert scenario.several is not None, "asked of scenes that have several"
-    return SeveralHalves("thermal", scenario.several, halves, scenario.interface)
+    return SeveralHalves("thermal", scenario.several, halves, scenario.thermal_interface)
 
 
 class SeveralHalves:
@@ -156,9 +156,9 @@ class SeveralHalves:
             block = found[0][1]
             if name in COURSES:
                 continue
-            place = _place(block)
+            place = place_of(block)
             if place:
-                shape = (_size(place, self._interface), *block.shape[1:])
+                shape = (size_of(place, self._interface), *block.shape[1:])
                 yield name, replace(block, shape=shape)
             # What cannot be put together by a rule is not had.
             elif block.causality != "output" or block.kind != "Real" or _adds_up(name):
@@ -178,7 +178,7 @@ class SeveralHalves:
         if name in self._told:
             return np.array(self._told[name])
         block = self.blocks[name]
-        place = _place(block)
+        place = place_of(block)
         if place:
             whole = np.full(block.shape, LEFT_OUT.get(name, 0.0))
             for part, value in zip(self._parts, values, strict=True):
@@ -389,15 +389,16 @@ def _stale(parts: Sequence[_Part]) -> NDArray[np.intp]:
     return np.unique(np.concatenate([np.empty(0, np.intp), *found]))
 
 
-def _place(block: Block) -> str:
-    """What the rows of a block are on; empty for numbers, and for rows of which that is not known."""
+def place_of(block: Block) -> str:
+    """Return what the rows of a block are on; empty for numbers, and for rows of which that is not known."""
     if not block.shape:
         return ""
     on = block.on or PLACES.get(block.name, "")
     return on if on in ("nodes", "cells", "contact_nodes", "pair_nodes") else ""
 
 
-def _size(place: str, interface: Interface) -> int:
+def size_of(place: str, interface: Interface) -> int:
+    """Return how many rows a block on a place has."""
     return {"nodes": len(interface.nodes), "cells": len(interface.quads) + len(interface.triangles),
             "contact_nodes": len(interface.contact_nodes), "pair_nodes": len(interface.pair_nodes)}[place]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contact.half.interface import Interface
 from coupler.schemes.ledger import imbalance
 from coupler.schemes.levels import Level
-from coupler.trust import errors, passing, penetration, rhythm, stability, temperatures
+from coupler.trust import carried, errors, passing, penetration, rhythm, stability, temperatures
 from coupler.trust.checks import Check, measured
 from coupler.trust.errors import Looked
 
@@ -38,6 +38,7 @@ class TrustLog:
     penetration: penetration.PenetrationLog = field(default_factory=penetration.PenetrationLog)
     errors: errors.ErrorLog = field(default_factory=errors.ErrorLog)
     stability: stability.StabilityLog = field(default_factory=stability.StabilityLog)
+    carried: carried.CarriedLog = field(default_factory=carried.CarriedLog)
     windows: int = 0
     forced: int = 0
     forced_t: float = 0.0
@@ -47,10 +48,11 @@ class TrustWatch:
     """Measures what can be wrong.  It remembers nothing between windows but what its log holds."""
 
     def __init__(self, interface: Interface, models: Mapping[str, Mapping[str, Any]],
-                 probes: Mapping[str, str] | None = None, adaptive: bool = False) -> None:
+                 probes: Mapping[str, str] | None = None, adaptive: bool = False, own_mesh: bool = False) -> None:
         """models : of the halves (model.json).  probes : name -> unit; none: mean temperatures of bodies stand for
-        them (`means`).  adaptive : whether windows find their own size.
+        them (`means`).  adaptive : whether windows find their own size.  own_mesh : whether the thermal half has one.
         """
+        self._own_mesh = own_mesh
         self._interface = interface
         self._adaptive = adaptive
         self._probes = dict(probes) if probes else {f"the mean temperature of {b}": "K" for b in interface.bodies}
@@ -73,13 +75,14 @@ class TrustWatch:
         return log if values is None else replace(log, errors=errors.begun(values, now.t))
 
     def after(self, log: TrustLog, levels: tuple[Level, Level], terms: Mapping[str, float], *, fresh: bool,
-              forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS) -> TrustLog:
+              forced: bool, looked: Looked | None = None, inputs: Mapping[str, float] = NO_INPUTS,
+              off_mesh: float | None = None) -> TrustLog:
         """Return the log after a window that was taken.
 
         levels : at its start and its end.  terms : its heat, mechanism -> [J].  fresh : it begins at a kink of the
         data.  forced : it was taken though it did not converge, or its error is too large.  looked : what was seen of
         the probes; None: they are not followed.  inputs : of the thermal half in this window, besides what is
-        exchanged.
+        exchanged.  off_mesh [K]: what of its temperatures the scene's mesh does not hold, where it has one of its own.
         """
         before, now = levels
         if looked is not None:
@@ -91,7 +94,8 @@ class TrustWatch:
             temperatures=warmth,
             rhythm=rhythm.watched(log.rhythm, levels, warmth.most - warmth.least, self.means(now), fresh),
             passing=self._sides.watched(log.passing, before, now),
-            penetration=self._yields.watched(log.penetration, now))
+            penetration=self._yields.watched(log.penetration, now),
+            carried=carried.watched(log.carried, off_mesh, now.t))
 
     def mended(self, log: TrustLog, found: stability.Mended, t: float, H: float) -> TrustLog:
         """Return the log after a window of H to t [s] was put back because the exchange rings in it."""
@@ -109,6 +113,7 @@ class TrustWatch:
             errors.check(log.errors, self._probes, self._adaptive),
             stability.check(log.stability, 0 if self._adaptive else log.errors.looked),
             temperatures.check(log.temperatures, self._place(log.temperatures.node)),
+            *carried.checks(log.carried, log.temperatures.most - log.temperatures.least, self._own_mesh),
             *rhythm.checks(log.rhythm, self._place(log.rhythm.node), self._interface.bodies),
             *passing.checks(log.passing, self._place(log.passing.node, log.passing.end), bool(self._interface.pairs),
                             self._prescribed),

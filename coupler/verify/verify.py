@@ -75,20 +75,20 @@ def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
         raise ScenarioError("this is neither an FMU (a path that ends in .fmu) nor the name of an installed half",
                             key="HALF", value=half, remedy=did_you_mean(half, installed))
     use = _scene_with(half, scenario)
-    return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), _border(use.scene))
+    return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), _border(use.scene, use.role))
 
 
 def _in_scene(fmu: Path, scene: Scenario, scratch: Path) -> FoundHalf:
     """An FMU that lies ready, in a scene: with the names that the scene binds, where it is a half of it."""
     for role, kind in (("thermal", scene.thermal_half), ("mechanical", scene.mechanical_half)):
         if kind == str(fmu.resolve()):
-            fmu = bind(scene, role, fmu, scratch / "bound.fmu")
-            break
-    return FoundHalf(fmu, _border(scene))
+            return FoundHalf(bind(scene, role, fmu, scratch / "bound.fmu"), _border(scene, role))
+    return FoundHalf(fmu, _border(scene, ""))
 
 
-def _border(scene: Scenario) -> BorderScene:
-    return known_scene(scene.interface, scene.models["thermal"], scene.models["mechanical"],
+def _border(scene: Scenario, role: str) -> BorderScene:
+    interface = scene.thermal_interface if role == "thermal" else scene.interface
+    return known_scene(interface, scene.models["thermal"], scene.models["mechanical"],
                        () if scene.stated is None else scene.stated.thermal.boundary)
 
 

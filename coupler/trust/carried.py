@@ -1,0 +1,41 @@
+"""Temperatures of a thermal half on a mesh of its own: how much of them the scene's mesh holds.
+
+The mechanical half, probes and pictures see what the scene's mesh holds.  What it does not hold is no error of the
+thermal half, and whether it matters depends on the scene: it is told, never more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from coupler.trust.checks import Check, measured
+
+NOTE_AT = 0.01  # of the span of temperatures: what a reader sees in a curve
+NAME = "temperatures carried to the scene's mesh"
+
+
+@dataclass(frozen=True)
+class CarriedLog:
+    """off [K]: the most that was lost there and back, in a window to t [s]."""
+
+    off: float = 0.0
+    t: float = 0.0
+
+
+def watched(log: CarriedLog, off: float | None, t: float) -> CarriedLog:
+    """Return the log after a window to t [s].  off [K]: None of a half on the scene's mesh."""
+    return log if off is None or off <= log.off else CarriedLog(off, t)
+
+
+def checks(log: CarriedLog, span: float, own_mesh: bool) -> tuple[Check, ...]:
+    """Return the check at the end, none where there is one mesh.  span [K]: of all temperatures."""
+    if not own_mesh:
+        return ()
+    # fault: what the scene's mesh does not hold of T is not told -> share = 0.0 |
+    #   coupler/test_own_meshes::test_what_the_scene_s_mesh_does_not_hold_is_told_and_breaks_nothing
+    share = log.off / span if span > 0.0 else 0.0
+    what = (f"the scene's mesh does not hold the thermal half's temperatures: there and back they differ by up to "
+            f"{log.off:.3g} K, {100 * share:.2g} % of their span, at t = {log.t:.6g} s")
+    return (measured(NAME, share, (NOTE_AT, math.inf), what=what, t=log.t,
+                     remedy="Where bodies expand much, or probes stand there, refine the mesh of the bodies"),)
