@@ -265,6 +265,31 @@ def needed(data: DataRange, last: Try, other: Try, full_T: Floats) -> Floats:
     return np.asarray(np.minimum(last.much + more, 1.0))
 
 
+# Of what a node was taken too far back, what is left: a straight line is hit that well, and beyond is outside again.
+LEFT_INSIDE = 0.02
+# Of what the correction moved a node by: what it may be inside by.
+INSIDE = 1e-6
+
+
+def to_the_bound(data: DataRange, inside: Try, other: Try) -> Floats | None:
+    """Return (n,) how much of the correction takes nodes to where their data end and no farther [1]; None: as it is.
+
+    Along a straight line through two tries; inside : one that left none outside.  A node that is taken back farther by
+    a share of its way, whatever the step, gains heat by steps and not by time: what crosses a contact would depend on
+    steps however short they are.
+    """
+    less, way = inside.much - other.much, inside.T - other.T
+    side = np.where(less * way > 0.0, 1.0, -1.0)
+    too_far = np.where(side > 0.0, inside.T - data.low, data.high - inside.T)
+    way = side * way * np.sign(less)
+    on = (inside.much > 0.0) & (way > 0.0) & (too_far > np.maximum(INSIDE * way, least_seen(inside.T)))
+    if not on.any():
+        return None
+    much = inside.much.copy()
+    much[on] -= (1.0 - LEFT_INSIDE) * too_far[on] * np.abs(less[on]) / way[on]
+    return np.asarray(np.maximum(much, 0.0))
+
+
 def eased(full: SubstepData, much: Floats) -> SubstepData:
     """Return the substep with so much of the correction, much : (n,) [1] of nodes, the more of an edge's two."""
     added = full.added

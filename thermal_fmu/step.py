@@ -13,11 +13,11 @@ from thermal_fmu import phase_change
 from thermal_fmu.boundary import TERMS, Heat, inflow_outflow, through_prescribed
 from thermal_fmu.cells import BadPropertyError, spread_energies
 from thermal_fmu.elsewhere import Damped, TemperatureCourse, solved_at
-from thermal_fmu.known import KnownRange, data_range, range_of
+from thermal_fmu.known import DataRange, KnownRange, data_range, range_of
 from thermal_fmu.limiter import end_of, went_beyond
 from thermal_fmu.linear import AnchorMatrix, Factors
 from thermal_fmu.methods import METHODS, Stage, TimeMethod
-from thermal_fmu.monotone import StepEnd, Try, eased, monotone, needed
+from thermal_fmu.monotone import StepEnd, Try, eased, monotone, needed, to_the_bound
 from thermal_fmu.newton import SolvedStage, StageProblem, balance, solve_stage
 from thermal_fmu.program_stage import solve_by_program
 from thermal_fmu.scene import SubstepData, ThermalScene, prescribed_values
@@ -91,7 +91,8 @@ class StepContext:
 
 
 MOST_RETAKEN = 8  # times a step is taken again without wrong signs,
-MOST_EASED = 6  # and with as much of it as takes nodes back to their data
+MOST_EASED = 6  # with as much of it as takes nodes back to their data,
+MOST_NEARER = 8  # and with less of it where that took them farther
 
 
 @dataclass(frozen=True)
@@ -185,9 +186,31 @@ def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: 
         less = again(eased(done.substep, much))
         before, last = last, Try(much, phase_change.temperature(melting, less.last.s))
         spent += less.iterations
-        if not ((data.left_by(last.T) != 0) & (data.left_by(T) == 0)).any():
-            return replace(less, iterations=spent)
-    return replace(done, iterations=spent)
+        if not _leaves(data, last.T, T):
+            break
+    else:
+        return replace(done, iterations=spent)
+    best = less
+    # fault: nodes are taken farther back than to where their data end -> nearer = None |
+    #   thermal_fmu/test_thermal_stiff
+    nearer = to_the_bound(data, last, Try(np.zeros(T.size), T_first))
+    for _ in range(MOST_NEARER):
+        if nearer is None:
+            break
+        less = again(eased(done.substep, nearer))
+        spent += less.iterations
+        tried = Try(nearer, phase_change.temperature(melting, less.last.s))
+        if _leaves(data, tried.T, T):
+            nearer = 0.5 * (last.much + nearer)
+            continue
+        nearer = to_the_bound(data, tried, last)
+        best, last = less, tried
+    return replace(best, iterations=spent)
+
+
+def _leaves(data: DataRange, T: Floats, full_T: Floats) -> bool:
+    """Return whether a node leaves its data at T : (n,) [K] that stays within them at full_T : (n,) [K]."""
+    return bool(((data.left_by(T) != 0) & (data.left_by(full_T) == 0)).any())
 
 
 def _stage_loads(context: StepContext, stage: Stage, t: float, dt: float) -> ThermalLoads:

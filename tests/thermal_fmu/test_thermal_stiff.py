@@ -34,7 +34,7 @@ def blocks(a: int, b: int, swap: bool = False, geometry: str = "plane") -> Inter
                  pairs=(Pair("p", *sides, gap_max=1.0, eps_N=1.0),))
 
 
-def solved(mesh: Interface, boundary: list[dict[str, Any]], law: Any, method: str = "steady", dt: float = 1.0,
+def solved(mesh: Interface, boundary: list[dict[str, Any]], law: Any, method: str = "steady", dt: Any = 1.0,
            n: int = 1) -> Ran:
     own = law if isinstance(law, dict) else {"law": "constant", "h": law}
     model = spec(boundary, pairs={"p": {"conduction": {"closed": own, "open": None}}}, method=method)
@@ -93,6 +93,21 @@ def test_a_jump_beside_it_stays_within_its_data(cells: tuple[int, int], ratio: f
         assert ran.T.min() >= -1e-8
         assert ran.T.max() <= 1.0 + 1e-8
         assert ran.imbalance() < ROUND_OFF * max(ratio, 1e3)
+
+
+@pytest.mark.parametrize("cells", [(4, 7), (7, 4), (5, 3)])
+@pytest.mark.parametrize("ratio", [2e2, 2e4])
+def test_what_crosses_goes_with_time_and_not_with_steps(ratio: float, cells: tuple[int, int]) -> None:
+    """Beside a jump, in steps of 1e-6 h^2/a: two halves of a step move what the whole one does."""
+    h = 1.0 / cells[0]
+    H, sides = 1e-6 * h**2, [{"on": "a.left", "temperature": 1.0}, {"on": "b.left", "temperature": 1.0}]
+    crossed = []
+    for n in (1, 2):
+        ran = solved(blocks(*cells), sides, ratio / h, "midpoint",
+                     np.append(np.full(4, H), np.full(n, H / n)), 0)
+        assert ran.T.min() >= -1e-8
+        crossed.append(sum(o["heat.contact.slave"] for o in ran.outputs[4:]))
+    assert crossed[1] == pytest.approx(crossed[0], rel=2e-3)
 
 
 TABLE = {"law": "table", "x": [0.0, 1.0], "h": [50.0, 5000.0], "variable": "T"}
