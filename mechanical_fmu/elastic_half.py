@@ -14,7 +14,7 @@ from contact.half.functions import SNAP
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
 from contact.half.memory import LAYOUT
-from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.model import Discard, Done, Link, Outputs, Value, Values, Variable
 from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
 from contact.problem.mechanical import Solution, Start
@@ -44,9 +44,10 @@ from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
 from mechanical_fmu.problem import METHODS, parse_elastic, parse_foreign
 from mechanical_fmu.program import MechanicalProgram
+from mechanical_fmu.stress_outputs import Moved, stress_outputs, stress_variables
 from mechanical_fmu.system import ForceBalance, Loading, System, system_of
 from mechanical_fmu.tangent import MAX_SURFACE_DOFS, StiffnessAnchor, refuse_loose, refuse_unheld
-from mechanical_fmu.volume import CellError, CellInversionError, PointStep, von_mises
+from mechanical_fmu.volume import CellError, CellInversionError, PointStep
 from mechanical_fmu.warm import Beginning, beginning, memory_layout
 
 # The state of the elastic half: all that evolves.
@@ -95,20 +96,6 @@ class ElasticState:
 
 # What the elastic half says of itself: its variables, and its outputs after a step.
 
-@dataclass(frozen=True)
-class Moved:
-    """What a step began with.  loading : at its end.  u : (n, 2) [m], history : of points, drive : at its start.
-
-    frozen : whether its entropy was held.
-    """
-
-    loading: Loading
-    u: Floats
-    history: Floats
-    drive: StepDrive
-    frozen: bool
-
-
 def makes_heat(system: System) -> bool:
     """Say whether E_M can be anything but 0."""
     return system.volume.makes_heat or system.spec.stated.thermoelastic_heat
@@ -130,10 +117,7 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                    Variable(f"bc.{name}", (), "input", _unit(system, name), 0.0, description="added to the value")]
     outputs = [Variable("x", (n, 2), unit="m", start=interface.nodes[:n], description="current coordinates",
                         on="nodes"),
-               *_stress_variables(system),
-               Variable("strain", (n_cells, 4), description="Green-Lagrange strain 11, 22, 12, 33, cell mean",
-                        on="cells"),
-               Variable("iterations"), Variable("residual"), Variable("max_strain_increment"),
+               *stress_variables(system), Variable("iterations"), Variable("residual"),
                Variable("cuts", description="pieces of the step beyond the first")]
     if system.program is not None:
         outputs.append(Variable("program.runs", description="runs of the program in the step"))
@@ -142,8 +126,6 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                 for name in interface.bodies]
     outputs += [Variable(LAYOUT, kind="String", start=memory_layout(system).text(), variability="constant"),
                 *system.named.variables]
-    if interface.axisymmetric and system.volume.tells_stress:
-        outputs.append(Variable("sigma_hoop", (n_cells,), unit="Pa", description="hoop stress, cell mean", on="cells"))
     outputs += flow_variables(system)
     if makes_heat(system):
         outputs.append(Variable("E_M", (n_cells,), unit="J", description="mechanical heat made in the substep",
@@ -166,14 +148,6 @@ def elastic_variables(system: System) -> tuple[Variable, ...]:
                                                          tied=system.contact.tied is not None) if n_q else ()))
 
 
-def _stress_variables(system: System) -> tuple[Variable, ...]:
-    if not system.volume.tells_stress:
-        return ()
-    n = system.volume.n_cells
-    return (Variable("sigma_v", (n,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
-            Variable("sigma", (n, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"))
-
-
 def damps(system: System) -> bool:
     """Say whether a body may have to be damped until contact holds it."""
     let_go = any(d.until is not None for d in system.spec.displacements)
@@ -185,18 +159,14 @@ def mesh_nodes(system: System) -> int:
     return len(system.interface.nodes) if system.rigid is None else system.rigid.first
 
 
-def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:
+def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticState) -> Outputs:
     """Compute all outputs at the end of a step that was solved."""
     balance, n = found.balance, mesh_nodes(system)
-    sigma, strain, sigma_v, increment = _stresses(system, found, moved)
     outputs: dict[str, Value] = {
-        "x": system.interface.nodes[:n] + balance.u[:n], "strain": strain,
-        "iterations": float(found.iterations), "residual": found.residual,
-        "max_strain_increment": increment, "cuts": float(found.cuts)}
+        "x": system.interface.nodes[:n] + balance.u[:n],
+        "iterations": float(found.iterations), "residual": found.residual, "cuts": float(found.cuts)}
     if system.program is not None:
         outputs["program.runs"] = float(found.runs)
-    if system.volume.tells_stress:
-        outputs |= {"sigma": sigma, "sigma_v": sigma_v}
     # An explicit step has no acceleration of what is held: their own masses, lumped at the nodes, are left out.
     residual = balance.r if found.dt_stable else end_residual(system, balance, found.motion)
     held = residual * (1.0 - system.constraints.free.reshape(-1, 2))
@@ -214,40 +184,13 @@ def outputs_of(system: System, found: StepResult, moved: Moved, state: ElasticSt
         outputs["skipped"] = float(state.all_skipped)
     if damps(system):
         outputs["work.stabilisation"] = state.damped
-    if system.interface.axisymmetric and system.volume.tells_stress:
-        # fault: the axial stress is told as the hoop stress -> outputs["sigma_hoop"] = sigma[:, 1].copy() |
-        #   mechanical_fmu/test_fields
-        outputs["sigma_hoop"] = sigma[:, 3].copy()
     outputs |= flow_outputs(system, PointStep(moved.loading.step.dt, moved.history), found.balance.history)
     outputs |= _heats(system, found, moved, state)
     if balance.tractions is not None:
         outputs |= contact_outputs(balance.tractions, state.slid if system.contact.slips else None,
                                    system.contact.tied)
-    return outputs
-
-
-def _stresses(system: System, found: StepResult, moved: Moved) -> tuple[Floats, Floats, Floats, float]:
-    """(n_cells, 4) stress [Pa] and strain [1], 11, 22, 12, 33, and (n_cells,) von Mises stress [Pa], means in a cell.
-
-    And the largest change of a Green-Lagrange component over the step, each end by the history and moduli of its own.
-    """
-    volume, moduli = system.volume, moved.loading.moduli
-    # At its end a history knows all stresses but a liquid's, which is of the rate and needs the last piece itself.
-    # fault: a liquid's stress lost after its step -> now = volume.stress(found.balance.u, moduli, PointStep(0.0,
-    #   found.balance.history)) | mechanical_fmu/test_solution_melting
-    now = volume.stress(found.balance.u, moduli, found.last if system.melts else PointStep(0.0, found.balance.history))
-    sigma, strain, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
-    for cells, (stress, green) in zip(volume.kinds, now, strict=True):
-        # fault: shear for thickness in the stress that goes out -> sigma[cells.number], sigma_v[cells.number] =
-        #   stress[:, :, [0, 1, 3, 2]].mean(axis=1), von_mises(stress).mean(axis=1) | mechanical_fmu/test_solution_fmu
-        sigma[cells.number], sigma_v[cells.number] = stress.mean(axis=1), von_mises(stress).mean(axis=1)
-        strain[cells.number] = green.mean(axis=1)
-    then = moduli if volume.elastic else system.moduli(moved.drive.T, moved.drive.f_s)
-    # fault: strain before a step by the history after it -> before = volume.stress(moved.u, then, PointStep(0.0,
-    #   found.balance.history)) | mechanical_fmu/test_solution_melting
-    before = volume.stress(moved.u, then, PointStep(0.0, moved.history))
-    increment = max([float(np.abs(a[1] - b[1]).max()) for a, b in zip(now, before, strict=True)], default=0.0)
-    return sigma, strain, sigma_v, increment
+    stress = stress_outputs(system, found, moved)
+    return replace(stress, now=outputs | dict(stress.now))
 
 
 def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState) -> dict[str, Value]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contact.half.contact_client import ContactRefusedError, ContactSurfaces
 from contact.half.interface import Interface
 from contact.half.linalg import SingularMatrixError
-from contact.half.model import Discard, Done, Link, Value, Values, Variable
+from contact.half.model import Discard, Done, Link, Outputs, Value, Values, Variable
 from contact.half.program import ProgramError
 from contact.half.volume import volume_mesh
 from thermal_fmu import phase_change
@@ -112,21 +112,21 @@ def field_variables(scene: ThermalScene) -> tuple[Variable, ...]:
 
 
 def field_outputs(scene: ThermalScene, shapes: Sequence[CellGeometry], s: Floats,
-                  released: Floats | None) -> dict[str, Value]:
+                  released: Floats | None) -> Outputs:
     """Evaluate the outputs that are fields at s : (n,) [K]: heat flux, solid fraction, heat that surfaces gave off.
 
     released : (n,) [J] that left each node through the surface; None: nothing yet.  It comes from the residual of the
     terms
-    inside the body (consistent recovery), so it holds whatever made it flow.
+    inside the body (consistent recovery), so it holds whatever made it flow.  The flux is worked out when asked for.
     """
     at = phase_change.fields(scene.melting, s)
     nodes = scene.interface.contact_nodes
-    out: dict[str, Value] = {"q": heat_flux(scene, shapes, at)}
+    out: dict[str, Value] = {}
     if at.f_s is not None:
         out["f_s"] = at.f_s
     if len(nodes):
         out |= {"surface.T": at.T[nodes], "surface.E": np.zeros(len(nodes)) if released is None else released[nodes]}
-    return out
+    return Outputs(out, ("q",), lambda: {"q": heat_flux(scene, shapes, at)})
 
 
 def heat_flux(scene: ThermalScene, shapes: Sequence[CellGeometry], at: NodalFields) -> Floats:
@@ -221,7 +221,8 @@ class ThermalHalf:
         outputs = self._outputs(state, no_heat(len(scene.model.bodies)), touched, None, T) | self._counts(0, 0)
         if scene.model.elsewhere.size:
             outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, state.s, [(t, state.s)], t, 1.0)
-        return state, outputs | field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
+        fields = field_outputs(scene, shapes_of(scene.volume, X), state.s, None)
+        return state, replace(fields, now=outputs | dict(fields.now))
 
     def step(self, state: ThermalState, inputs: Values, t: float, h: float, link: Link) -> Done | Discard:
         """Take a substep from t to t + h [s] on the coordinates x, whose contact is searched once."""
@@ -304,13 +305,14 @@ class ThermalHalf:
                            known, result.rate)
         T_n = phase_change.temperature(scene.melting, state.s)
         outputs = self._outputs(new, done.heat, substep.touching, done, T_n)
-        # fault: heat given off with the sign of heat taken up -> outputs |= field_outputs(scene, substep.shapes, new.s,
+        # fault: heat given off with the sign of heat taken up -> fields = field_outputs(scene, substep.shapes, new.s,
         #   done.moved - done.inside) | thermal_fmu/test_thermal_anisotropy::test_surfaces_tell_what_they_gave_off
-        outputs |= field_outputs(scene, substep.shapes, new.s, done.inside - done.moved)
+        fields = field_outputs(scene, substep.shapes, new.s, done.inside - done.moved)
         if context.elsewhere is not None:
             outputs |= course_outputs(scene.interface.contact_nodes, scene.melting, start.s, result.done.path, t, h,
                                       damps_of(result.done.damped, result.done.overshoots))
-        return Done(new, outputs | self._counts(result.substeps, result.rejected))
+        counts = self._counts(result.substeps, result.rejected)
+        return Done(new, replace(fields, now=outputs | dict(fields.now) | counts))
 
     def _counts(self, substeps: int, rejected: int) -> dict[str, Value]:
         if self._scene.model.stated.adaptive is None:

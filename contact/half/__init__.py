@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from contact.half.functions import Field, Property, Signal, field_from, property_from, signal_from
     from contact.half.interface import Interface, Pair, read_interface, write_interface
     from contact.half.linalg import SingularMatrixError, factorise
-    from contact.half.model import Discard, Done, HalfModel, Link, Load, Value, Values, Variable
+    from contact.half.model import Discard, Done, HalfModel, Link, Load, Outputs, Value, Values, Variable
     from contact.half.start import start_temperatures
     from contact.laws import Law, gap_factor, parse_law
     from contact.messages import Couplings, Facing, Tractions
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ContactRefusedError", "ContactSurfaces", "Couplings", "Discard", "Done", "Facing", "Field",
            "ForeignMechanical", "ForeignThermal", "HalfModel",
-           "History", "Interface", "Law", "Link", "LinkError", "Load", "Pair", "Property", "Signal",
+           "History", "Interface", "Law", "Link", "LinkError", "Load", "Outputs", "Pair", "Property", "Signal",
            "SingularMatrixError", "Tractions", "Value", "Values", "Variable", "build_fmu", "build_main", "factorise",
            "field_from", "gap_factor", "open_link", "parse_law", "property_from", "read_interface", "read_problem",
            "signal_from", "start_temperatures",
@@ -41,7 +41,7 @@ _HOME = {
     "contact.half.functions": ("Field", "Property", "Signal", "field_from", "property_from", "signal_from"),
     "contact.half.interface": ("Interface", "Pair", "read_interface", "write_interface"),
     "contact.half.linalg": ("SingularMatrixError", "factorise"),
-    "contact.half.model": ("Discard", "Done", "HalfModel", "Link", "Load", "Value", "Values", "Variable"),
+    "contact.half.model": ("Discard", "Done", "HalfModel", "Link", "Load", "Outputs", "Value", "Values", "Variable"),
     "contact.half.start": ("start_temperatures",),
     "contact.laws": ("Law", "gap_factor", "parse_law"),
     "contact.messages": ("Couplings", "Facing", "Tractions"),

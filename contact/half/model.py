@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -71,12 +72,39 @@ class Variable:
         return math.prod(self.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class Outputs(Mapping[str, Value]):
+    """Outputs of which some are worked out only when somebody asks for one of them, such as stresses.
+
+    now : those that are known.  later : names of the others, Reals.  make : gives all of these; it holds what they
+    follow from, which nobody may change any more, and it cannot fail: a step without such an answer is a Discard.
+    """
+
+    now: Values
+    later: tuple[str, ...] = ()
+    make: Callable[[], Values] = dict
+
+    def __getitem__(self, name: str) -> Value:
+        return self._made[name] if name in self.later else self.now[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.now, *self.later))
+
+    def __len__(self) -> int:
+        return len(self.now) + len(self.later)
+
+    @cached_property
+    def _made(self) -> Values:
+        return self.make()
+
+
 @dataclass(frozen=True)
 class Done:
     """A step that converged.
 
     state : all that evolves, a frozen dataclass of arrays, float, int, str, bool, None, tuples and such dataclasses.
-    outputs : the outputs by name, in the shape of their Variable; an output left out keeps its value.
+    outputs : the outputs by name, in the shape of their Variable; an output left out keeps its value.  What is costly
+        and seldom read may wait until it is (Outputs).
     dt_stable : largest step the half considers stable from here [s], 0 where it does not know.
     """
 

@@ -18,7 +18,6 @@ import coupler.running.run
 import mechanical_fmu.build
 import thermal_fmu.build
 from contact.half.slave import DISCARDED, HalfSlave
-from contact.half.state import to_bytes
 from coupler.errors import HalfError
 from coupler.fmu.half import Advance, Array, Block, Status
 from coupler.fmu.launch import Launched
@@ -116,7 +115,7 @@ class DirectHalf:
         del self._states[token]
 
     def serialise(self, token: int) -> bytes:
-        return to_bytes(self._states[token])
+        return self._slave._fmu_state_to_bytes(self._states[token])
 
     def deserialise(self, data: bytes) -> int:
         self._token += 1
@@ -137,6 +136,7 @@ class DirectHalf:
             self._store.layout.block(self._store.reals, variable)[...] = np.reshape(value, variable.shape)
 
     def _get(self, name: str) -> Array:
+        self._store.settle()
         variable, first = self._variables[name], self._store.layout.first[name]
         if variable.kind == "Integer":
             return np.array(float(self._store.integers[self._store.integer_at(first)]))

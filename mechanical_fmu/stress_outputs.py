@@ -1,0 +1,87 @@
+"""Stress and strain after a step: means of cells, worked out when somebody asks for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact.half.model import Outputs, Value, Variable
+from mechanical_fmu.advance import StepDrive, StepResult
+from mechanical_fmu.system import Loading, System
+from mechanical_fmu.volume import PointStep, von_mises
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moved:
+    """What a step began with.  loading : at its end.  u : (n, 2) [m], history : of points, drive : at its start.
+
+    frozen : whether its entropy was held.
+    """
+
+    loading: Loading
+    u: Floats
+    history: Floats
+    drive: StepDrive
+    frozen: bool
+
+
+def stress_variables(system: System) -> tuple[Variable, ...]:
+    """List what stress_outputs gives, side by side: who reads what lies near reads none of it by the way."""
+    n = system.volume.n_cells
+    strains = (Variable("strain", (n, 4), description="Green-Lagrange strain 11, 22, 12, 33, cell mean", on="cells"),
+               Variable("max_strain_increment"))
+    if not system.volume.tells_stress:
+        return strains
+    hoop = (Variable("sigma_hoop", (n,), unit="Pa", description="hoop stress, cell mean", on="cells"),)
+    return (Variable("sigma_v", (n,), unit="Pa", description="von Mises stress, cell mean", on="cells"),
+            Variable("sigma", (n, 4), unit="Pa", description="stress 11, 22, 12, 33, cell mean", on="cells"),
+            *(hoop if system.interface.axisymmetric else ()), *strains)
+
+
+def stress_outputs(system: System, found: StepResult, moved: Moved) -> Outputs:
+    """Give stress [Pa] and strain [1] at the end of a step, and the largest change of strain over it.
+
+    Of elastic bodies when they are asked for.  Points with a history may fail at it, and then the step has to.
+    """
+    of = partial(_stresses, system, found, moved)
+    if not system.volume.elastic:
+        return Outputs(of())
+    # What is kept until then is to be small.
+    of = partial(_stresses, system, replace(found, balance=replace(found.balance, entries=None, tractions=None)), moved)
+    return Outputs({}, tuple(v.name for v in stress_variables(system)), of)
+
+
+def _stresses(system: System, found: StepResult, moved: Moved) -> dict[str, Value]:
+    """(n_cells, 4) stress [Pa] and strain [1], 11, 22, 12, 33, and (n_cells,) von Mises stress [Pa], means in a cell.
+
+    And the largest change of a Green-Lagrange component over the step, each end by the history and moduli of its own.
+    """
+    volume, moduli = system.volume, moved.loading.moduli
+    # At its end a history knows all stresses but a liquid's, which is of the rate and needs the last piece itself.
+    # fault: a liquid's stress lost after its step -> now = volume.stress(found.balance.u, moduli, PointStep(0.0,
+    #   found.balance.history)) | mechanical_fmu/test_solution_melting
+    now = volume.stress(found.balance.u, moduli, found.last if system.melts else PointStep(0.0, found.balance.history))
+    sigma, strain, sigma_v = np.zeros((volume.n_cells, 4)), np.zeros((volume.n_cells, 4)), np.zeros(volume.n_cells)
+    for cells, (stress, green) in zip(volume.kinds, now, strict=True):
+        # fault: shear for thickness in the stress that goes out -> sigma[cells.number], sigma_v[cells.number] =
+        #   stress[:, :, [0, 1, 3, 2]].mean(axis=1), von_mises(stress).mean(axis=1) | mechanical_fmu/test_solution_fmu
+        sigma[cells.number], sigma_v[cells.number] = stress.mean(axis=1), von_mises(stress).mean(axis=1)
+        strain[cells.number] = green.mean(axis=1)
+    then = moduli if volume.elastic else system.moduli(moved.drive.T, moved.drive.f_s)
+    # fault: strain before a step by the history after it -> before = volume.stress(moved.u, then, PointStep(0.0,
+    #   found.balance.history)) | mechanical_fmu/test_solution_melting
+    before = volume.stress(moved.u, then, PointStep(0.0, moved.history))
+    increment = max([float(np.abs(a[1] - b[1]).max()) for a, b in zip(now, before, strict=True)], default=0.0)
+    out: dict[str, Value] = {"strain": strain, "max_strain_increment": increment}
+    if volume.tells_stress:
+        out |= {"sigma": sigma, "sigma_v": sigma_v}
+    if system.interface.axisymmetric and volume.tells_stress:
+        # fault: the axial stress is told as the hoop stress -> out["sigma_hoop"] = sigma[:, 1].copy() |
+        #   mechanical_fmu/test_fields
+        out["sigma_hoop"] = sigma[:, 3].copy()
+    return out
