@@ -26,7 +26,8 @@ Floats = NDArray[np.float64]
 
 
 def thermal_notes(model: Model, pairs: Iterable[Pair], T: float) -> list[str]:
-    """A sentence each: conductance that jumps at touch, radiation missing or counted twice, gaps never seen.
+    """A sentence each: conductance that jumps at touch, starts at melting points, radiation missing or twice, gaps
+    never seen.
 
     model : model.json of the thermal half (of another package: nothing is found in it).  pairs : of the scene.
     T : the mean over the bodies at the start [K].
@@ -35,7 +36,22 @@ def thermal_notes(model: Model, pairs: Iterable[Pair], T: float) -> list[str]:
     own = [note for pair in pairs for note in (*_torn_laws(pair.name, known.get(pair.name, {}), T),
                                                *_radiation(model, pair, known.get(pair.name, {})),
                                                *_out_of_sight(model, pair, known.get(pair.name, {})))]
-    return own + _unlit(model, pairs)
+    return own + _unlit(model, pairs) + _at_melting(model)
+
+
+def _at_melting(model: Model) -> list[str]:
+    """Bodies, and regions of them, that start at the one temperature at which their material melts."""
+    latent = {name: material.get("latent") or {} for name, material in model.get("materials", {}).items()}
+    stated = {name: part for body, heat in model["bodies"].items()
+              for name, part in ((body, heat), *((f"{body}.{n}", r) for n, r in (heat.get("regions") or {}).items()))}
+    found = []
+    for name, part in stated.items():
+        T_m = latent.get(part["material"], {}).get("T_m")
+        # fault: nobody says in which phase a body starts -> if False: | coupler/test_scenario_thermal
+        if isinstance(part["T0"], float | int) and part["T0"] == T_m:
+            found.append(f"body {name} starts at {T_m:.6g} K, the melting temperature of {part['material']}: all of it "
+                         "is molten then (f_s = 0). A T0 a little lower, by 0.01 K say, starts it solid")
+    return found
 
 
 def _torn_laws(name: str, pair: Model, T: float) -> list[str]:

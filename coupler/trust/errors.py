@@ -43,7 +43,9 @@ NOTE_AT, LIMIT = 0.05, 0.3
 PATIENCE = 4.0
 # A probe that hardly moves is held against this part of the largest range of its unit.
 SMALL = 0.01
-ROUND_OFF = 1e-9  # of the largest value
+# One that stays as it is moves by what solvers leave, some 1e-8 of its value: it is held against this part of that.
+# fault: what solvers leave is taken for an error of windows -> SOLVED = 1e-9 | coupler/test_trust_errors
+SOLVED = 1e-6
 # Bends of a class lie within a factor of 10^(1/2) of each other, the first from 1e-16 in SI on.
 CLASSES, CLASS, LEAST = 64, 0.5, -16.0
 # A probe that was once off by more of its bend, four times what a parabola leaves its chord by, jumped within that
@@ -149,7 +151,7 @@ def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArra
 
     bend : (n,) of the probes in it.
     """
-    share = float((seen.error / np.maximum(log.high - log.low, ROUND_OFF * log.most + 1e-300)).max(initial=0.0))
+    share = float((seen.error / np.maximum(log.high - log.low, SOLVED * log.most + 1e-300)).max(initial=0.0))
     both = np.where(apart[:, None], np.column_stack([seen.error, seen.second]), 0.0)
     smooth = np.where(apart, 0.0, 1.0)
     # fault: what jumped at a switch is carried on to smooth windows -> mild = both |
@@ -188,7 +190,7 @@ def _moved(log: ErrorLog, seen: Looked, t: float, fresh: bool) -> ErrorLog:
     low, high, most = np.fmin(log.low, values), np.fmax(log.high, values), np.fmax(log.most, np.abs(values))
     went = np.abs(values - log.values) / (t - log.at)
     pace = went if fresh else np.maximum(went, math.exp(-1.0 / PATIENCE) * log.pace)
-    scale = np.maximum(high - low, ROUND_OFF * most + 1e-300)
+    scale = np.maximum(high - low, SOLVED * most + 1e-300)
     before, now = (float(np.linalg.norm(v / scale)) for v in (log.pace, pace))
     # fault: what dies out by itself is told as if it stayed -> left = 1.0 | coupler/test_trust_errors
     left = min(now / before, 1.0) if before > 0.0 and not fresh else 1.0
@@ -259,7 +261,7 @@ def scales(log: ErrorLog, units: Sequence[str]) -> Array:
     ranges = log.high - log.low
     largest = {u: max(r for v, r in zip(units, ranges, strict=True) if v == u) for u in set(units)}
     floor = np.array([SMALL * largest[u] for u in units]) if units else np.zeros(0)
-    return np.maximum.reduce([ranges, floor, ROUND_OFF * log.most])
+    return np.maximum.reduce([ranges, floor, SOLVED * log.most])
 
 
 @dataclass(frozen=True)

@@ -262,6 +262,18 @@ def test_what_is_no_error_is_noted(old: str, new: str, words: str, tmp_path: Pat
     assert any(words in note for note in load_text(tmp_path, RICH.replace(old, new)).notes)
 
 
+def test_a_start_at_the_melting_temperature_is_said_to_be_molten(tmp_path: Path) -> None:
+    def notes(T0: float) -> list[str]:
+        melts = GOOD.replace("steel: {", "steel: {latent: {L: 1.0e5, T_m: 50}, ", 1)
+        given = re.sub(r"T0: [-0-9.]+", f"T0: {T0}", melts)
+        assert given != melts
+        return [note for note in load_text(tmp_path, given).notes if "molten" in note]
+
+    assert len(notes(50.0)) == 2
+    assert "body upper starts at 323.15 K, the melting temperature of steel" in " ".join(notes(50.0))
+    assert notes(49.99) == notes(50.01) == []
+
+
 def cylinder_above_a_floor(depth: float, **pair) -> Interface:
     """60 degrees to either side of a cylinder of 0.1 m, 2 mm above a plane; `pair` says who is the slave.
 

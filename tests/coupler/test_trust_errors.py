@@ -10,6 +10,7 @@ import pytest
 
 from coupler.record.observe import ProbeReader
 from coupler.trust import errors
+from coupler.trust.checks import TrustVerdict
 from coupler.trust.errors import ErrorLog, Looked
 
 K = {"a": "K", "b": "K"}
@@ -41,6 +42,18 @@ def test_an_error_larger_than_its_bend_is_a_jump_inside_and_is_not_carried_on():
     assert errors.estimated(log) == pytest.approx([5.0 + errors.MOST * 0.1])
     twice = log_of([([1.0], [0.1], [0.2]), ([2.0], [0.1], [0.2]), ([3.0], [0.1], [])])
     assert errors.estimated(twice) == pytest.approx([0.6]), "what is seen twice is no jump"
+
+
+def test_what_solvers_leave_of_a_probe_that_stays_is_no_error_of_windows():
+    """A shrink fit in which nothing changes: a pressure of 42 MPa that moves by 0.4 Pa."""
+    log = errors.begun(np.array([42.3e6]))
+    for k in range(8):
+        seen = Looked(np.array([42.3e6 + 0.2 * (-1) ** k]), np.array([0.4]), np.array([0.4]))
+        log = errors.watched(log, seen, k + 1.0)
+    found = errors.check(log, {"p": "Pa"}, False)
+    assert found.verdict is not TrustVerdict.BROKEN
+    moves = errors.watched(log, Looked(np.array([42.3e6 + 100.0]), np.array([100.0]), np.array([60.0])), 9.0)
+    assert errors.check(moves, {"p": "Pa"}, False).verdict is TrustVerdict.BROKEN
 
 
 def at_switches(looked: int, count: int) -> ErrorLog:
