@@ -20,9 +20,9 @@ PUBLIC = {
     "contact.half": """
         ContactRefusedError ContactSurfaces Couplings Discard Done Facing Field ForeignMechanical ForeignThermal
         HalfModel History Interface Law Link
-        LinkError Load Pair Property Signal SingularMatrixError Tractions Value Values Variable build_fmu build_main
-        factorise field_from gap_factor open_link parse_law property_from read_interface read_problem signal_from
-        start_temperatures write_interface""",
+        LinkError Load Outputs Pair Property Signal SingularMatrixError Tractions Value Values Variable build_fmu
+        build_main factorise field_from gap_factor open_link parse_law property_from read_interface read_problem
+        signal_from start_temperatures write_interface""",
     "coupler": """
         CouplingError HalfError Results ResultsError Run Scenario ScenarioError SlidelineError load_scenario run""",
 }

@@ -62,9 +62,9 @@ def solve_by_program(problem: StageProblem, s: Floats, program: ThermalProgram, 
             known = _with(anchor, defect, (*trail.columns, *older))
             return replace(solved, iterations=iterations, runs=runs, anchor=known)
         off = min(off, told.off)
-        outcome = told.given - needed(problem, told.s)
-        # fault: the defect goes the wrong way -> trail = trail.plus(defect, defect - FIRST * (outcome - defect)) |
+        # fault: what the cells need is added -> outcome = told.given + needed(problem, told.s) |
         #   thermal_fmu/test_thermal_program
+        outcome = told.given - needed(problem, told.s)
         trail = trail.plus(defect, defect + FIRST * (outcome - defect))
         guess = quasi_newton_guess(trail, older)
         defect = trail.outcomes[-1] if guess is None else guess

@@ -191,9 +191,10 @@ def _within_data(context: StepContext, method: TimeMethod, s_n: Floats, anchor: 
     else:
         return replace(done, iterations=spent)
     best = less
+    # Without storage no heat is gained by steps.
     # fault: nodes are taken farther back than to where their data end -> nearer = None |
     #   thermal_fmu/test_thermal_stiff
-    nearer = to_the_bound(data, last, Try(np.zeros(T.size), T_first))
+    nearer = to_the_bound(data, last, Try(np.zeros(T.size), T_first)) if method.stores else None
     for _ in range(MOST_NEARER):
         if nearer is None:
             break

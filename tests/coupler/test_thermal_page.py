@@ -29,7 +29,7 @@ PARTS = (FieldSum, Term, Axes, Latent, Phases, Conduction, InnerSteps, Convectio
          RadiationGap, Thermal, ThermalBoundary)
 # Said in scenario.md and starts.md.
 ELSEWHERE = {"half", "bind", "replay", "options", "ignore", "tolerance", "at", "body", "name", "T_s", "T_l",
-             "closed_factor", "halves", "across"}
+             "closed_factor", "halves", "across", "meshes"}
 
 
 @pytest.mark.parametrize("name", SCENES)
