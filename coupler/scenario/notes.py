@@ -42,7 +42,7 @@ def thermal_notes(model: Model, pairs: Iterable[Pair], T: float) -> list[str]:
 def _at_melting(model: Model) -> list[str]:
     """Bodies, and regions of them, that start at the one temperature at which their material melts."""
     latent = {name: material.get("latent") or {} for name, material in model.get("materials", {}).items()}
-    stated = {name: part for body, heat in model["bodies"].items()
+    stated = {name: part for body, heat in model.get("bodies", {}).items()
               for name, part in ((body, heat), *((f"{body}.{n}", r) for n, r in (heat.get("regions") or {}).items()))}
     found = []
     for name, part in stated.items():

@@ -8,6 +8,7 @@ are compared with one that nobody disturbed, bit by bit.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -74,7 +75,9 @@ def killed_run(whole: Path, out: Path, seed: int, stops: bool = False) -> Killed
             killed.append(str(role))
             if stops:
                 time.sleep(float(random.uniform(*STOPPED)))
-                os.kill(now[role], signal.SIGCONT)
+                # A run that stood still until its end may be over: its processes are gone.
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(now[role], signal.SIGCONT)
                 continue
             until = time.monotonic() + RESTARTED
             while children().get(role) in (None, now[role]) and time.monotonic() < until and not stop.is_set():
