@@ -26,6 +26,7 @@ from coupler.fmu.outputs import (
     told_at,
     unclear,
 )
+from coupler.record.look import Look
 from coupler.record.tables import FRICTION
 from coupler.scenario.conditions import OUTPUT, ConditionOutput
 from coupler.scenario.probes import AT_CONTACT, Probe
@@ -129,24 +130,32 @@ class ExtraOutputs:
         """HALF.LABEL of each row of `ranges`."""
         return ["thermal.T", "mechanical.u", *(f"{f.half}.{f.label}" for f in self.ranged)]
 
-    def ranges(self, now: Level, interface: Interface) -> Array:
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """Role -> the outputs behind `ranges`, in their order."""
+        return {role: [f.name for f in self.ranged if f.half == role] for role in self._halves}
+
+    def ranges(self, now: Level, interface: Interface, look: Look) -> Array:
         """Return the least and the largest value anywhere of each field, (k, 2) in SI; of a vector of its size.
 
         Frames are few, and what is largest may lie between two of them.  nan where no value is a number.
         """
         rows = [_range(now.T), _range(now.x - interface.nodes)]
-        for role, half in self._halves.items():
-            names = [f.name for f in self.ranged if f.half == role]
-            read = half.read(names, finite=False) if names else {}
+        for role, names in self.names.items():
+            read = look.read(role, names)
             rows += [_range(read[name]) for name in names]
         return np.array(rows)
 
 
-def friction(halves: Halves) -> dict[str, Array]:
+def friction_names(half: Half) -> dict[str, list[str]]:
+    """Return what the mechanical half gives out of FRICTION."""
+    return {"mechanical": [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]}
+
+
+def friction(half: Half, look: Look) -> dict[str, Array]:
     """Return what the mechanical half tells of FRICTION: t_T [Pa] and slip_share [1] of pair nodes, (n_q,) each."""
-    half = halves.mechanical
-    told = [f"contact.{n}" for n in FRICTION if f"contact.{n}" in half.blocks]
-    return {n.removeprefix("contact."): v for n, v in half.read(told).items()} if told else {}
+    return {n.removeprefix("contact."): v for role, names in friction_names(half).items()
+            for n, v in look.read(role, names).items()}
 
 
 class ConditionReader:
@@ -156,14 +165,12 @@ class ConditionReader:
     """
 
     def __init__(self, conditions: Mapping[str, ConditionOutput], halves: Mapping[str, Half]) -> None:
-        self._halves = halves
         self.outputs = tuple(c for c in conditions.values() if _gives_out(halves[c.half], c))
+        self.names = {role: [c.output for c in self.outputs if c.half == role] for role in halves}
 
-    def read(self) -> Array:
-        """Return (k,) all numbers of all of them, one after the other, in SI, as they are now."""
-        found = {(role, n): v for role, half in self._halves.items()
-                 if (names := [c.output for c in self.outputs if c.half == role])
-                 for n, v in half.read(names, finite=False).items()}
+    def read(self, look: Look) -> Array:
+        """Return (k,) all numbers of all of them, one after the other, in SI."""
+        found = {(role, n): v for role, names in self.names.items() for n, v in look.read(role, names).items()}
         return np.concatenate([np.empty(0), *(np.ravel(found[c.half, c.output]) for c in self.outputs)])
 
 
@@ -201,11 +208,20 @@ class ProbeReader:
                           "unit": self._sources[n].block.unit if n in self._sources else p.unit}
                       for n, p in probes.items()}
 
-    def values(self, level: Level) -> Array:
-        """Return the probes (n_probes,) in SI, in their order; the halves are at the time of the level."""
+    @property
+    def names(self) -> dict[str, list[str]]:
+        """Role -> the outputs behind probes."""
+        return {role: list({s.block.name: 0 for s in self._sources.values() if s.half == role})
+                for role in self._halves}
+
+    def values(self, level: Level, look: Look | None = None) -> Array:
+        """Return the probes (n_probes,) in SI, in their order; the halves are at the time of the level.
+
+        look : at the halves at that time; None: they are asked for probes alone.
+        """
         fields: dict[str, Array] = {}
-        blocks = {role: half.read(names, finite=False) for role, half in self._halves.items()
-                  if (names := list({s.block.name: 0 for s in self._sources.values() if s.half == role}))}
+        look = Look(self._halves, self.names) if look is None else look
+        blocks = {role: look.read(role, names) for role, names in self.names.items()}
         found = []
         for name, probe in self._probes.items():
             if source := self._sources.get(name):

@@ -41,9 +41,17 @@ from coupler.record.checkpoint import (
 )
 from coupler.record.frames import frame_choice
 from coupler.record.journal import being_written, check_mark, read_journal
-from coupler.record.observe import ConditionReader, ContactWarnings, ExtraOutputs, ProbeReader, friction
+from coupler.record.look import Look, together
+from coupler.record.observe import (
+    ConditionReader,
+    ContactWarnings,
+    ExtraOutputs,
+    ProbeReader,
+    friction,
+    friction_names,
+)
 from coupler.record.paths import check_target, checkpoint_of, journal_of, stopped_of
-from coupler.record.recorder import NO_RANGES, Recorder, WindowRecord
+from coupler.record.recorder import Recorder, WindowRecord
 from coupler.record.results import Results
 from coupler.rules import engine as rules
 from coupler.running.damping import DampingNotes
@@ -180,6 +188,8 @@ class Run:
             self._damping = DampingNotes()
             self._outputs = ExtraOutputs(self.halves, interface)
             self.notes += self._outputs.notes
+            self._both, self._each_window = both, together(self._probes.names, self._conditions.names,
+                                                           self._outputs.names, friction_names(both["mechanical"]))
             self._choice = frame_choice(self.scenario.output.most, self.scenario.coupling.end, len(interface.nodes),
                                         self._outputs.fields)
             self._at = first(first_state(launched, self.halves, interface, self.scenario.coupling.end,
@@ -272,8 +282,10 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            self._recorder.start(self.state.now, self._probed(), friction(self.halves), self._conditions.read(),
-                                 self._outputs.ranges(self.state.now, self.scenario.interface))
+            look = Look(self._both, self._each_window)
+            self._recorder.start(self.state.now, self._probes.values(self.state.now, look),
+                                 friction(self.halves.mechanical, look), self._conditions.read(look),
+                                 self._outputs.ranges(self.state.now, self.scenario.interface, look))
             self._frame()
             self._choice = self._choice.begun(self.state.now)
         self._commit()
@@ -368,14 +380,15 @@ class Run:
         if self.plan.rules and tried.accepted:
             all_of_them = self.monitors()
             monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
-        record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors,
-                              friction(self.halves) if tried.accepted else {},
-                              self._conditions.read() if tried.accepted else np.empty(0),
-                              self._outputs.ranges(tried.solved.state.now, self.scenario.interface)
-                              if tried.accepted else NO_RANGES)
+        record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors)
+        look = Look(self._both, self._each_window if tried.accepted else {})
+        if tried.accepted:
+            record = replace(record, friction=friction(self.halves.mechanical, look),
+                             conditions=self._conditions.read(look),
+                             ranges=self._outputs.ranges(tried.solved.state.now, self.scenario.interface, look))
         # Read once more only where the halves went on from there.
-        followed = tried.looked is not None and len(self.scenario.probes) > 0
-        probes = tried.looked.values if tried.looked is not None and followed else self._probed()
+        followed = tried.looked if self.scenario.probes else None
+        probes = self._probes.values(self.state.now, look) if followed is None else followed.values
         self._recorder.window(tried.solved, facts, self.ledger, probes, record)
 
     def _frames_from_here(self) -> Frames:
@@ -477,9 +490,6 @@ class Run:
         # fault: the seconds of a run follow the clock of the machine -> return self._spent + time.time() |
         #   coupler/test_clock
         return self._spent + (time.perf_counter() - self._started)
-
-    def _probed(self) -> Array:
-        return self._probes.values(self.state.now)
 
     def _frame(self, chosen: bool = False) -> None:
         """Record the fields as they are now, once.  chosen : as in Recorder.frame."""
