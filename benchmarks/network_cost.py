@@ -5,10 +5,11 @@
 Machines are network namespaces around a router; `tests/coupler/bad_line.py` delays and narrows the line to each.  The
 model takes three numbers that no distance changes from the run in processes, and two of the line:
 
-    window = window in processes + (messages + requests) x round trip + 8 x bytes / rate
+    window = window in processes + (messages + requests) x round trip + bytes / rate
 
 messages : of the coupler to a half and back (steps and reads).  requests : of a half to the contact service.  bytes :
-8 for each real that crosses the border of a half.  round trip : of one byte, measured in the same namespaces.
+8 for each real that crosses the border of a half.  round trip : of one byte.  rate : bytes of a message of the mean
+size over what its way takes beyond one byte's.  Both are measured in the same namespaces, over TCP as the run's own.
 """
 
 from __future__ import annotations
@@ -46,17 +47,22 @@ import socket
 with socket.create_server(("0.0.0.0", 9000)) as server:
     line, _ = server.accept()
     line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    while data := line.recv(16):
-        line.sendall(data)
+    while head := line.recv(8, socket.MSG_WAITALL):
+        line.recv(int.from_bytes(head, "little"), socket.MSG_WAITALL)
+        line.sendall(b"x")
 """
 ASK = """
 import socket, statistics, sys, time
 line = socket.create_connection((sys.argv[1], 9000), timeout=20)
 line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-took = []
-for _ in range(50):
-    begun = time.perf_counter(); line.sendall(b"x"); line.recv(16); took.append(time.perf_counter() - begun)
-print(statistics.median(took))
+for size in (1, int(sys.argv[2])):
+    took = []
+    for _ in range(50):
+        begun = time.perf_counter()
+        line.sendall(size.to_bytes(8, "little") + bytes(size))
+        line.recv(1)
+        took.append(time.perf_counter() - begun)
+    print(statistics.median(took))
 """
 
 
@@ -86,15 +92,18 @@ def cost_of(path: Path) -> Cost:
                 8.0 * windows["values"].sum() / n)
 
 
-def at_distance(folder: Path, cells: int, trip: float, rate: float) -> None:
-    """Run on three machines; called inside of `unshare`.  Leaves run.h5, and trip.txt with the round trip [s]."""
+def at_distance(folder: Path, cells: int, trip: float, rate: float, size: int) -> None:
+    """Run on three machines; called inside of `unshare`.
+
+    Leaves run.h5, and trip.txt with the round trips [s] of one byte and of a message of so many bytes.
+    """
     # Every message crosses two lines each way.
     addresses = router(ROLES, {"delay": trip / 4.0, "rate": rate})
     inside = {role: ["ip", "netns", "exec", role] for role in (*ROLES, "coupler")}
     echo = subprocess.Popen([*inside["thermal"], sys.executable, "-c", ECHO])
     time.sleep(1.0)
-    asked = subprocess.run([*inside["coupler"], sys.executable, "-c", ASK, addresses["thermal"]], check=True,
-                           capture_output=True, text=True)
+    asked = subprocess.run([*inside["coupler"], sys.executable, "-c", ASK, addresses["thermal"], str(size)],
+                           check=True, capture_output=True, text=True)
     echo.wait()
     (folder / "trip.txt").write_text(asked.stdout)
     write_hosts(folder, addresses)
@@ -115,11 +124,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cells", type=int, nargs="+", default=[24, 100])
     parser.add_argument("--chart", type=Path)
-    parser.add_argument("--inside", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--inside", nargs=5, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.inside:
-        folder, cells, trip, rate = options.inside
-        return at_distance(Path(folder), int(cells), float(trip), float(rate))
+        folder, cells, trip, rate, size = options.inside
+        return at_distance(Path(folder), int(cells), float(trip), float(rate), int(size))
     os.environ.setdefault("PYTHONPATH", str(ROOT))
     print("| cells | where | round trip [ms] | rate [Mbit/s] | messages | requests | kB | window [ms] | model [ms] "
           "| off |")
@@ -137,14 +146,15 @@ def main() -> None:
             for k, (trip, rate) in enumerate(LINES):
                 folder = Path(name) / f"far{cells}_{k}"
                 folder.mkdir()
+                size = near.bytes / near.messages
                 subprocess.run(["unshare", "-rnm", sys.executable, __file__, "--inside", folder, str(cells), str(trip),
-                                str(rate)], check=True)
-                cost, trip = cost_of(folder / "run.h5"), float((folder / "trip.txt").read_text())
-                sent = 8.0 * near.bytes / rate if rate else 0.0
-                model = near.seconds + (near.messages + near.requests) * trip + sent
+                                str(rate), str(int(size))], check=True)
+                cost = cost_of(folder / "run.h5")
+                trip, sent = map(float, (folder / "trip.txt").read_text().split())
+                model = near.seconds + (near.messages + near.requests) * trip + near.messages * max(sent - trip, 0.0)
                 found.setdefault(cells, []).append((trip, cost.seconds, model))
-                narrow = f"{rate / 1e6:.0f}" if rate else ""
-                print(f"| | machines | {1e3 * trip:.2f} | {narrow} | {cost.messages:.1f} | "
+                mbit = 8e-6 * size / max(sent - trip, 1e-9)
+                print(f"| | machines | {1e3 * trip:.2f} | {mbit:.0f} | {cost.messages:.1f} | "
                       f"{cost.requests:.1f} | {cost.bytes / 1e3:.0f} | {1e3 * cost.seconds:.1f} | {1e3 * model:.1f} | "
                       f"{100 * (model / cost.seconds - 1):+.0f} % |", flush=True)
     if options.chart:
