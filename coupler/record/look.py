@@ -16,23 +16,23 @@ Names = Mapping[str, Sequence[str]]  # role -> outputs of that half
 class Look:
     """The outputs of both halves as they are now; good until either of them goes on.
 
-    wanted : what will be asked for.  It is read at the first question to its half, all of it at once; what is not in
-    it is read when it is asked for.
+    wanted : what will be asked for, read at once, so that a half that dies is found before anything of it is written.
+    What is not in it is read when it is asked for.
     """
 
     def __init__(self, halves: Mapping[str, Half], wanted: Names) -> None:
-        self._halves, self._wanted = halves, wanted
-        self._found: dict[str, dict[str, Array]] = {}
+        """Raises HalfError, and what a half that is gone raises."""
+        self._halves = halves
+        self._found = {role: dict(halves[role].read(list(names), finite=False))
+                       for role, names in wanted.items() if names}
 
     def read(self, role: str, names: Sequence[str]) -> dict[str, Array]:
         """Name -> array in the shape and unit of its block; of a foreign half it may be no number in places."""
-        if not names:
-            return {}
         found = self._found.setdefault(role, {})
-        if missing := [n for n in names if n not in found]:
-            # fault: each who asks sends a message of its own -> more: list[str] = [] | coupler/test_look
-            more = [n for n in self._wanted.get(role, ()) if n not in found and n not in missing]
-            found |= self._halves[role].read([*missing, *more], finite=False)
+        # fault: each who asks sends a message of its own -> missing = list(names) | coupler/test_look
+        missing = [n for n in names if n not in found]
+        if missing:
+            found |= self._halves[role].read(missing, finite=False)
         return {n: found[n] for n in names}
 
 

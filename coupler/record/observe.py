@@ -107,18 +107,15 @@ class ExtraOutputs:
             self.fields += fields
             self.notes += unclear(role, fields, interface)
 
-    def read(self) -> dict[str, Array]:
-        """Return HALF/LABEL -> the array as it is now, in the shape and unit of its output.
+    @property
+    def frame_names(self) -> dict[str, list[str]]:
+        """Role -> the outputs behind `read`."""
+        return {role: [f.name for f in self.fields if f.half == role] for role in self._halves}
 
-        A value that is no number may be in it.
-        """
-        found: dict[str, Array] = {}
-        for role, half in self._halves.items():
-            labels = {f.name: f"{role}/{f.label}" for f in self.fields if f.half == role}
-            if labels:
-                # Of a foreign half an output may be undefined in places: that ends no run.
-                found |= {labels[n]: v for n, v in half.read(list(labels), finite=False).items()}
-        return found
+    def read(self, look: Look) -> dict[str, Array]:
+        """Return HALF/LABEL -> the array in the shape and unit of its output; it may be no number in places."""
+        told = {role: look.read(role, names) for role, names in self.frame_names.items()}
+        return {f"{f.half}/{f.label}": told[f.half][f.name] for f in self.fields}
 
     @property
     def ranged(self) -> tuple[OutputField, ...]:

@@ -282,11 +282,11 @@ class Run:
         self._finished = finished(self._at, self.plan)
         if not self._begun:
             self._begun = True
-            look = Look(self._both, self._each_window)
+            look = self._look(framed=True)
             self._recorder.start(self.state.now, self._probes.values(self.state.now, look),
                                  friction(self.halves.mechanical, look), self._conditions.read(look),
                                  self._outputs.ranges(self.state.now, self.scenario.interface, look))
-            self._frame()
+            self._frame(look)
             self._choice = self._choice.begun(self.state.now)
         self._commit()
         while not (self._finished or self._interrupts.asked or self.state.now.t >= self._until):
@@ -310,15 +310,23 @@ class Run:
             self.noticed += tried.notes
             # fault: a checkpoint in the middle of a rejected window keeps the record of the try -> self._record(tried);
             #   self._committed = self._committed[0], self._run_record() | coupler/test_resume_in_a_try
-            self._record(tried)
             if tried.accepted:
                 asked = self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks
                 self._choice, due, thin = self._choice.after(self.state.now, bool(tried.event), asked)
+                # fault: a window is recorded before its frame is read -> look = self._look(framed=False) |
+                #   coupler/test_look
+                look = self._look(framed=due)
+                self._record(tried, look)
                 if thin:
                     self._recorder.thin()
                 if due:
-                    self._frame(chosen=not asked)
+                    self._frame(look, chosen=not asked)
                 self._commit()
+            else:
+                # fault: a checkpoint in the middle of a rejected window keeps the record of the try ->
+                #   self._record(tried, Look(self._both, {})); self._committed = self._committed[0],
+                #   self._run_record() | coupler/test_resume_in_a_try
+                self._record(tried, Look(self._both, {}))
             self._recorder.timed(self._meter.end())
             elapsed = time.perf_counter() - self._started
             status = RunStatus(self.scenario.coupling.end, self._total, elapsed, self.ledger)
@@ -373,7 +381,12 @@ class Run:
         self._finished, self._frames = finished(self._at, self.plan), self._frames_from_here()
         self._stand()
 
-    def _record(self, tried: Tried) -> None:
+    def _look(self, framed: bool) -> Look:
+        """Read what is recorded of a window, and of a frame if there is one."""
+        more = self._outputs.frame_names if framed else {}
+        return Look(self._both, together(self._each_window, more))
+
+    def _record(self, tried: Tried, look: Look) -> None:
         facts: dict[str, float | str] = {"t": tried.t, "H": tried.H, "seconds": tried.seconds}
         facts["scheme"] = tried.solved.scheme.value
         monitors: dict[str, float] = {}
@@ -381,7 +394,6 @@ class Run:
             all_of_them = self.monitors()
             monitors = {n: all_of_them[n] for n in rules.wanted(self.plan.rules) if n in all_of_them}
         record = WindowRecord(tried.reason, tried.event, tried.fired, tried.error, monitors)
-        look = Look(self._both, self._each_window if tried.accepted else {})
         if tried.accepted:
             record = replace(record, friction=friction(self.halves.mechanical, look),
                              conditions=self._conditions.read(look),
@@ -491,12 +503,16 @@ class Run:
         #   coupler/test_clock
         return self._spent + (time.perf_counter() - self._started)
 
-    def _frame(self, chosen: bool = False) -> None:
-        """Record the fields as they are now, once.  chosen : as in Recorder.frame."""
+    def _frame(self, look: Look | None = None, chosen: bool = False) -> None:
+        """Record the fields as they are now, once.  look : at them; None: none was taken yet.
+
+        chosen : as in Recorder.frame.
+        """
         if self.state.now.t == self._framed:
             return
         self._framed = self.state.now.t
-        self._recorder.frame(self.state.now, self._outputs.read(), chosen)
+        look = Look(self._both, self._outputs.frame_names) if look is None else look
+        self._recorder.frame(self.state.now, self._outputs.read(look), chosen)
 
     def _memory(self) -> Mapping[str, Array]:
         """Return what another run may start from; what stands in the way is a note, for it ends no run."""

@@ -91,6 +91,16 @@ class _Part:
         return found
 
 
+@dataclass(frozen=True)
+class _Substep:
+    """What is asked for: from t by h [s], with what each is given.  outputs : of all of them together."""
+
+    t: float
+    h: float
+    inputs: Sequence[Mapping[str, Array]]
+    outputs: Sequence[str]
+
+
 @dataclass
 class _Tally:
     """What the calls of one substep took, added up."""
@@ -216,7 +226,9 @@ class SeveralHalves:
         # Only what crosses between halves makes them go back; after a discard the caller does.
         kept = [p.half.save() for p in self._parts] if self._stale.size else []
         try:
-            discard = self._agreed(t, h, [p.given(inputs) for p in self._parts], kept, tally)
+            answers: list[Mapping[str, Array]] = [{} for _ in self._parts]
+            asked = _Substep(t, h, [p.given(inputs) for p in self._parts], outputs)
+            discard = self._agreed(asked, kept, tally, answers)
             if discard is not None:
                 for part, token in zip(self._parts, kept, strict=False):
                     part.half.restore(token)
@@ -227,13 +239,17 @@ class SeveralHalves:
                 part.half.release(token)
         self._told["iterations"] = tally.iterations
         begun = time.perf_counter()
-        values = self.read(outputs)
+        values = {n: self._one(n, answers) for n in outputs}
         return Advance(Status.OK, "", values, tally.seconds, 0.0, tally.border + time.perf_counter() - begun,
                        tally.transport, tally.states, tally.waited, tally.requests)
 
-    def _agreed(self, t: float, h: float, inputs: Sequence[Mapping[str, Array]], kept: Sequence[int],
-                tally: _Tally) -> Advance | None:
-        """Bring all to t + h [s]; the discard where that fails.  kept : their states at t."""
+    def _agreed(self, asked: _Substep, kept: Sequence[int], tally: _Tally,
+                answers: list[Mapping[str, Array]]) -> Advance | None:
+        """Bring all to the end; the discard where that fails.
+
+        kept : their states at its start.  answers : what each gave out last is put there.
+        """
+        t, h, inputs = asked.t, asked.h, asked.inputs
         course, trail, off, how = self._course(), Trail(), 0.0, AFTER_A_JUMP
         for n in range(1, self._across.iterations + 1):
             guess = None if course is None else course[:, self._stale].ravel()
@@ -249,9 +265,11 @@ class SeveralHalves:
                 given = dict(inputs[k])
                 if course is not None and meets:
                     given |= {COURSE_ELSEWHERE: course[:, part.elsewhere], DAMPED: np.array(how)}
-                done = part.half.advance(t, h, given, [name for name in (COURSE, DAMPS, "iterations")
-                                                       if name in part.half.blocks])
+                # What all give out comes with every iteration: to ask once they agree would be a message more.
+                names = dict.fromkeys((COURSE, DAMPS, "iterations", *asked.outputs))
+                done = part.half.advance(t, h, given, [name for name in names if name in part.half.blocks])
                 tally.count(done)
+                answers[k] = done.outputs
                 if done.status is not Status.OK:
                     return replace(done, message=f"{part.half.name}: {done.message}")
                 if course is not None and meets:
