@@ -5,18 +5,21 @@ The wrapper of a Python FMU brings neither Python nor packages: whoever loads it
 
 from __future__ import annotations
 
-import ast
+import functools
+import re
 import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from html import escape
-from importlib.metadata import PackageNotFoundError, entry_points, metadata, packages_distributions
+from importlib.metadata import PackageNotFoundError, distributions, entry_points, metadata
 from pathlib import Path
 
 from contact.half.layout import Layout
 
 GROUP = "slideline.halves"
 UNNAMED = frozenset({"", "UNKNOWN"})
+# To parse the sources, and the standard library's list of what is installed, took half of the time of a build.
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+(\w[\w.]*)[ \t]+import\b|import[ \t]+(\w[^#;\n]*))", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -33,12 +36,36 @@ def origin_of(package: str) -> Origin:
     # First by its entry point: what is installed to be edited lists no packages.
     found = [entry.dist.name for entry in entry_points(group=GROUP)
              if entry.module.partition(".")[0] == package and entry.dist is not None]
-    found += packages_distributions().get(package, [])
+    found += installed().get(package, [])
     if not found:
         return Origin()
     about = metadata(found[0])
     told = next((about[key] for key in ("License-Expression", "License") if key in about), "")
     return Origin(found[0], about["Version"], "" if told in UNNAMED else " ".join(told.split())[:80])
+
+
+@functools.cache
+def installed() -> Mapping[str, list[str]]:
+    """Return the distributions that bring an import package, as importlib.metadata.packages_distributions does."""
+    found: dict[str, list[str]] = {}
+    for distribution in distributions():
+        top = (distribution.read_text("top_level.txt") or "").split()
+        # What does not say its packages has a list of its files: numpy/linalg/linalg.py,sha256=...,1234
+        tops = top or {line.partition(",")[0].partition("/")[0]
+                       for line in (distribution.read_text("RECORD") or "").splitlines()}
+        for name in {word.partition(".")[0] for word in tops if not word.endswith(("-info", ".pth"))}:
+            if (said := distribution.metadata["Name"]) not in found.setdefault(name, []):
+                found[name].append(said)
+    return found
+
+
+def imported(source: str) -> set[str]:
+    """Return the top names that lines of a source import; one of its text that reads as an import is taken for one."""
+    names: set[str] = set()
+    for match in _IMPORT.finditer(source):
+        names |= {match[1].partition(".")[0]} if match[1] else {
+            part.split()[0].partition(".")[0] for part in match[2].split(",") if part.strip()}
+    return names
 
 
 def requirements(packages: Mapping[str, Path], travels: Collection[str]) -> list[str]:
@@ -48,13 +75,10 @@ def requirements(packages: Mapping[str, Path], travels: Collection[str]) -> list
     """
     names: set[str] = set()
     for folder in packages.values():
-        for path in sorted(folder.rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Import):
-                    names |= {alias.name.partition(".")[0] for alias in node.names}
-                elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                    names.add(node.module.partition(".")[0])
-    known, found = packages_distributions(), set()
+        for path in folder.rglob("*.py"):
+            # fault: what modules inside of a package import is not told -> names |= set() | contact/test_papers
+            names |= imported(path.read_text(encoding="utf-8"))
+    known, found = installed(), set()
     for name in names - sys.stdlib_module_names - set(travels):
         for distribution in known.get(name, [])[:1]:
             try:

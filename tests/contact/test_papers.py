@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
 import subprocess
 import sys
 import zipfile
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-from contact.half.papers import origin_of
+from contact.half.papers import imported, installed, origin_of
 from coupler import load_scenario
 from coupler.fmu.launch import build_halves
 
@@ -100,3 +101,35 @@ def test_the_c_host_of_the_page_runs_the_thermal_half(fmus: dict[str, Path], tmp
     courses = [float(line.split()[1]) for line in done.stdout.splitlines()]
     assert len(courses) == 10
     assert courses[-1] == pytest.approx(500.0)  # the foot of the hot bar is held at 500 K, and starts at 300 K
+
+
+def test_what_sources_import_is_found_without_parsing_them() -> None:
+    """Of every source here; no name is missed, and what is too much is no package."""
+    for path in (p for name in ("contact", "thermal_fmu", "mechanical_fmu", "coupler", "tests/swap_halves")
+                 for p in (ROOT / name).rglob("*.py")):
+        source, names = path.read_text(encoding="utf-8"), set()
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names.add(node.module.partition(".")[0])
+        assert names <= imported(source), path
+        assert not {n for n in imported(source) - names if n in installed()}, path
+
+
+def test_forms_of_imports() -> None:
+    source = """
+import numpy as np, scipy.sparse  # both
+if True:
+    from h5py import (
+        File)
+from . import near
+from .near import by
+import_no = 1
+"""
+    assert imported(source) == {"numpy", "scipy", "h5py"}
+
+
+def test_what_is_installed_is_what_the_standard_library_says() -> None:
+    theirs = {name: set(of) for name, of in packages_distributions().items() if name.isidentifier()}
+    assert {name: set(installed().get(name, ())) for name in theirs} == theirs
