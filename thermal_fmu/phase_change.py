@@ -20,7 +20,6 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
 from contact.half.functions import Property
 
@@ -227,6 +226,8 @@ def blend(solid: Property, liquid: Property, T_s: float, T_l: float) -> Property
         pieces.append(np.pad(a, (0, size - a.size)) + np.pad(b, (0, size - b.size)))
     size = max(p.size for p in pieces)
     rows = np.array([np.pad(p, (0, size - p.size)) for p in pieces]).T[::-1]
+    from scipy.interpolate import PPoly  # 0.1 s, and most scenes do not melt
+
     return Property(None, PPoly(np.ascontiguousarray(rows), knots), T_s, T_l)
 
 
