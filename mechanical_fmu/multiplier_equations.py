@@ -138,12 +138,12 @@ def _anchored(anchor: StiffnessAnchor, balance: ForceBalance, gap: Floats,
     active = np.flatnonzero(E.any(axis=1) | B.any(axis=1) | C.any(axis=0))
     E, B, C, m = E[np.ix_(active, active)], B[active], C[:, active], active.size
     S = anchor.compliance[np.ix_(active, active)]
-    d_0 = anchor.solve(b)[dofs[active]]
-    solved = _solved(np.block([[np.eye(m) + S @ E, -S @ B], [C, a.D]]), np.concatenate([d_0, -R]))
+    d_0 = anchor.solve(b)
+    solved = _solved(np.block([[np.eye(m) + S @ E, -S @ B], [C, a.D]]), np.concatenate([d_0[dofs[active]], -R]))
     d_s, dl = solved[:m], solved[m:]
-    # fault: anchored multipliers without their force -> b[dofs[active]] -= E @ d_s | mechanical_fmu/test_semi_smooth
-    b[dofs[active]] -= E @ d_s - B @ dl
-    return finish(system, balance, anchor.solve(b), gap), dl
+    # fault: anchored multipliers without their force -> f = E @ d_s | mechanical_fmu/test_semi_smooth
+    f = E @ d_s - B @ dl
+    return finish(system, balance, anchor.pushed(d_0, b, active, f), gap), dl
 
 
 def _solved(A: Floats, b: Floats) -> Floats:

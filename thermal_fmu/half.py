@@ -200,7 +200,10 @@ class ThermalHalf:
             program.start(volume_mesh(interface), volume_materials(model))
         self._scene.bulk  # noqa: B018  what it cannot solve is told before anything runs
         self._calendar = calendar_of(self._scene.model)
-        self._factors, self._factors_S = Factors(), Factors()
+        # The error of inner steps is measured with the factors at hand, which are to know today's surfaces.
+        adaptive = self._scene.model.stated.adaptive is not None
+        self._factors = Factors() if adaptive else Factors(interface.contact_nodes)
+        self._factors_S = Factors()
         self._masses: tuple[Floats, tuple[ReferenceCells, ...]] | None = None
         self._rounding = 0.0
         self.variables = _variables(self._scene)

@@ -150,6 +150,40 @@ def times(indptr: Ints, indices: Ints, data: Floats, x: Floats) -> Floats:
 
 
 @kernel
+def surface_change(indptr: Ints, indices: Ints, data: Floats, old_indptr: Ints, old_indices: Ints, old_data: Floats,
+                   place: Ints, n_s: int) -> tuple[Floats, float, float]:
+    """Return how a matrix changed between surface nodes, (n_s, n_s), and most elsewhere, and the old largest size.
+
+    Both in CSR, columns in order: indptr (n + 1,), indices and data (nnz,).  place : (n,) number of a surface node
+    among them, -1 of any other.
+    """
+    E, elsewhere, largest = np.zeros((n_s, n_s)), 0.0, 0.0
+    for i in range(indptr.size - 1):
+        at, end = indptr[i], indptr[i + 1]
+        old, old_end = old_indptr[i], old_indptr[i + 1]
+        while at < end or old < old_end:
+            column, change = indptr.size, 0.0
+            if at < end:
+                column = indices[at]
+            if old < old_end:
+                column = min(column, old_indices[old])
+            if at < end and indices[at] == column:
+                change += data[at]
+                at += 1
+            if old < old_end and old_indices[old] == column:
+                change -= old_data[old]
+                largest = max(largest, abs(old_data[old]))
+                old += 1
+            if place[i] >= 0 and place[column] >= 0:
+                E[place[i], place[column]] = change
+            else:
+                # fault: a matrix that changed inside bodies is taken for the same -> elsewhere = 0.0 |
+                #   thermal_fmu/test_thermal_solver
+                elsewhere = max(elsewhere, abs(change))
+    return E, elsewhere, largest
+
+
+@kernel
 def with_blocks(indptr: Ints, indices: Ints, data: Floats, nodes: Ints, values: Floats,
                 fixed: NDArray[np.bool_]) -> tuple[Ints, Ints, Floats]:
     """Add blocks to a CSR matrix, but for rows and columns that are fixed : (n,); columns stay in order.

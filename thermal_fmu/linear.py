@@ -1,22 +1,26 @@
 """Linear solves of the thermal half: GMRES about an anchor, the matrix that was factored.
 
 From one substep to the next the matrix changes little (the step's size, the pieces that face each other), and a
-solve with existing factors costs a twentieth of new ones.  The anchor is part of the state: the factors are rebuilt
-from it where they are not at hand, so hot and cold caches give the same bits.
+solve with existing factors costs a twentieth of new ones.  Where only the surfaces change, as while bodies slide, they
+are corrected exactly, on the unknowns of the surface nodes (P picks them, E is the change of the matrix there):
+    (A_0 + P E P')^-1 b = A_0^-1 b - W E w,   (1 + P' W E) w = P' A_0^-1 b,   W = A_0^-1 P.
+The anchor is part of the state: the factors and W are rebuilt from it where they are not at hand, so hot and cold
+caches give the same bits.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from contact.half.linalg import Solve, factorise
-from thermal_fmu.kernels import times
+from thermal_fmu.kernels import surface_change, times
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -26,6 +30,14 @@ Ints = NDArray[np.int32]
 MAX_KRYLOV = 8
 PATIENCE = 2  # iterations before their rate is judged: the first ones say little about it
 SMALLEST = 400  # unknowns: below, new factors cost no more than a few products in Python
+
+# W takes a solve for every surface node, many at a time: about half of one alone each.  It is worked out once solves
+# about anchors with the same matrix inside bodies have cost as much, so it costs at most as much again where that ends.
+NEW_FACTORS = 20  # solves that new factors cost
+SAME_INSIDE = 1e-3  # of the largest entry: what entries inside bodies may differ by
+MOST_ENTRIES = 1_000_000  # of W: beyond, a product with it costs as much as a solve
+RIGHT_SIDES = 64  # solved at a time, which keeps memory small
+KEPT = 2  # anchors whose factors are kept where W may be: whole windows and halves of them take turns
 
 
 @dataclass(frozen=True)
@@ -45,13 +57,15 @@ class AnchorMatrix:
     """The matrix whose factors are used, as CSR arrays.
 
     indptr : (n + 1,).  indices : (nnz,).  data : (nnz,) [J/K].  learnt : of a program, where the inside of bodies is
-    one's; None: nothing.
+    one's; None: nothing.  spent : solves that W would have saved, about it and those before it with the same matrix
+    inside bodies.
     """
 
     indptr: Ints
     indices: Ints
     data: Floats
     learnt: Learnt | None = None
+    spent: int = 0
 
     def matrix(self) -> csr_matrix:
         """Return the matrix itself."""
@@ -67,23 +81,85 @@ class LinearSolution:
     anchor: AnchorMatrix
 
 
-class Factors:
-    """The factors of the last anchor asked for.  Equal matrices have equal factors, to the bit."""
+class FactoredAnchor:
+    """An anchor's factors and, once asked for, W : (n, n_s) [K/J] of the surface nodes (n_s,)."""
 
-    def __init__(self) -> None:
-        self._anchor: AnchorMatrix | None = None
-        self._solve: Solve | None = None
+    def __init__(self, anchor: AnchorMatrix, nodes: Ints) -> None:
+        """Raises SingularMatrixError."""
+        self.anchor, self.nodes = anchor, nodes
+        self.solve: Solve = factorise(anchor.matrix())
+
+    @cached_property
+    def W(self) -> Floats:
+        """Solve for the temperatures that a joule at each surface node makes."""
+        n, W = self.anchor.indptr.size - 1, np.empty((self.anchor.indptr.size - 1, self.nodes.size))
+        for start in range(0, self.nodes.size, RIGHT_SIDES):
+            some = self.nodes[start : start + RIGHT_SIDES]
+            unit = np.zeros((n, some.size))
+            unit[some, np.arange(some.size)] = 1.0
+            W[:, start : start + RIGHT_SIDES] = self.solve(unit)
+        return W
+
+    def corrected(self, E: Floats) -> Solve:
+        """Return the solver of A_0 + P E P'; E : (n_s, n_s) [J/K]."""
+        active = np.flatnonzero(E.any(axis=0) | E.any(axis=1))
+        if not active.size:
+            return self.solve
+        nodes, E = self.nodes[active], E[np.ix_(active, active)]
+        # E (1 + P' W E)^-1 once for all iterations.
+        # fault: surfaces corrected by half their change -> onto = 0.5 * E @ np.linalg.inv(np.eye(active.size) +
+        #   self.W[np.ix_(nodes, active)] @ E) | thermal_fmu/test_thermal_solver
+        onto = E @ np.linalg.inv(np.eye(active.size) + self.W[np.ix_(nodes, active)] @ E)
+
+        def solve(b: Floats) -> Floats:
+            x, change = self.solve(b), np.zeros(self.nodes.size)
+            change[active] = onto @ x[nodes]
+            return np.asarray(x - self.W @ change)
+
+        return solve
+
+
+class Factors:
+    """The factors of the last anchors asked for.  Equal matrices have equal factors, to the bit.
+
+    nodes : (n_s,) unknowns at surfaces, which may be corrected; None: no surface is.
+    """
+
+    def __init__(self, nodes: Ints | None = None) -> None:
+        self.nodes = np.empty(0, np.int32) if nodes is None else nodes
+        self._kept: list[FactoredAnchor] = []
+        self._place = np.empty(0, np.int32)
         self.made = 0
 
     def of(self, anchor: AnchorMatrix) -> Solve:
         """Return the factors of an anchor.  Raises SingularMatrixError."""
-        # fault: factors of an old matrix -> if self._solve is None or self._anchor is None : |
-        #   thermal_fmu/test_thermal_solver
-        if self._solve is None or self._anchor is None or not _equal(self._anchor, anchor):
-            self._solve = factorise(anchor.matrix())
+        return self.factored(anchor).solve
+
+    def factored(self, anchor: AnchorMatrix) -> FactoredAnchor:
+        """Return an anchor with its factors.  Raises SingularMatrixError."""
+        # fault: factors of an old matrix -> found = next(iter(self._kept), None) | thermal_fmu/test_thermal_solver
+        found = next((one for one in self._kept if _equal(one.anchor, anchor)), None)
+        if found is None:
+            # Before the new ones: of large matrices the memory of both is too much.
+            del self._kept[(KEPT if self._may_correct(anchor.indptr.size - 1) else 1) - 1 :]
+            found = FactoredAnchor(anchor, self.nodes)
             self.made += 1
-        self._anchor = anchor
-        return self._solve
+        self._kept = [found, *(one for one in self._kept if one is not found)]
+        return found
+
+    def change(self, anchor: AnchorMatrix, A: csr_matrix) -> Floats | None:
+        """Compute E : (n_s, n_s) [J/K] of a matrix; None where it differs inside bodies too, or no surface counts."""
+        if not self._may_correct(A.shape[0]):
+            return None
+        if self._place.size != A.shape[0]:
+            self._place = np.full(A.shape[0], -1, np.int32)
+            self._place[self.nodes] = np.arange(self.nodes.size, dtype=np.int32)
+        E, inside, largest = surface_change(A.indptr, A.indices, A.data, anchor.indptr, anchor.indices, anchor.data,
+                                            self._place, self.nodes.size)
+        return E if inside <= SAME_INSIDE * largest else None
+
+    def _may_correct(self, n: int) -> bool:
+        return 0 < n * self.nodes.size <= MOST_ENTRIES
 
 
 def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, factors: Factors,
@@ -93,19 +169,34 @@ def solve(A: csr_matrix, b: Floats, target: float, anchor: AnchorMatrix | None, 
     round_off : what b may have of it, added up [J]; where b is no more, x is what the factors at hand say.
     Raises SingularMatrixError.
     """
+    spent = 0
     if anchor is not None and b.size >= SMALLEST and anchor.indptr.size == b.size + 1:
         # Where b is round-off all but a little A Z has as much of it, and what is least shares the rest out at random.
         # fault: what is left of heat is shared out by round-off -> if False: | thermal_fmu/test_thermal_ledger
         if float(np.abs(b).sum()) <= round_off:
             return LinearSolution(factors.of(anchor)(b), anchor)
-        x = _gmres(A, b, target / np.sqrt(b.size), factors.of(anchor))
-        if x is not None and float(np.abs(b - times(A.indptr, A.indices, A.data, x)).sum()) <= target:
-            return LinearSolution(x, anchor)
-    fresh = AnchorMatrix(A.indptr, A.indices, A.data)
+        known, E = factors.factored(anchor), factors.change(anchor, A)
+        pays = E is not None and 2 * anchor.spent >= factors.nodes.size
+        found = _gmres(A, b, target / np.sqrt(b.size), known.corrected(E) if pays and E is not None else known.solve)
+        spent = 0 if E is None else anchor.spent + (MAX_KRYLOV if found is None else found.solves)
+        if found is not None and float(np.abs(b - times(A.indptr, A.indices, A.data, found.x)).sum()) <= target:
+            # fault: what was spent is not counted -> return LinearSolution(found.x, anchor) |
+            #   thermal_fmu/test_thermal_solver
+            return LinearSolution(found.x, anchor if pays else replace(anchor, spent=spent))
+        spent += NEW_FACTORS if E is not None else 0
+    fresh = AnchorMatrix(A.indptr, A.indices, A.data, spent=spent)
     return LinearSolution(factors.of(fresh)(b), fresh)
 
 
-def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floats], Floats]) -> Floats | None:
+@dataclass(frozen=True)
+class _Found:
+    """x : (n,).  solves : how often the factors were used."""
+
+    x: Floats
+    solves: int
+
+
+def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floats], Floats]) -> _Found | None:
     """Find x : (n,) with |b - A x|_2 <= target by right preconditioned GMRES from 0; None as soon as it will take too
 
     long.  The least squares are turned along, column by column (Saad, Iterative Methods for Sparse Linear Systems,
@@ -113,7 +204,7 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
     """
     size = float(np.linalg.norm(b))
     if size == 0.0:
-        return np.zeros(b.size)
+        return _Found(np.zeros(b.size), 0)
     V, Z = np.empty((MAX_KRYLOV + 1, b.size)), np.empty((MAX_KRYLOV, b.size))
     V[0], residual = b / size, size
     columns: list[list[float]] = []  # of the triangle R
@@ -144,7 +235,7 @@ def _gmres(A: csr_matrix, b: Floats, target: float, precondition: Callable[[Floa
         residual = -s * residual
         # fault: linear residual not checked -> if abs(residual) <= 1e6 * target: | thermal_fmu/test_thermal_solver
         if abs(residual) <= target:
-            return np.asarray(_back(columns, turned) @ Z[: j + 1])
+            return _Found(np.asarray(_back(columns, turned) @ Z[: j + 1]), j + 1)
         if j >= PATIENCE and (abs(residual) / size) ** (MAX_KRYLOV / (j + 1)) * size > target:
             return None
         V[j + 1] = w / beyond

@@ -20,6 +20,7 @@ import numpy as np
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
+from contact.half.door import announce
 from contact.half.interface import Interface
 from contact.half.layout import layout_of, standard_variables
 from contact.half.model import Discard, Done, Floats, HalfModel, Values, load_directory
@@ -155,6 +156,7 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
         self._started = False
         self._broken = ""
         self._interrupted = False
+        announce(self)
 
     # Initialisation and stepping
 
@@ -228,6 +230,16 @@ class HalfSlave(Fmi2Slave, ABC):  # type: ignore[misc]
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set inputs and parameters."""
         self._store.set_reals(vrs, values)
+
+    @guarded(lambda slave, first, values: values.fill(math.nan))
+    def read_block(self, first: int, values: Floats) -> None:
+        """As of contact.half.door.Door."""
+        self._store.read(first, values)
+
+    @guarded(_nothing)
+    def write_block(self, first: int, values: Floats) -> None:
+        """As of contact.half.door.Door."""
+        self._store.write(first, values)
 
     @guarded(lambda slave, vrs: [FAILED] * len(vrs))
     def get_integer(self, vrs: list[int]) -> list[int]:

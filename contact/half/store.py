@@ -73,6 +73,24 @@ class VariableStore:
             raise ValueError(f"{self.layout.name_of(last)} is not an input or parameter")
         self.reals[place] = np.fromiter(values, np.float64, len(values))
 
+    def read(self, first: int, values: Floats) -> None:
+        """Fill values : (n,) with those from a place on.  Raises ValueError where these are no Reals."""
+        last = first + values.size
+        if not 0 <= first <= last <= self.layout.n_real:
+            raise ValueError("a value reference that is no Real")
+        # fault: a block that is owed is read as it was -> if False: | contact/test_store
+        if self.owed:
+            self._settle(slice(first, last))
+        values[:] = self.reals[first:last]
+
+    def write(self, first: int, values: Floats) -> None:
+        """Set inputs and parameters from a place on to values : (n,).  Raises ValueError for any other."""
+        last = first + values.size
+        # fault: outputs can be set by blocks -> if first < 0: | contact/test_store
+        if first < 0 or last > self.layout.n_set:
+            raise ValueError(f"{self.layout.name_of(max(last - 1, 0))} is not an input or parameter")
+        self.reals[first:last] = values
+
     def integer_at(self, vr: int, settable: bool = False) -> int:
         """Return the place in integers of a value reference.
 

@@ -34,8 +34,10 @@ NUMBERS = ("Real", "Integer", "Boolean")
 _alive: weakref.WeakSet[FmuHalf] = weakref.WeakSet()
 
 
-def load_half(fmu: Path, extracted: Path | None = None, name: str = "half") -> FmuHalf:
+def load_half(fmu: Path, extracted: Path | None = None, name: str = "half", past_lists: bool = False) -> FmuHalf:
     """Load an FMU and make one instance of it.
+
+    past_lists : whether numbers of a half of ours may go as arrays, beside FMI's lists (contact.half.door).
 
     extracted : where it is, or will be, unpacked; None for where it lies unpacked beside the FMU (as build_half leaves
     it), else for a directory of its own that goes when the program ends.  Raises HalfError with the half's own words.
@@ -46,7 +48,7 @@ def load_half(fmu: Path, extracted: Path | None = None, name: str = "half") -> F
         scratch = tempfile.TemporaryDirectory(prefix="slideline-")
         _scratch.append(scratch)
         extracted = Path(scratch.name) / "fmu"
-    return FmuHalf(unpack(fmu, extracted).absolute(), name)
+    return FmuHalf(unpack(fmu, extracted).absolute(), name, past_lists)
 
 
 _scratch: list[tempfile.TemporaryDirectory[str]] = []
@@ -103,7 +105,7 @@ def _first_bad(name: str, value: Array) -> str:
 class FmuHalf:
     """A half (coupler.fmu.half.Half) behind an FMU's C interface."""
 
-    def __init__(self, extracted: Path, name: str) -> None:
+    def __init__(self, extracted: Path, name: str, past_lists: bool = False) -> None:
         self.name = name
         self._description: Description = read_description(extracted)
         self._fields = self._description.fields
@@ -121,7 +123,7 @@ class FmuHalf:
         self._token = 0
         self._t = self._h = float("nan")
         self._begun = self._dead = False
-        self._fmu: Instance = load_instance(self._description, extracted, name)
+        self._fmu: Instance = load_instance(self._description, extracted, name, past_lists)
         try:
             self._fmu.instantiate(_recorder(self._log))
         except Exception as exc:

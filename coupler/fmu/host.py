@@ -183,6 +183,8 @@ def _end(code: int, message: str) -> NoReturn:
 
 
 if __name__ == "__main__":
+    from functools import partial
+
     from coupler.fmu.fmi import load_half
 
-    main(load_half)
+    main(partial(load_half, past_lists=True))

@@ -329,7 +329,7 @@ def launch(scenario: Scenario, *, processes: bool, hosts: Path | None = None,
             return
         halves = {}
         for name, fmu in fmus.items():
-            halves[name] = load_half(fmu, None, name)
+            halves[name] = load_half(fmu, None, name, past_lists=True)
             stack.callback(halves[name].close)
         yield Launched(thermal(halves), halves["mechanical"], scenario.coupling.link)
 

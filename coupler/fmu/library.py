@@ -41,6 +41,7 @@ from fmpy import calloc, free
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
+from contact.half.door import Door, doors
 from coupler.errors import HalfError
 from coupler.fmu.description import Description
 
@@ -76,7 +77,8 @@ class CallError(Exception):
 class Buffer:
     """Memory both sides see: value references, and the values of all of them, one after the other.
 
-    n : value references.  type : of the values, as in the XML.
+    n : value references.  type : of the values, as in the XML.  first : of references that follow each other, -1 of
+    others.
     """
 
     n: int
@@ -85,6 +87,7 @@ class Buffer:
     pointer: Any
     type: str
     keep: NDArray[np.uint32]
+    first: int
 
 
 @dataclass(frozen=True)
@@ -104,9 +107,14 @@ class Instance(ABC):
 
     prefix = ""  # of the functions
 
-    def __init__(self, description: Description, extracted: Path, name: str) -> None:
-        """Load the library.  Raises HalfError where that is not possible."""
-        self._description = description
+    def __init__(self, description: Description, extracted: Path, name: str, past_lists: bool = False) -> None:
+        """Load the library.  past_lists : whether a half of ours in this process is read and written without FMI's
+        lists.
+
+        Raises HalfError where that is not possible.
+        """
+        self._description, self._past_lists = description, past_lists
+        self._door: Door | None = None
         here = os.getcwd()
         try:
             self._fmu: Any = self._loader()(
@@ -149,8 +157,9 @@ class Instance(ABC):
         dtype, c_type = self._c_type(type_)
         refs = np.array(list(references), dtype=np.uint32)
         values: NDArray[Any] = np.zeros(size, dtype=dtype)
+        first = int(refs[0]) if refs.size and (np.diff(refs.astype(np.int64)) == 1).all() else -1
         return Buffer(refs.size, refs.ctypes.data_as(POINTER(c_uint)), values, values.ctypes.data_as(POINTER(c_type)),
-                      type_, refs)
+                      type_, refs, first)
 
     def _c_type(self, type_: str) -> tuple[type, Any]:
         return C_TYPES[type_]
@@ -220,6 +229,7 @@ class Instance(ABC):
 
     def free(self) -> None:
         """Free the instance.  The library stays loaded: unloading crashes some tools, and the next needs it anyway."""
+        self._door = None
         getattr(self._fmu, f"{self.prefix}FreeInstance")(self._instance)
 
     def _call(self, function: str, *args: Any) -> None:
@@ -242,8 +252,11 @@ class Instance2(Instance):
     def instantiate(self, log: Callable[[int, bytes], None]) -> None:
         """As of Instance."""
         self._callbacks = self._made_callbacks(log)
-        self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
+        with doors() as made:
+            self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         self._instance = self._fmu.component
+        if self._past_lists and len(made) == 1:
+            self._door = made[0]
 
     def _made_callbacks(self, log: Callable[[int, bytes], None]) -> Any:
         def record(_: Any, __: bytes, status: int, ___: bytes, message: bytes) -> None:
@@ -281,10 +294,16 @@ class Instance2(Instance):
 
     def get(self, buffer: Buffer) -> None:
         """As of Instance."""
+        if self._door is not None and buffer.type == "Real" and buffer.first >= 0:
+            self._door.read_block(buffer.first, buffer.values)
+            return
         self._call(f"Get{buffer.type}", buffer.references, buffer.n, buffer.pointer)
 
     def set(self, buffer: Buffer) -> None:
         """As of Instance."""
+        if self._door is not None and buffer.type == "Real" and buffer.first >= 0:
+            self._door.write_block(buffer.first, buffer.values)
+            return
         self._call(f"Set{buffer.type}", buffer.references, buffer.n, buffer.pointer)
 
     def text(self, buffer: Buffer) -> bytes:
@@ -364,9 +383,10 @@ def _function_of(type_: str) -> str:
     return "Int64" if type_ == "Enumeration" else type_
 
 
-def load_instance(description: Description, extracted: Path, name: str) -> Instance:
-    """Load the library of an extracted FMU.  Raises HalfError where that is not possible."""
-    return (Instance3 if description.fmi == 3 else Instance2)(description, extracted, name)
+def load_instance(description: Description, extracted: Path, name: str, past_lists: bool = False) -> Instance:
+    """Load the library of an extracted FMU.  past_lists : as of Instance.  Raises HalfError where that is not possible.
+    """
+    return (Instance3 if description.fmi == 3 else Instance2)(description, extracted, name, past_lists)
 
 
 def finish_libraries() -> None:

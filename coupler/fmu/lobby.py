@@ -109,7 +109,7 @@ def _serve(role: str, lobby: Lobby, session: Session, patience: float) -> None:
     else:
         try:
             place = ready_place(begin.digest, cache_directory()) / "half.fmu"
-            hosted = Hosted(load_half(place, None, role))
+            hosted = Hosted(load_half(place, None, role, past_lists=True))
         except HalfError as exc:
             lobby.answers.put(Text(str(exc)))
             _end(1)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contact.half.door import doors
 from contact.half.layout import layout_of
 from contact.half.model import Discard, Outputs, Variable
 from contact.half.slave import HalfSlave
@@ -137,3 +138,48 @@ def test_a_slave_that_owes_answers_the_same_bits(tmp_path):
         other, _ = begun(OwingSlave, tmp_path / "other")
         other._set_fmu_state(OwingSlave._fmu_state_from_bytes(data))
         assert other.get_real(T) == step
+
+
+def test_a_block_is_what_a_list_is():
+    """Read with what is owed, written to inputs alone, refused beyond what there is."""
+    for first, n in ((0, 7), (1, 3), (4, 2), (5, 2), (0, 1)):
+        one, made = store_with(5.0)
+        other, _ = store_with(5.0)
+        values = np.full(n, np.nan)
+        one.read(first, values)
+        assert values.tolist() == other.get_reals(list(range(first, first + n)))
+        assert made.times == int(n > 1)
+    for first, n in ((-1, 2), (6, 2), (8, 1)):
+        with pytest.raises(ValueError, match="no Real"):
+            store_with(5.0)[0].read(first, np.zeros(n))
+
+
+def test_a_half_is_heard_of_by_who_made_it_and_takes_blocks(tmp_path):
+    """Blocks set and tell what lists do; what cannot be set fails as it does by lists."""
+    with doors() as outer:
+        with doors() as made:
+            blocks, T = begun(Slave, tmp_path / "blocks")
+        assert made == [blocks]
+        lists, _ = begun(Slave, tmp_path / "lists")
+    assert outer == [lists]
+    begun(Slave, tmp_path / "unheard")
+    assert outer == [lists]
+    drive = lists._store.layout.first["drive"]
+    given = np.array([301.0, 311.0, 321.0, 331.0])
+    blocks.write_block(drive, given)
+    lists.set_real(list(range(drive, drive + 4)), given.tolist())
+    given[:] = 0.0
+    for slave in (blocks, lists):
+        assert slave.do_step(0.0, 0.5) is True
+    values = np.empty(4)
+    blocks.read_block(T[0], values)
+    assert values.tolist() == lists.get_real(T)
+    blocks.write_block(T[0], values)
+    lists.set_real(T, values.tolist())
+    for slave in (blocks, lists):
+        assert slave.do_step(0.5, 0.5) is False
+    assert "is not an input or parameter" in blocks._store.text("status.message")
+    by_lists = lists._store.text("status.message")
+    assert blocks._store.text("status.message") == by_lists.replace("set_real", "write_block")
+    blocks.read_block(10**6, values)
+    assert np.isnan(values).all()

@@ -25,7 +25,7 @@ from coupler.fmu.half import Status
 
 N = 4
 def half(fmu, name="toy", extracted=None):
-    return load_half(Path(fmu), extracted and Path(extracted), name)
+    return load_half(Path(fmu), extracted and Path(extracted), name, PAST_LISTS)
 def begun(fmu, name="toy", drive=400.0, **inputs):
     h = half(fmu, name)
     h.initialise(0.0, 10.0, {"contact.link": "direct"}, {"drive": np.full(N, drive), **inputs}, ["T"])
@@ -35,8 +35,11 @@ def method(k):
 """
 
 
-def run(code: str, *args: object) -> str:
-    return fresh(BEGIN + code, *args)
+def run(code: str, *args: object, past_lists: bool = False) -> str:
+    return fresh(f"PAST_LISTS = {past_lists}\n" + BEGIN + code, *args)
+
+
+BOTH_WAYS = pytest.mark.parametrize("past_lists", [False, True])
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +70,8 @@ print(json.dumps({"x": [h.blocks["x"].shape, h.blocks["x"].unit, h.blocks["x"].c
     assert out["sum"] == pytest.approx(4 * T)
 
 
-def test_step_restore_step_gives_the_same_bits_twice(fmu):
+@BOTH_WAYS
+def test_step_restore_step_gives_the_same_bits_twice(fmu, past_lists):
     run("""
 h = begun(sys.argv[1])
 h.advance(0.0, 0.5, {}, ["T"])
@@ -86,10 +90,11 @@ except HalfError as exc:
     assert "was released" in str(exc)
 else:
     raise AssertionError
-""", fmu)
+""", fmu, past_lists=past_lists)
 
 
-def test_a_state_written_in_one_process_goes_on_in_another(fmu, tmp_path):
+@BOTH_WAYS
+def test_a_state_written_in_one_process_goes_on_in_another(fmu, tmp_path, past_lists):
     first = run("""
 h = begun(sys.argv[1])
 h.advance(0.0, 0.5, {"drive": np.linspace(300, 500, N)}, [])
@@ -98,7 +103,7 @@ data = h.serialise(token)
 assert data == h.serialise(token)
 Path(sys.argv[2]).write_bytes(data)
 print(h.advance(0.5, 0.5, {}, ["T"]).outputs["T"].tobytes().hex())
-""", fmu, tmp_path / "state")
+""", fmu, tmp_path / "state", past_lists=past_lists)
     second = run("""
 h = begun(sys.argv[1], drive=0.0)
 h.restore(h.deserialise(Path(sys.argv[2]).read_bytes()))
@@ -165,7 +170,8 @@ print(text)
     assert "toy_half" in out
 
 
-def test_a_failed_computation_and_a_bad_number_are_discards(fmu):
+@BOTH_WAYS
+def test_a_failed_computation_and_a_bad_number_are_discards(fmu, past_lists):
     run("""
 h = begun(sys.argv[1])
 for inputs, words in ((method(2), "ZeroDivisionError"), (method(6), "output T is not finite"),
@@ -173,10 +179,11 @@ for inputs, words in ((method(2), "ZeroDivisionError"), (method(6), "output T is
     a = h.advance(0.0, 0.5, inputs, ["T"])
     assert a.status is Status.DISCARD and words in a.message, a
 assert h.advance(0.0, 0.5, {"drive": np.full(N, 1.0)}, ["T"]).status is Status.OK
-""", fmu)
+""", fmu, past_lists=past_lists)
 
 
-def test_an_interruption_inside_a_half_reaches_the_caller(fmu):
+@BOTH_WAYS
+def test_an_interruption_inside_a_half_reaches_the_caller(fmu, past_lists):
     run("""
 h = begun(sys.argv[1])
 try:
@@ -185,16 +192,17 @@ except KeyboardInterrupt:
     assert h.advance(0.0, 0.5, method(0), ["T"]).status is Status.OK
 else:
     raise AssertionError
-""", fmu)
+""", fmu, past_lists=past_lists)
 
 
-def test_a_half_that_cannot_start_is_an_error(fmu):
+@BOTH_WAYS
+def test_a_half_that_cannot_start_is_an_error(fmu, past_lists):
     out = run("""
 try:
     begun(sys.argv[1], **method(9))
 except HalfError as exc:
     print(exc)
-""", fmu)
+""", fmu, past_lists=past_lists)
     assert "cannot start: 100 percents of it" in out
 
 
@@ -214,7 +222,8 @@ print(text)
     assert "model.json: not a readable JSON file" in out
 
 
-def test_halves_of_one_kind_with_other_models_live_side_by_side(fmu, other):
+@BOTH_WAYS
+def test_halves_of_one_kind_with_other_models_live_side_by_side(fmu, other, past_lists):
     run("""
 a, b = begun(sys.argv[1], "a"), half(sys.argv[2], "b")
 b.initialise(0.0, 1.0, {}, {"drive": np.full(3, 400.0)}, [])
@@ -226,10 +235,11 @@ Ta, Tb = (h.advance(0.0, 0.5, {}, ["T"]).outputs["T"] for h in (a, b))
 assert Ta.shape == (4,) and Tb.shape == (3,)
 assert abs(Ta - (273.15 + 0.05 * 400) / 1.05).max() < 1e-9
 assert abs(Tb - (273.15 + 0.25 * 400) / 1.25).max() < 1e-9
-""", fmu, other)
+""", fmu, other, past_lists=past_lists)
 
 
-def test_what_a_caller_does_wrong_is_named(fmu):
+@BOTH_WAYS
+def test_what_a_caller_does_wrong_is_named(fmu, past_lists):
     out = run("""
 h = begun(sys.argv[1])
 for wrong in (lambda: h.advance(0.0, 0.5, {"drvie": np.zeros(N)}, []), lambda: h.read(["nothing"]),
@@ -244,7 +254,7 @@ try:
     h.read(["T"])
 except HalfError as exc:
     print(exc.message)
-""", fmu).splitlines()
+""", fmu, past_lists=past_lists).splitlines()
     for words, line in zip(["no variable 'drvie'", "no variable 'nothing'", "drive has shape (4,), it was given (3,)",
                             "geometry is a String", "T is not an input or parameter", "after the half had ended"],
                            out, strict=True):

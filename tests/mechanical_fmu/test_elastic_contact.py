@@ -13,6 +13,10 @@ from scipy.optimize import brentq
 
 from contact.half.state import frozen_copy
 from contact.rpc.link import open_link
+from mechanical_fmu import tangent
+from mechanical_fmu.advance import Task, loading_of
+from mechanical_fmu.enforcement import contact_query
+from mechanical_fmu.tangent import StiffnessAnchor
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import EXPECTED, STEEL, block, blocks, done, elastic, hold, inputs_of, press
@@ -192,6 +196,28 @@ def test_sliding_with_old_factors_is_sliding_with_fresh_ones(link):
     for (_, a), (_, b) in zip(old_run, fresh_run, strict=True):
         assert np.abs(a["x"] - b["x"]).max() <= 1e-12
         assert np.abs(a["contact.t_N"] - b["contact.t_N"]).max() <= 1e-5 * max(1e7, np.abs(b["contact.t_N"]).max())
+
+
+def test_directions_with_kept_responses_are_those_of_two_solves(link, monkeypatch):
+    """W of an anchor, or a second solve with its factor: at places where contact has changed since, touching or not."""
+    half = sliding()
+    state, _ = drive(half, link)[6]
+    anchor, system = half._anchor(state), half.system
+    for shift in (0.0, -1e-4, 3e-4):
+        u = np.array(state.u)
+        u[system.interface.node_body == 1, 1] += shift
+        drive_now = state.drive
+        task = Task(drive_now, drive_now, 1.0, contact_query(system, link, state.contact), None)
+        balance = system.balance(u, loading_of(system, task, 1.0, 1.0, np.empty(0)))
+        gap = np.zeros(system.constraints.fixed.size)
+        assert anchor.moved is not None
+        kept = anchor.direction(balance, gap)
+        with monkeypatch.context() as patch:
+            patch.setattr(tangent, "MOST_ENTRIES", 0)
+            again = StiffnessAnchor(system, anchor.u, anchor.moduli)
+            assert again.moved is None
+            solved_twice = again.direction(balance, gap)
+        assert np.abs(kept - solved_twice).max() <= 1e-11 * np.abs(solved_twice).max()
 
 
 def test_hot_and_cold_caches_give_the_same_bits(link):

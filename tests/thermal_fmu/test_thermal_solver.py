@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
 sys.path.insert(0, str(Path(__file__).parent))
 from thermal_scenes import Box, FlatContact, imbalance, inputs_of, scene, spec
@@ -31,13 +31,13 @@ def blocks(k=30.0):
     return mesh, model
 
 
-def slide(half, mesh, state, first, last):
-    """Steps of a slide with a slowly growing step; states and outputs."""
+def slide(half, mesh, state, first, last, growth=1.01):
+    """Steps of a slide with a step that grows slowly; states and outputs."""
     link, done = FlatContact(), []
     for i in range(first, last):
         x = mesh.nodes + np.where(mesh.node_body == 1, 4e-4 * i, 0.0)[:, None] * np.array([1.0, 0.0])
         given = inputs_of(mesh, half, x=x, t_N=np.full(len(mesh.pair_nodes), -1e6))
-        done.append(half.step(state, given, 5.0 * i, 5.0 * 1.01**i, link))
+        done.append(half.step(state, given, 5.0 * i, 5.0 * growth**i, link))
         state = done[-1].state
     return done
 
@@ -63,19 +63,74 @@ def test_old_factors_serve_and_change_nothing_that_matters(monkeypatch, k):
     assert sum(d.outputs["iterations"] for d in with_old) <= sum(d.outputs["iterations"] for d in with_new) + 5
 
 
+def test_sliding_bodies_keep_their_factors(monkeypatch):
+    """Steps of one length: what changes at surfaces alone is corrected there, and needs no new factors."""
+    mesh, model = blocks()
+    reusing = load(mesh, model)
+    with_old = slide(reusing, mesh, begun(reusing, mesh), 0, 30, growth=1.0)
+    made = reusing._factors.made
+    slide(reusing, mesh, with_old[-1].state, 30, 45, growth=1.0)
+    assert reusing._factors.made == made <= 4
+    monkeypatch.setattr(linear, "SMALLEST", 10**9)
+    fresh = load(mesh, model)
+    with_new = slide(fresh, mesh, begun(fresh, mesh), 0, 30, growth=1.0)
+    for a, b in zip(with_old, with_new, strict=True):
+        assert np.abs(a.outputs["T"] - b.outputs["T"]).max() < 1e-8
+        assert imbalance([a.outputs]) < 1e-10
+
+
+def test_surfaces_are_corrected_exactly():
+    """The correction solves the matrix of today, whatever its symmetry; what changed inside bodies is noticed."""
+    rng = np.random.default_rng(2)
+    n, nodes = 60, np.array([3, 7, 8, 20, 41, 59], np.int32)
+    then = np.where(rng.random((n, n)) < 0.1, rng.normal(size=(n, n)), 0.0) + 8.0 * np.eye(n)
+    now = then.copy()
+    now[np.ix_(nodes[:4], nodes[:4])] += rng.normal(size=(4, 4))
+    A, B = csr_matrix(then), csr_matrix(now)
+    factors, anchor = linear.Factors(nodes), linear.AnchorMatrix(A.indptr, A.indices, A.data)
+    E = factors.change(anchor, B)
+    assert np.abs(E - (now - then)[np.ix_(nodes, nodes)]).max() < 1e-15
+    b = rng.normal(size=n)
+    assert np.abs(B @ factors.factored(anchor).corrected(E)(b) - b).max() < 1e-12
+    now[1, 1] += 0.1
+    assert factors.change(anchor, csr_matrix(now)) is None
+    assert factors.change(anchor, csr_matrix(1.01 * then)) is None, "another step"
+
+
+def test_solves_about_an_anchor_add_up_until_responses_pay():
+    """Each solve that W would have spared is counted in the anchor; at half of the surface nodes W is worked out."""
+    n, nodes = 450, np.arange(0, 450, 22, dtype=np.int32)
+    then = csr_matrix(diags([-np.ones(n - 1), 2.5 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]))
+    factors, anchor = linear.Factors(nodes), linear.AnchorMatrix(then.indptr, then.indices, then.data)
+    b, counts = np.cos(np.arange(n)), [0]
+    while "W" not in vars(factors.factored(anchor)):
+        change = np.zeros(n)
+        change[nodes[: 2 + len(counts) % 3]] = 0.3
+        found = linear.solve(csr_matrix(then + diags(change)), b, 1e-9, anchor, factors)
+        assert factors.made == 1, "no new factors"
+        anchor = found.anchor
+        counts.append(anchor.spent)
+        assert len(counts) < 20
+    *before, last, after = counts
+    assert (np.diff([*before, last]) >= 2).all()
+    assert 2 * last >= nodes.size > 2 * before[-1]
+    assert after == last, "with W nothing is to be spared any more"
+
+
+@pytest.mark.parametrize("growth", [1.01, 1.0])
 @pytest.mark.parametrize("choice", ["superlu", "pardiso"])
-def test_hot_and_cold_caches_give_the_same_bits(monkeypatch, choice):
+def test_hot_and_cold_caches_give_the_same_bits(monkeypatch, choice, growth):
     """From one state: with its factors at hand, with others, in a new half, from bytes."""
     if choice == "pardiso":
         pytest.importorskip("pypardiso")
     monkeypatch.setenv("SLIDELINE_SOLVER", choice)
     mesh, model = blocks()
     half = load(mesh, model)
-    middle = slide(half, mesh, begun(half, mesh), 0, 8)[-1].state
-    hot = slide(half, mesh, middle, 8, 14)
-    slide(half, mesh, begun(half, mesh), 0, 3)
+    middle = slide(half, mesh, begun(half, mesh), 0, 8, growth)[-1].state
+    hot = slide(half, mesh, middle, 8, 14, growth)
+    slide(half, mesh, begun(half, mesh), 0, 3, 1.1)
     restored = from_bytes(to_bytes(middle), {"thermal_fmu"})
-    others = (slide(half, mesh, middle, 8, 14), slide(load(mesh, model), mesh, restored, 8, 14))
+    others = (slide(half, mesh, middle, 8, 14, growth), slide(load(mesh, model), mesh, restored, 8, 14, growth))
     assert middle.anchor is not None
     for other in others:
         for a, b in zip(hot, other, strict=True):
@@ -90,10 +145,10 @@ def test_gmres_solves_or_says_that_it_takes_too_long():
     b = np.cos(np.arange(n))
     near = linear.Factors().of(linear.AnchorMatrix(*(lambda B: (B.indptr, B.indices,
                                                                 B.data))(csr_matrix(A + 0.01 * eye(n)))))
-    x = linear._gmres(A, b, 1e-12, near)
-    assert np.linalg.norm(b - A @ x) < 2e-12
+    found = linear._gmres(A, b, 1e-12, near)
+    assert np.linalg.norm(b - A @ found.x) < 2e-12
     assert linear._gmres(A, b, 1e-12, lambda v: v) is None
-    assert not linear._gmres(A, 0.0 * b, 1e-12, near).any()
+    assert not linear._gmres(A, 0.0 * b, 1e-12, near).x.any()
 
 
 def test_blocks_are_added_to_a_matrix() -> None:
