@@ -110,6 +110,11 @@ def cut_surfaces(surfaces: RegisteredSurfaces, x: Floats, mutual: bool = False) 
     at = pair_nodes_at(number, met, of.first, of.place)
     covered = covered_fractions(x, r.edges, length, of.sides, surfaces.start, of.place, r.axisymmetric, at, values,
                                 of.size)
+    # fault: a node a hair beyond the other side's end is as far off as can be -> pass | contact/test_facing
+    beyond_ends(node_gap, at, values)
+    reach = np.empty(int(passes.pair.max(initial=-1)) + 1)
+    reach[passes.pair] = passes.gap_max
+    node_gap = np.minimum(node_gap, reach[of.pair])
     return Cut(number, met, at, row[number], values, normals, node_gap, covered)
 
 
@@ -133,7 +138,7 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
           node_gap: Floats) -> tuple[Ints, Floats]:
     """Search pass i; return (n, 2) edges and values as in Cut, and lower node_gap : (n_q,) [m] to what the pass's is.
     """
-    of, gap_max = surfaces.pair_nodes, float(surfaces.passes.gap_max[i])
+    of = surfaces.pair_nodes
     if surfaces.tied[i]:
         # fault: what is tied is searched for anew -> met, values, _ = pass_points(surfaces, x, length, normal, None,
         #   bulge, i) | contact/test_tied
@@ -145,7 +150,7 @@ def _pass(surfaces: RegisteredSurfaces, x: Floats, length: Floats, normal: Float
             near[surfaces.register.edges[met[:, side]]] = 0.0
     else:
         met, values, near = pass_points(surfaces, x, length, normal, rise, bulge, i)
-    lower_gaps(node_gap, near, of.node, of.first[i], of.last[i], gap_max)
+    lower_gaps(node_gap, near, of.node, of.first[i], of.last[i])
     return met, values
 
 
@@ -159,14 +164,40 @@ def _check_geometry(surfaces: RegisteredSurfaces, x: Floats, length: Floats) -> 
 
 
 @kernel
-def lower_gaps(node_gap: Floats, near: Floats, node: Ints, first: Ints, last: Ints, gap_max: float) -> None:
-    """Lower node_gap : (n_q,) [m] of a pass's sides to the gaps its nodes have, near : (n_s,) [m], and to gap_max [m].
+def lower_gaps(node_gap: Floats, near: Floats, node: Ints, first: Ints, last: Ints) -> None:
+    """Lower node_gap : (n_q,) [m] of a pass's sides to the gaps its nodes have, near : (n_s,) [m].
 
     node : (n_q,) index s.  first, last : (2,) pair nodes of the slave's and of the master's side.
     """
     for side in range(2):
         for q in range(first[side], last[side]):
-            node_gap[q] = min(node_gap[q], near[node[q]], gap_max)
+            node_gap[q] = min(node_gap[q], near[node[q]])
+
+
+@kernel
+def beyond_ends(node_gap: Floats, at: Ints, values: Floats) -> None:
+    """Give nodes that lie beyond the other side's end, but whose edges still face it, the gap of that end.
+
+    As bodies slide or expand past each other's ends a node's gap so goes on until nothing of its part faces anything:
+    a node a hair beyond the end is no farther off than its neighbour.
+
+    node_gap : (n_q,) [m], infinite where a node itself faces nothing.  at : (n_p, 4) pair nodes.
+    values : (n_p, 5 or 7), xi_s, xi_m [1], gap [m]; the two Gauss points of a piece are neighbours.
+    """
+    nearest, gap = np.zeros(node_gap.size), np.zeros(node_gap.size)
+    for i in range(at.shape[0]):
+        twin = i + 1 - 2 * (i % 2)
+        for side in range(2):
+            for end in range(2):
+                q = at[i, 2 * side + end]
+                N = values[i, side] if end == 1 else 1.0 - values[i, side]
+                if nearest[q] < N:
+                    nearest[q] = N
+                    # On from the two points, (1 -+ 1/sqrt 3)/2 of the piece, to where it ends.
+                    gap[q] = values[i, 2] + 0.5 * (np.sqrt(3.0) - 1.0) * (values[i, 2] - values[twin, 2])
+    for q in range(node_gap.size):
+        if node_gap[q] == np.inf and nearest[q] > 0.0:
+            node_gap[q] = gap[q]
 
 
 @kernel

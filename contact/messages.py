@@ -95,7 +95,8 @@ class Facing:
     exchange, measured on the slave.  area_m : (n_p,) [m2], the same piece measured on the master (for the part of
     the master's film, and for what crosses a gap between sides of unlike area).  wide_s, wide_m : (n_p,) [1], by how
     much the round surface of either side is wider there than its edge.  The two points of a piece are neighbours.
-    node_gap : (n_q,) [m], g_N of every pair node, both sides; the pair's gap_max where nothing is faced.
+    node_gap : (n_q,) [m], g_N of every pair node, both sides; beyond the other side's end that of the end, the
+    pair's gap_max where nothing of the node's part faces anything.
     node_covered : (n_q,) part in [0, 1] of the node's share of its side that faces the other side.
     """
 

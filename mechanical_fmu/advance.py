@@ -129,7 +129,7 @@ class Task:
     """What a whole step is asked for.  Everything in it is the same for all pieces of the step.
 
     start : the drive at its beginning.  end : at its end.  dt : [s].  query : contact, None where nothing can touch.
-    frozen : (n, 2) [m] displacement at which the entropy is frozen, None for a given temperature.
+    frozen : ln theta (heat.log_dilatation) at which the entropy is frozen, None for a given temperature.
     handed : (n, 2) [N] what held components that are released now, and goes to nothing within the step; None of none.
     """
 
@@ -137,7 +137,7 @@ class Task:
     end: StepDrive
     dt: float
     query: Callable[[Floats], Tractions] | None
-    frozen: Floats | None
+    frozen: tuple[Floats, ...] | None
     handed: Floats | None = None
 
 

@@ -38,7 +38,7 @@ from mechanical_fmu.contact import contact_outputs, contact_variables, slid
 from mechanical_fmu.dynamics import BodyMotion, end_residual, first_motion, stable_step
 from mechanical_fmu.enforcement import ContactQuery, contact_history, contact_query
 from mechanical_fmu.given import ElasticMaterial, MechanicalVolume
-from mechanical_fmu.heat import flow_outputs, flow_variables, moved_heat
+from mechanical_fmu.heat import flow_outputs, flow_variables, log_dilatation, moved_heat
 from mechanical_fmu.material import MaterialRangeError, SolidMaterial
 from mechanical_fmu.named_forces import ForcesAt
 from mechanical_fmu.newton import Equilibrium, NoEquilibriumError, SolverSettings
@@ -203,12 +203,14 @@ def _heats(system: System, found: StepResult, moved: Moved, state: ElasticState)
     heat = np.zeros(n)
     if squeezed:
         T, f_s = 0.5 * (moved.drive.T + end.T), between(moved.drive, end, 0.5).f_s
-        heat = moved_heat(system, T, f_s, moved.u, found.balance.u)
+        before = log_dilatation(system, moved.u, moved.history)
+        after = log_dilatation(system, found.balance.u, found.balance.history)
+        heat = moved_heat(system, T, f_s, before, after)
     if makes_heat(system):
         # What is moved at frozen entropy goes out as E_S: counted once.
         out["E_M"] = made if moved.frozen else made + heat
     if system.spec.stated.adiabatic:
-        out["E_S"] = moved_heat(system, end.T, end.f_s, moved.u, found.balance.u) if moved.frozen else np.zeros(n)
+        out["E_S"] = moved_heat(system, end.T, end.f_s, before, after) if moved.frozen else np.zeros(n)
     return out
 
 
@@ -359,7 +361,9 @@ class ElasticHalf:
             return Done(after, self._skipped_outputs(after))
         method = self._method(int(inputs.get("control.method", 0)))
         u = _array(state.u)
-        frozen = u if int(inputs.get("control.mode", ISOTHERMAL)) == ADIABATIC else None
+        frozen = None
+        if int(inputs.get("control.mode", ISOTHERMAL)) == ADIABATIC:
+            frozen = log_dilatation(system, u, _array(state.history))
         task = Task(state.drive, drive, t + h - state.solved, contact_query(system, link, state.contact), frozen,
                     _array(state.handed) if len(state.handed) else None)
         loading = loading_of(system, task, 1.0, task.dt, _array(state.history))

@@ -24,18 +24,26 @@ from mechanical_fmu.volume import PointStep
 Floats = NDArray[np.float64]
 
 
-def log_dilatation(system: System, u: Floats) -> tuple[Floats, ...]:
-    """Compute ln theta [1] of every cell at u : (n_nodes, 2) [m], (n_e,) for each kind."""
-    return tuple(np.log(_volumes(cells, u) / cells.volume) for cells in system.volume.kinds)
+def log_dilatation(system: System, u: Floats, history: Floats) -> tuple[Floats, ...]:
+    """Compute ln theta [1] of every cell, (n_e,) for each kind.
+
+    u : (n_nodes, 2) [m].  history : (n_history,) of points there, or (0,) of virgin ones.
+    """
+    rows, at, out = history if history.size else system.volume.start_history(), 0, []
+    for cells in system.volume.kinds:
+        size = len(cells.nodes) * cells.n_row
+        out.append(np.log(_volumes(cells, u, rows[at : at + size]) / cells.volume))
+        at += size
+    return tuple(out)
 
 
-def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -> Floats:
-    """Compute (n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step from u_n to u.
+def moved_heat(system: System, T: Floats, f_s: Floats, before: tuple[Floats, ...],
+               after: tuple[Floats, ...]) -> Floats:
+    """Compute (n_cells,) [J] -rate T V (ln theta - ln theta_n) of a step.
 
-    T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.  u_n, u : (n_nodes, 2) [m].
+    T : (n_nodes,) [K], f_s : (n_nodes,) or (0,) as in a StepDrive.  before, after : ln theta as of log_dilatation.
     """
     out = np.zeros(system.volume.n_cells)
-    before, after = log_dilatation(system, u_n), log_dilatation(system, u)
     moduli, means = system.moduli(T, f_s), system.volume.means(T)
     for i, (cells, m, mean) in enumerate(zip(system.volume.kinds, moduli, means, strict=True)):
         per_volume = thermoelastic_heat(system.spec.materials, system.spec.part_material[cells.part], mean, m.kappa,
@@ -46,13 +54,14 @@ def moved_heat(system: System, T: Floats, f_s: Floats, u_n: Floats, u: Floats) -
     return out
 
 
-def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats, u_n: Floats) -> tuple[Moduli, ...]:
+def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats,
+                      before: tuple[Floats, ...]) -> tuple[Moduli, ...]:
     """Compute the moduli of a step in which no heat flows.
 
-    T : (n_nodes,) [K] nodal temperatures.  u_n : (n_nodes, 2) [m] at the start.
+    T : (n_nodes,) [K] nodal temperatures.  before : ln theta at the start, as of log_dilatation.
     """
     out, spec = [], system.spec
-    means, before = system.volume.means(T), log_dilatation(system, u_n)
+    means = system.volume.means(T)
     for cells, m, mean, start in zip(system.volume.kinds, moduli, means, before, strict=True):
         material = spec.part_material[cells.part]
         heat = -thermoelastic_heat(spec.materials, material, mean, m.kappa, np.ones_like(mean))
@@ -69,12 +78,18 @@ def at_frozen_entropy(system: System, moduli: tuple[Moduli, ...], T: Floats, u_n
     return tuple(out)
 
 
-def _volumes(cells: Cells, u: Floats) -> Floats:
-    """v : (n_e,) [m3], the sum of weight det F over the points of each cell."""
+def _volumes(cells: Cells, u: Floats, rows: Floats) -> Floats:
+    """v : (n_e,) [m3], the sum of weight det F over the points of each cell.
+
+    rows : (n_e n_row,) the part of the history that is theirs: in plane stress it ends in the ln F33 of each point.
+    """
     ue = u[cells.nodes]
     F = np.einsum("eai,eqaj->eqij", ue, cells.B) + np.eye(2)
     hoop = 1.0 + np.einsum("ea,eqa->eq", ue[:, :, 0], cells.N_over_R)
     J = (F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]) * hoop
+    if cells.treatment.plane_stress:
+        # fault: a sheet in plane stress is as thick as it was -> pass | mechanical_fmu/test_solution_methods
+        J *= np.exp(_points_of(cells, rows)[..., -1])
     return np.asarray((cells.weight * J).sum(axis=1))
 
 

@@ -274,5 +274,5 @@ def _define(root: ElementTree.Element, name: str, unit: str, how: Conversion) ->
         at = next(k for k, child in enumerate(root) if child.tag in after)
         root.insert(at, place)
     new = ElementTree.SubElement(place, "Unit", name=name)
-    powers = {} if unit == "1" else {base: str(n) for base, n in base_exponents(unit.replace(".", "")).items()}
+    powers = {} if unit == "1" else {base: str(n) for base, n in base_exponents(unit).items()}
     ElementTree.SubElement(new, "BaseUnit", {**powers, "factor": repr(how.factor), "offset": repr(how.offset)})

@@ -88,7 +88,7 @@ def conversion_of(unit: str, to: str, declared: Mapping[str, DeclaredUnit]) -> C
     own = declared.get(unit)
     if own is None:
         return named
-    if own.exponents != ({} if to == "1" else base_exponents(to.replace(".", ""))):
+    if own.exponents != ({} if to == "1" else base_exponents(to)):
         return None
     return own.conversion if named is None or _alike(named, own.conversion) else None
 

@@ -46,6 +46,8 @@ SMALL = 0.01
 # One that stays as it is moves by what solvers leave, some 1e-8 of its value: it is held against this part of that.
 # fault: what solvers leave is taken for an error of windows -> SOLVED = 1e-9 | coupler/test_trust_errors
 SOLVED = 1e-6
+# Of a probe that is 0 all the time but in a look, such as a pressure before the touch, the share is without bound.
+TINY = 1e-300
 # Bends of a class lie within a factor of 10^(1/2) of each other, the first from 1e-16 in SI on.
 CLASSES, CLASS, LEAST = 64, 0.5, -16.0
 # A probe that was once off by more of its bend, four times what a parabola leaves its chord by, jumped within that
@@ -151,7 +153,12 @@ def _looked_at(log: ErrorLog, seen: Looked, t: float, bend: Array, apart: NDArra
 
     bend : (n,) of the probes in it.
     """
-    share = float((seen.error / np.maximum(log.high - log.low, SOLVED * log.most + 1e-300)).max(initial=0.0))
+    scale = np.maximum(log.high - log.low, SOLVED * log.most)
+    # fault: of a probe that was nothing so far any error overflows -> known = np.ones_like(scale, dtype=bool) |
+    #   coupler/test_trust_errors
+    known = scale > TINY * seen.error
+    unbounded = np.where(seen.error > 0.0, np.inf, 0.0)
+    share = float(np.divide(seen.error, scale, out=unbounded, where=known).max(initial=0.0))
     both = np.where(apart[:, None], np.column_stack([seen.error, seen.second]), 0.0)
     smooth = np.where(apart, 0.0, 1.0)
     # fault: what jumped at a switch is carried on to smooth windows -> mild = both |

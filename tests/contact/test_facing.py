@@ -183,15 +183,34 @@ class TestInvariance:
 
 
 def test_nodes_know_gap_and_share_on_both_sides() -> None:
-    """Slid by 0.3 on a 2:2 mesh: who overhangs faces nothing, who straddles is covered in part."""
+    """Slid by 0.3 on a 2:2 mesh: who overhangs and who straddles are covered in part, with the gap of that part."""
     slave = np.column_stack([np.array([0.0, 0.5, 1.0]) + 0.3, np.full(3, 0.01)])
     master = np.column_stack([[1.0, 0.5, 0.0], np.zeros(3)])
     facing = ask(*scene(slave, master))
-    np.testing.assert_allclose(facing.node_gap, [0.01, 0.01, GAP_MAX, 0.01, 0.01, GAP_MAX], atol=ROUND_OFF)
+    np.testing.assert_allclose(facing.node_gap, np.full(6, 0.01), atol=ROUND_OFF)
     # Hat functions of width 0.5 cut at 0.4 of an edge: integrals of N over the faced part, by hand.
     part = 0.4 - 0.4**2 / 2  # of N_1 over the first 0.4 of an edge, per edge length; N_2: 0.4^2/2
     np.testing.assert_allclose(facing.node_covered[:3], [1.0, 0.5 + part, 0.4**2 / 2 / 0.5], atol=ROUND_OFF)
     np.testing.assert_allclose(facing.node_covered[3:], [1.0, 0.5 + part, 0.4**2 / 2 / 0.5], atol=ROUND_OFF)
+
+
+@pytest.mark.parametrize("mesh", [(3, 4), (5, 7), (1, 9), (4, 4)])
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_a_gap_goes_on_past_the_other_sides_end(mesh: tuple[int, int], slope: float) -> None:
+    """A node is as far off as what its edges face, whose gap at a slope of the master goes with the place; it is
+    gap_max off from where nothing of them faces anything, and does not jump before: a hair beyond the end included."""
+    for slide in np.concatenate([np.linspace(-1.2, 1.2, 48), [1e-9, -1e-9, 1e-5, -1e-5]]):
+        register, x = flat(*mesh, slide=float(slide))
+        slave = np.arange(mesh[0] + 1)
+        x[mesh[0] + 1 :, 1] += slope * (x[mesh[0] + 1 :, 0] - 0.5)  # the master
+        x[slave, 1] += 0.15
+        facing = ask(register, x)
+        covered = facing.node_covered > 0.0
+        assert (facing.node_gap[~covered] == GAP_MAX).all()
+        at = np.clip(x[slave, 0], 0.0, 1.0)
+        gap = x[slave, 1] - slope * (at - 0.5)
+        np.testing.assert_allclose(facing.node_gap[slave][covered[slave]], gap[covered[slave]], rtol=0,
+                                   atol=1e-9 + 0.1 * slope**2)  # arcs between sides that are not parallel are longer
 
 
 def test_a_node_on_the_end_is_on_it() -> None:
@@ -297,4 +316,5 @@ def test_a_node_on_the_axis_has_its_gap_though_its_normal_tilts(g: float) -> Non
         assert on_axis.sum() == 2
         np.testing.assert_allclose(gap[on_axis], g, rtol=1e-3)
     register, x = scene(disc + np.array([0.01, 0.0]), plate, axisymmetric=True)
-    assert ask(register, x).node_gap[8] == GAP_MAX  # 0.08 of an edge beyond the end faces nothing
+    # 0.08 of an edge beyond the end: the gap of that end.
+    assert ask(register, x).node_gap[8] == pytest.approx(g + 1e-3 * 0.99**2, abs=5e-6)

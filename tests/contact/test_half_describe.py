@@ -32,12 +32,13 @@ def description(own=OWN) -> ElementTree.Element:
 @pytest.mark.parametrize(("unit", "expected"), [
     ("1", {}), ("K", {"K": 1}), ("Pa", {"kg": 1, "m": -1, "s": -2}), ("W/m2K", {"kg": 1, "s": -3, "K": -1}),
     ("J/kgK", {"m": 2, "s": -2, "K": -1}), ("1/s", {"s": -1}), ("kg/m3", {"kg": 1, "m": -3}), ("N", {
-        "kg": 1, "m": 1, "s": -2}), ("m2/s", {"m": 2, "s": -1})])
+        "kg": 1, "m": 1, "s": -2}), ("m2/s", {"m": 2, "s": -1}), ("N.m", {"kg": 1, "m": 2, "s": -2}),
+    ("kg.m2/s2", {"kg": 1, "m": 2, "s": -2})])
 def test_units_are_taken_apart(unit, expected):
     assert base_exponents(unit) == expected
 
 
-@pytest.mark.parametrize("unit", ["", "degC", "mm", "W/m2/K", "W/", "K ", "m-1"])
+@pytest.mark.parametrize("unit", ["", "degC", "mm", "W/m2/K", "W/", "K ", "m-1", "N.", ".m", "N..m", "m.m"])
 def test_what_is_no_si_unit_is_refused(unit):
     with pytest.raises(ValueError, match="unit"):
         base_exponents(unit)

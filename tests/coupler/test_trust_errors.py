@@ -56,6 +56,14 @@ def test_what_solvers_leave_of_a_probe_that_stays_is_no_error_of_windows():
     assert errors.check(moves, {"p": "Pa"}, False).verdict is TrustVerdict.BROKEN
 
 
+def test_a_look_may_find_a_pressure_where_there_was_none():
+    """Mechanics first: nothing presses in a window of which halves press with 600 MPa."""
+    log = errors.watched(errors.begun(np.zeros(2)), Looked(np.zeros(2), np.zeros(2), np.array([6e8, 0.0])), 1.0)
+    assert log.worst == np.inf
+    assert log.t == 1.0
+    assert errors.watched(errors.begun(np.zeros(1)), Looked(np.zeros(1), np.zeros(1), np.zeros(1)), 1.0).worst == 0.0
+
+
 def at_switches(looked: int, count: int) -> ErrorLog:
     """A window that bends by 1, then `count` at a switch of contact that bend by 2, then 20 that bend by 1 again.
 

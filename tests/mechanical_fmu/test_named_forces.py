@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from mechanical_scenes import NoLink, block, blocks, done, elastic, hold, inputs_of, press
 
+from contact.half.layout import layout_of, model_description, standard_variables
 from contact.rpc.link import DirectLink
 from contact.service import ContactService
 
@@ -161,6 +162,23 @@ def test_what_turns_an_edge():
     arm = 0.5 * (tip[:, 0] + tip[:, 1]).mean(axis=0) - about  # of an even traction on edges of one length
     assert force(out, "grip") == pytest.approx([0.0, -down], abs=1e-6 * abs(down))
     assert out["condition.reaction_moment.grip"] == pytest.approx(-arm[0] * down, rel=1e-8)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("condition", [
+    {"on": "block.left", "rotation": {"about": [0.0, 0.0], "angle": 0.1}}, {"body": "block", "angle": 0.1},
+    {"body": "block", "moment": 1.0}, {"body": "block", "f_x": 1.0}, {"on": "block.left", "u_x": 0.1},
+    press("block.left", 1.0), {"body": "block", "b_x": 1.0}], ids=lambda c: next(iter(reversed(c))))
+def test_an_fmu_can_say_the_unit_of_whatever_has_a_name(condition):
+    """Inputs and outputs of every kind of condition are put into a modelDescription.xml: what is refused there, no
+    half with such a name could be built of."""
+    rigid = "body" in condition and "b_x" not in condition
+    half = elastic(block(LINE, LINE), [condition | {"name": "it"}],
+                   bodies={"block": {"material": "m", "rigid": rigid}})
+    layout = layout_of(half.variables, standard_variables(half.system.interface, ""))
+    text = model_description(layout, "elastic", "g", "tool", "a half")
+    assert 'name="bc.it"' in text
+    assert ".it" in text.replace("bc.it", "").replace("load.it", "")
 
 
 @pytest.mark.fast

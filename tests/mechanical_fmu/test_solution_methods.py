@@ -169,6 +169,34 @@ def test_compression_heats_and_the_frozen_entropy_is_stiffer():
     assert soft / stiff - 1.0 == pytest.approx(delta, rel=1e-3)
 
 
+@pytest.mark.parametrize("element", ["mean_dilatation", "enhanced"])
+def test_what_moves_heat_in_a_sheet_is_its_whole_volume(element):
+    """A pulled strip in plane stress cools by alpha T s a volume: the width and the thickness that it loses count, too.
+    At frozen entropy its Young's modulus is E/(1 - alpha^2 E T/(rho c_s)).  Cells of two kinds, each with a history."""
+    s, T, rho, c, E, alpha = 2e8, 300.0, 7800.0, 460.0, 2e11, 1.2e-5
+    mesh = block(GRID, GRID)
+    cut, rest = mesh.quads[:7], mesh.quads[7:]
+    mesh = replace(mesh, quads=rest, triangles=np.concatenate([cut[:, [0, 1, 2]], cut[:, [0, 2, 3]]]),
+                   quad_body=mesh.quad_body[7:], triangle_body=np.zeros(14, np.int32))
+    half = elastic(mesh, [hold("block.left", 0), hold("block.bottom", 1),
+                          {"on": "block.right", "t_x": {"t": [0, 1], "value": [0, s]}}], {"rho": rho, "c": c},
+                   tolerance=1e-11, thermoelastic_heat=True, adiabatic=True, state="plane_stress", element=element)
+    inputs = inputs_of(half, T)
+    state, start = half.start(inputs, 0.0, NoLink())
+    _, isothermal = done(half.step(state, inputs, 0.0, 1.0, NoLink()))
+    _, frozen = done(half.step(state, inputs | {"control.mode": 1}, 0.0, 1.0, NoLink()))
+    assert isothermal["E_M"].sum() == pytest.approx(-alpha * T * s, rel=2e-3)  # s/E is 1e-3
+    assert isothermal["E_M"][-14:] == pytest.approx(np.full(14, -alpha * T * s / 72.0), rel=2e-3)
+    # c is at constant volume, 9 K alpha^2 T/rho less than at constant stress.
+    delta = alpha**2 * E * T / (rho * c + 9.0 * E / 1.2 * alpha**2 * T)
+    # Colder by delta s/(alpha E): d(ln theta) = (1 - 2 nu - 3 delta) s/E.
+    ratio = frozen["E_S"].sum() / isothermal["E_M"].sum()
+    assert 1.0 - ratio == pytest.approx(3.0 * delta / 0.4, rel=5e-3)
+    right = np.argmax(start["x"][:, 0])
+    soft, stiff = (o["x"][right, 0] - start["x"][right, 0] for o in (isothermal, frozen))
+    assert 1.0 - stiff / soft == pytest.approx(delta, rel=5e-3)
+
+
 def test_a_step_that_changes_too_little_is_skipped_and_nothing_drifts():
     half = elastic(block(GRID, GRID), [hold("block.left", 0), hold("block.bottom", 1)],
                    skip={"u": 1e-6, "most": 3}, tolerance=1e-11)
