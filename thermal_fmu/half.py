@@ -38,6 +38,7 @@ from thermal_fmu.newton import NotConvergedError
 from thermal_fmu.phase_change import NodalFields
 from thermal_fmu.problem import Conductivity, Model, parse_foreign, parse_model
 from thermal_fmu.program import ThermalProgram, refuse_beyond
+from thermal_fmu.program_stage import AGREED
 from thermal_fmu.scene import ThermalScene, freeze, with_friction
 from thermal_fmu.sources import calendar_of, factors_of
 from thermal_fmu.step import StepContext, ThermalStep, entropy_jump
@@ -329,7 +330,12 @@ class ThermalHalf:
             s = phase_change.unknown(self._scene.melting, T)
             M = capacities(self._scene.volume, self._masses[1], self._scene.model.parts, s)
             self._rounding = ROUNDING * float(M @ np.abs(T))
+            self._capacity = float(M.sum())
         return self._masses[1]
+
+    def _allowed(self, T: Floats, T_n: Floats) -> float:
+        """Heat [J] of temperatures so far apart as program and surface may be, in a substep from T_n to T : (n,)."""
+        return AGREED * self._capacity * float(np.ptp(np.concatenate([T, T_n])))
 
     def _outputs(self, state: ThermalState, heat: Heat, touching: int, done: ThermalStep | None,
                  T_n: Floats) -> dict[str, Value]:
@@ -343,7 +349,8 @@ class ThermalHalf:
             "heat_moved": heat.moved,
             "heat_rounding": self._rounding,
             "contact.touching": float(touching),
-            **({} if self._scene.program is None else {"program.runs": float(done.runs) if done else 0.0}),
+            **({} if self._scene.program is None else {"program.runs": float(done.runs) if done else 0.0,
+                                                       "program.tolerance": self._allowed(T, T_n) if done else 0.0}),
         }
 
 
@@ -353,7 +360,9 @@ def _variables(scene: ThermalScene) -> tuple[Variable, ...]:
         Variable("rejected", description="inner steps tried that were too long"))
     rounding = Variable("heat_rounding", unit="J", description="what round-off leaves of the heat of a substep")
     runs = () if scene.program is None else (
-        Variable("program.runs", description="runs of the program in the substep"),)
+        Variable("program.runs", description="runs of the program in the substep"),
+        Variable("program.tolerance", unit="J", description="heat by which program and surface may differ in the "
+                 "substep"))
     return (*face_variables(scene.interface, scene.model), *inner, rounding, *runs, *field_variables(scene))
 
 

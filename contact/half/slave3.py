@@ -43,6 +43,7 @@ class HalfSlave3(HalfSlave):
     @guarded(lambda slave, vrs: [math.nan] * (slave._store.layout.n_real + len(vrs)))
     def get_float64(self, vrs: list[int]) -> list[float]:
         """Return the values of arrays and scalars, one after the other, row by row; always enough of them."""
+        self._answer_early()
         times = {self._time_at: self._time, self._start_at: self._began}
         if times.keys().isdisjoint(vrs):
             return self._store.get_reals(self._scalars(vrs))
@@ -61,7 +62,7 @@ class HalfSlave3(HalfSlave):
         places = self._scalars(vrs)
         if len(places) != len(values):
             raise ValueError(f"{len(values)} values were given for {len(places)}")
-        self._store.set_reals(places, values)
+        self.set_real(places, values)
 
     # Integers and texts are no arrays, and called otherwise only.
 

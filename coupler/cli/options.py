@@ -70,6 +70,15 @@ def scenario_of(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | N
     return load_scenario(path, overrides=overrides_of(sets, swaps))
 
 
+def own_scenario_of(path: Path, sets: Sequence[str] | None, swaps: Sequence[str] | None) -> Scenario:
+    """The scenario with its own halves, without the options that were set for those in their place."""
+    theirs = tuple(f"{text.partition('=')[0]}.options" for text in swaps or ())
+    # fault: our own half is given the options of the one that is compared -> kept = list(sets or ()) |
+    #   coupler/test_verdict
+    kept = [text for text in sets or () if not text.strip().startswith(theirs)]
+    return scenario_of(path, kept, None)
+
+
 def leave(results: Results) -> None:
     """End with the exit code of a run that was not finished, or is not to be trusted."""
     if results.outcome == "interrupted":

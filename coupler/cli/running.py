@@ -23,6 +23,7 @@ from coupler.cli.options import (
     UntilOption,
     WithinOption,
     leave,
+    own_scenario_of,
     scenario_of,
 )
 from coupler.errors import ScenarioError
@@ -30,6 +31,7 @@ from coupler.experiments.confidence import check_companions
 from coupler.experiments.confidence import confidence as errors_of_probes
 from coupler.experiments.pool import TrialLine
 from coupler.fmu.launch import build_halves, make_folder
+from coupler.fmu.ssp import check_one_system, write_ssp
 from coupler.init.templates import SCENARIO, shipped_scenarios
 from coupler.record.confidence import write_confidence
 from coupler.record.paths import check_target
@@ -60,13 +62,22 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
                 as_json: JsonOption = False,
                 against: Annotated[bool, typer.Option(
                     "--compare", help="With --swap: run the scenario's own halves too (OUT-own.h5), and compare."
-                )] = False, within: WithinOption = "") -> None:
+                )] = False, within: WithinOption = "",
+                verify: Annotated[bool, typer.Option(
+                    "--verify", help="First check halves of other packages, as verify-half does; run nothing if one "
+                    "fails."
+                )] = False) -> None:
     """Run a scenario; write run.h5 and a .vtkhdf file for each half."""
     if against and not swaps:
         raise ScenarioError("there is nothing to compare: no half is swapped", key="--compare",
                             remedy="Add --swap thermal=KIND or --swap mechanical=KIND")
     s = scenario_of(scenario, sets, swaps)
     check_target(out, report=report)
+    # Before anything runs: what cannot be compared is told at once.
+    own = own_scenario_of(scenario, sets, swaps) if against else None
+    own_out = out.with_name(f"{out.stem}-own.h5")
+    if own is not None:
+        check_target(own_out)
     judged = confidence or confidence_mesh
     # Before anything runs: they may not be possible.
     companions = check_companions(s, mesh=confidence_mesh) if judged else []
@@ -76,6 +87,12 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         typer.echo(f"{s.title}: {s.thermal_half} + {s.mechanical_half}, {count} to t = {s.coupling.end:g} s", err=True)
         for note in s.notes:
             typer.echo(f"note: {note}", err=True)
+    if verify:
+        # Here and not above: it takes as long as a short run, and most runs do without.
+        from coupler.verify.verify import refuse_broken
+
+        for words in refuse_broken(s):
+            typer.echo(words, err=True)
     with ProgressLine(s.temperature_unit, quiet=quiet, verbose=verbose) as line, RunLog(log, out) as written:
         results = run(s, out, processes=processes, hosts=hosts, until=until, on_window=_each(line, written))
         written.done(results.outcome)
@@ -93,18 +110,16 @@ def run_command(scenario: ScenarioFile, out: OutOption = Path("run.h5"), sets: S
         for name, of in results.confidence.items():
             typer.echo(f"  {name}: {of.failed or f'error {100 * of.share:.2g} % of its range, {of.words}'}")
         typer.echo(f"  {page}" if page else f"  report: slideline report {out}")
-    if against and results.outcome == "completed":
+    if own is not None and results.outcome == "completed":
         # Here and not above: a run that compares nothing starts without matplotlib.
         from coupler.cli.drawn import compare, compared
 
-        own, path = scenario_of(scenario, sets, None), out.with_name(f"{out.stem}-own.h5")
-        check_target(path)
         if not quiet:
             typer.echo(f"{own.title}: {own.thermal_half} + {own.mechanical_half}, to compare with", err=True)
         # fault: --quiet: the run that is compared with tells its progress -> with ProgressLine(own.temperature_unit) as
         #   line: | coupler/test_verdict
         with ProgressLine(own.temperature_unit, quiet=quiet, verbose=verbose) as line:
-            reference = run(own, path, processes=processes, hosts=hosts, on_window=line)
+            reference = run(own, own_out, processes=processes, hosts=hosts, on_window=line)
         if not as_json:
             compare(reference, results, None, within)
         else:
@@ -155,9 +170,17 @@ def build_command(scenario: ScenarioFile,
                   out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the FMUs.")] = Path(),
                   fmi: Annotated[int, typer.Option("--fmi", min=2, max=3, help="Version of FMI; in 3 arrays are "
                                                    "variables (needs pythonfmu3).")] = 2,
+                  ssp: Annotated[bool, typer.Option("--ssp", help="Write both also as one system, scene.ssp, with what "
+                                                    "goes where.")] = False,
                   sets: SetOption = None, swaps: SwapOption = None) -> None:
     """Build the FMUs of a scenario, for use in any FMI 2.0 or 3.0 master."""
-    for path in build_halves(scenario_of(scenario, sets, swaps), out, fmi):
+    found = scenario_of(scenario, sets, swaps)
+    if ssp:
+        check_one_system(found, fmi)
+    built = build_halves(found, out, fmi)
+    if ssp:
+        built.append(write_ssp(found, dict(zip(found.halves, built, strict=True)), out / "scene.ssp"))
+    for path in built:
         typer.echo(path)
 
 

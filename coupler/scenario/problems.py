@@ -50,6 +50,7 @@ from contact.problem.thermal import (
 from contact.problem.values import did_you_mean
 from coupler.scenario.bodies import FromRun, MeshedBody
 from coupler.scenario.document import Document, Key
+from coupler.scenario.programs import program_wrongs
 from coupler.scenario.schema import ScenarioFile
 from coupler.scenario.ties import bond_conductance
 from coupler.scenario.understood import declared_by, declared_in, left_out
@@ -448,6 +449,8 @@ def _of_thermal(s: Stated, problems: Problems) -> Iterator[Wrong]:
     if thermal.half not in OWN["thermal"]:
         if fmu_path(thermal.half, s.file_folder) is None:
             yield from checks.places(s.interface, problem.boundary)
+        if thermal.half in PROGRAMS["thermal"]:
+            yield from program_wrongs("thermal", thermal.half, s.file)
         yield from _ignored(s, "thermal", _foreign_thermal(s, thermal.half), thermal.half, thermal.ignore)
         return
     yield from _options_of_own("thermal", thermal.options)
@@ -496,6 +499,8 @@ def _of_mechanical(s: Stated, problems: Problems) -> Iterator[Wrong]:
     if mechanical.half not in OWN["mechanical"]:
         if fmu_path(mechanical.half, s.file_folder) is None and isinstance(problem, ForeignMechanical):
             yield from checks.places(s.interface, problem.boundary)
+        if mechanical.half in PROGRAMS["mechanical"]:
+            yield from program_wrongs("mechanical", mechanical.half, s.file)
         yield from _ignored(s, "mechanical", _foreign_mechanical(s, mechanical.half), mechanical.half,
                             mechanical.ignore)
         return

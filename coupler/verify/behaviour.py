@@ -15,6 +15,7 @@ from coupler.verify.border import Finding, failed, not_applicable, passed
 from coupler.verify.physics import PHYSICS
 
 BALANCE = 1e-10  # of the sum of |terms|, as in the energy balance of a run
+AGREEMENT = "program.tolerance"  # J, by which a program and the half around it may differ in a substep
 LISTED = 5  # names in a reason
 MANY = 20  # substeps after a restore
 
@@ -224,9 +225,13 @@ def heat_balance(bench: Bench, check: str) -> Finding:
         return not_applicable(check, "it gives no heat terms", "the energy balance of a run does not include it")
     with bench.half() as half:
         for k in (1, 2, 3):
-            gap = _imbalance(bench.step(half, k), terms)
-            if gap > BALANCE:
-                return failed(check, f"substep {k}: {gap:.1e} of the sum of |terms| is missing (at most {BALANCE:g})",
+            values = bench.step(half, k)
+            gap, size = _imbalance(values, terms)
+            # fault: verify-half: a program is asked for a balance to round-off -> most = BALANCE |
+            #   scenarios/test_calculix_runs
+            most = BALANCE + (float(np.sum(values.get(AGREEMENT, 0.0))) / size if size else 0.0)
+            if gap > most:
+                return failed(check, f"substep {k}: {gap:.1e} of the sum of |terms| is missing (at most {most:.2g})",
                               "Every heat.* is an energy of the substep into the bodies [J], at temperatures it used")
     return passed(check)
 
@@ -255,12 +260,12 @@ def _refused(bench: Bench, half: Half) -> str:
     return ""
 
 
-def _imbalance(values: Mapping[str, Array], terms: list[str]) -> float:
-    """Return |terms - stored| over the sum of |terms|; 0 where there are none."""
+def _imbalance(values: Mapping[str, Array], terms: list[str]) -> tuple[float, float]:
+    """Return |terms - stored| over the sum of |terms|, and this sum [J]; 0 where there are none."""
     heats = {name: float(np.sum(values[name])) for name in terms}
     total = sum(-v if name.startswith("heat.stored") else v for name, v in heats.items())
     size = sum(abs(v) for v in heats.values())
-    return abs(total) / size if size else 0.0
+    return (abs(total) / size if size else 0.0), size
 
 
 def _no_state(check: str) -> Finding:

@@ -12,12 +12,14 @@ import typer
 from rich.console import Console
 
 from contact.problem.values import did_you_mean
-from coupler.errors import ScenarioError
+from coupler.errors import HalfError, ScenarioError
 from coupler.fmu.bind import bind
 from coupler.fmu.bounds import BorderScene
 from coupler.fmu.launch import build_half, known_halves
+from coupler.fmu.scratch import scratch_folder
 from coupler.init.templates import shipped_scenarios, templates
 from coupler.scenario import Scenario, load_scenario
+from coupler.scenario.problems import OWN, entry_of, fmu_path
 from coupler.verify.border import (
     CheckVerdict,
     conclusion,
@@ -30,7 +32,8 @@ VIOLATED = 1  # exit code where a check failed
 
 
 HalfArgument = Annotated[str, typer.Argument(
-    help="An FMU, file.fmu, or the name of a half that is installed: thermal, elastic, ...", show_default=False)]
+    help="An FMU, file.fmu, or the name of a half that is installed: thermal, elastic, ... ROLE=KIND puts a half into "
+    "the scene of --scenario, as --swap does.", show_default=False)]
 ScenarioOption = Annotated[Path | None, typer.Option(
     "--scenario", metavar="FILE", help="The scene to hold it against; of a half by name one that uses it (for our own "
     "halves there is one).",
@@ -63,8 +66,12 @@ class FoundHalf:
 def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
     """Return the FMU of a path, or build that of an entry point for a scenario that uses it.
 
-    scratch : a folder for what is built.  Raises ScenarioError where there is none, HalfError where it cannot be built.
+    half : a path, an entry point, or ROLE=KIND as of --swap.  scratch : a folder for what is built.
+    Raises ScenarioError where there is none, HalfError where it cannot be built.
     """
+    role, swapped, kind = half.partition("=")
+    if swapped and role in OWN:
+        return _swapped(role, kind, scenario, scratch)
     if half.endswith(".fmu"):
         path = Path(half)
         if not path.is_file():
@@ -72,10 +79,53 @@ def fmu_of(half: str, scenario: Path | None, scratch: Path) -> FoundHalf:
         return FoundHalf(path, None) if scenario is None else _in_scene(path, load_scenario(scenario), scratch)
     installed = known_halves()
     if half not in installed:
+        words = [f"{role}={half}" for role in OWN if entry_of(role, half) in installed]
         raise ScenarioError("this is neither an FMU (a path that ends in .fmu) nor the name of an installed half",
-                            key="HALF", value=half, remedy=did_you_mean(half, installed))
+                            key="HALF", value=half, remedy=f"Say its role: {' or '.join(words)}, with --scenario"
+                            if words else did_you_mean(half, installed))
     use = _scene_with(half, scenario)
     return FoundHalf(build_half(use.scene.write_half(use.role, scratch), scratch), _border(use.scene, use.role))
+
+
+def refuse_broken(scenario: Scenario) -> list[str]:
+    """Check the halves of other packages in a scene before it runs; return what was checked, in words.
+
+    The first substep is the scene's first window.  Raises HalfError with all rows that fail, of all of them.
+    """
+    c = scenario.coupling
+    step = c.adaptive.first if c.adaptive is not None else min(c.windows[0].first, c.end)
+    wrong, checked = [], []
+    for name in scenario.halves:
+        role = name.partition(".")[0]
+        with scratch_folder() as scratch:
+            kind = scenario.write_half(name, scratch / "half")
+            if kind in OWN[role].values():
+                continue
+            bound = bind(scenario, role, Path(kind), scratch / "bound.fmu") if name in OWN else kind
+            fmu = build_half(str(bound), scratch / "half")
+            (scratch / "verify").mkdir()
+            border = _border(scenario, role) if name in OWN else None
+            findings = list(findings_of(fmu, scratch / "verify", step, border))
+        rows = [f for f in findings if f.verdict is CheckVerdict.FAIL]
+        checked.append(f"{name} half: {conclusion(kind, findings)}")
+        # fault: run --verify: a half that breaks the specification is run -> rows = [] | coupler/test_run_verified
+        wrong += [f"{name} half {kind}: {f.check}: {f.reason}. {f.remedy}" for f in rows]
+    if wrong:
+        raise HalfError("nothing was run, for the interface specification is violated:\n" + "\n".join(wrong))
+    return checked
+
+
+def _swapped(role: str, kind: str, scenario: Path | None, scratch: Path) -> FoundHalf:
+    """The half of a kind in a role of a scene that may use another."""
+    if scenario is None:
+        raise ScenarioError("there is no scene to put this half into", key="HALF", value=f"{role}={kind}",
+                            remedy="Give one, with --scenario")
+    # fault: verify-half: a half in a scene is that of the scene -> scene = load_scenario(scenario) |
+    #   coupler/test_verify_swapped
+    scene = load_scenario(scenario, overrides={f"{role}.half": kind})
+    if fmu_path(kind, scene.file.parent) is not None:
+        return _in_scene(Path(str(scene.models[role]["half"])), scene, scratch)
+    return FoundHalf(build_half(scene.write_half(role, scratch), scratch), _border(scene, role))
 
 
 def _in_scene(fmu: Path, scene: Scenario, scratch: Path) -> FoundHalf:

@@ -81,3 +81,17 @@ def test_the_file_is_not_changed_by_an_override(tmp_path: Path) -> None:
     s = load_text(tmp_path, GOOD, {"title": "Other"})
     assert s.title == "Other"
     assert load_text(tmp_path, GOOD).title == "Two blocks"
+
+
+def test_options_of_a_half_go_with_it(tmp_path: Path) -> None:
+    """Options stand for the half of the file: another in its place has none of them, the same keeps them."""
+    text = GOOD.replace("half: thermal", "half: ccx\n  options: {time_limit: 5}")
+    assert load_text(tmp_path, text, {}).models["thermal"]["options"] == {"time_limit": 5}
+    assert load_text(tmp_path, text, {"thermal.half": "ccx"}).models["thermal"]["options"] == {"time_limit": 5}
+    own = load_text(tmp_path, text, {"thermal.half": "lumped"})
+    assert "options" not in own.resolved["thermal"]
+    other = load_text(tmp_path, text, {"mechanical.half": "ccx", "mechanical.options": {"contact": "displacement"}})
+    assert other.models["thermal"]["options"] == {"time_limit": 5}
+    assert other.models["mechanical"]["options"] == {"contact": "displacement"}
+    with pytest.raises(ScenarioError, match="options are for halves of other packages"):
+        load_text(tmp_path, text, {"thermal.half": "lumped", "thermal.options.time_limit": 5})

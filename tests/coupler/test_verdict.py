@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from coupler import load_scenario, run
 from coupler.cli.cli import app
-from coupler.errors import ScenarioError
+from coupler.cli.options import own_scenario_of
+from coupler.errors import ResultsError, ScenarioError
 from coupler.record.results import Results
 from coupler.report.verdict import Bound, bounds_of, verdict
 
@@ -173,6 +174,21 @@ def test_run_with_compare_swaps_runs_and_judges(tmp_path):
     assert Results(tmp_path / "rod-own.h5").header["halves"]["thermal"] == "thermal"
     with pytest.raises(ScenarioError, match="no half is swapped"):
         CliRunner().invoke(app, ["run", str(BARS), "--compare"], catch_exceptions=False)
+
+
+def test_what_our_own_half_would_be_given_to_compare_is_told_before_anything_runs(tmp_path):
+    """Options belong to the half that is swapped in; what is wrong with our own run is told at once."""
+    words = ["run", str(BARS), "-o", str(tmp_path / "a.h5"), "--compare", "--swap", "thermal=ccx"]
+    own = own_scenario_of(BARS, ["thermal.options.time_limit=5", "coupling.end=5",
+                                 "coupling.windows=[{until: 5, size: 1}]"], ["thermal=ccx"])
+    assert own.thermal_half == "thermal"
+    assert own.coupling.end == 5.0
+    with pytest.raises(ScenarioError, match="options are for halves of other packages"):
+        CliRunner().invoke(app, [*words, "--set", "mechanical.options.contact=force"], catch_exceptions=False)
+    (tmp_path / "a-own.h5").mkdir()
+    with pytest.raises(ResultsError, match="a-own"):
+        CliRunner().invoke(app, words, catch_exceptions=False)
+    assert not (tmp_path / "a.h5").exists()
 
 
 def test_run_with_compare_and_json_prints_one_document_and_quiet_holds_for_both_runs(tmp_path):
