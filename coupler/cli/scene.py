@@ -66,6 +66,7 @@ def check_command(scenario: ScenarioFile, sets: SetOption = None, swaps: SwapOpt
     named = [n for n, c in s.conditions.items() if c.kind not in ("contact pair", "source")]
     typer.echo(f"{scenario}: valid\n"
                f"  {s.title}\n"
+               f"{_units(s)}"
                f"  {s.geometry}, bodies {', '.join(i.bodies)}; {len(i.nodes)} nodes, "
                f"{len(i.quads)} quads, {len(i.triangles)} triangles\n"
                f"  contact pairs: {pairs}\n"
@@ -94,7 +95,8 @@ def _facts(s: Scenario, *, pilot: bool) -> dict[str, Any]:
     a = plan.adaptive
     windows = {"adaptive": False, "count": len(sizes), "least": min(sizes), "most": max(sizes)} if a is None else {
         "adaptive": True, "first": a.first, "least": a.least, "most": a.most}
-    return {"title": s.title, "hash": s.hash, "geometry": s.geometry, "bodies": list(i.bodies),
+    return {"title": s.title, "hash": s.hash, "units": s.units.symbols if s.units else "SI", "geometry": s.geometry,
+            "bodies": list(i.bodies),
             "nodes": len(i.nodes), "quads": len(i.quads), "triangles": len(i.triangles),
             "pairs": [{"name": p.name, "slave": p.slave, "master": p.master} for p in i.pairs],
             "halves": {"thermal": s.thermal_half, "mechanical": s.mechanical_half}, "scheme": plan.scheme.value,
@@ -103,6 +105,12 @@ def _facts(s: Scenario, *, pilot: bool) -> dict[str, Any]:
             "probes": {name: probe.unit for name, probe in s.probes.items()}, "conditions": list(s.conditions),
             "notes": [*s.notes, *s.mesh_notes],
             "stable_windows": pilot_run(s).summary if pilot or is_quick(s) else None}
+
+
+def _units(s: Scenario) -> str:
+    """The line on the units of the file; none where all is SI."""
+    deep = f"; forces and energies per {s.units.length} of depth" if s.units and s.geometry == "plane" else ""
+    return f"  {s.units.sentence}{deep}\n" if s.units else ""
 
 
 def _sizes(sizes: Sequence[float], plan: Plan) -> str:
@@ -147,4 +155,5 @@ def _replace(path: Path, text: str) -> None:
         os.replace(aside, path)
     except OSError as exc:
         aside.unlink(missing_ok=True)
-        raise ScenarioError(f"the file cannot be written ({exc.strerror})", file=str(path)) from exc
+        raise ScenarioError(f"the file cannot be written ({exc.strerror})", file=str(path),
+                            remedy="Check that you may write there; the file is as it was.") from exc

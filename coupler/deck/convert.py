@@ -30,6 +30,7 @@ from coupler.deck.materials import expansion_from, material_of, merged, physics_
 from coupler.deck.mesh import DeckMesh, mesh_of
 from coupler.deck.outline import Outline, outline_of
 from coupler.deck.steps import DeckStep, Signal, amplitudes_of, steps_of
+from coupler.deck.units import in_units, units_given, units_seen
 from coupler.errors import ScenarioError
 from coupler.record.paths import check_free, new_files
 from coupler.running.setup import plan_of
@@ -39,7 +40,7 @@ from coupler.scenario.document import dumped, layout
 # The scenario of a deck, as the tree its YAML file will hold.
 
 FRAMES = 50  # fields kept of a run, about
-IDLE = 1e12  # J/kgK: where nothing heats, as little as this moves nothing
+IDLE = 1e12  # J/m3K, rho c: where nothing heats, as little as this moves nothing
 TOGETHER = ({"CPE", "DC2D"}, {"CPS", "DC2D"}, {"CAX", "DCAX"})  # families of one geometry
 Tree = dict[str, Any]
 
@@ -55,8 +56,13 @@ class Deck:
     sets: NodeSets
 
 
-def tree_of(deck: Deck, mesh_file: str, title: str, log: Log) -> Tree:
-    """Build the whole scenario.  Raises ScenarioError, naming the deck's line."""
+def tree_of(deck: Deck, mesh_file: str, title: str, log: Log, given: str = "") -> Tree:
+    """Build the whole scenario.  given : units of the deck, "": as its materials say.
+
+    Raises ScenarioError, naming the deck's line.
+    """
+    units = units_given(given) if given else units_seen(
+        {name: material_of(owner, Log()) for name, owner in deck.outline.materials.items()}, log)
     outline, bodies = deck.outline, deck.bodies
     steps = steps_of(outline, log)
     analysis = Analysis(moves=any(s.procedure != "HEAT TRANSFER" for s in steps),
@@ -70,7 +76,7 @@ def tree_of(deck: Deck, mesh_file: str, title: str, log: Log) -> Tree:
     temperatures = [*T0.values(), *(v for (_, dof), c in prescribed.items() if dof == 11 for _, v in c.points),
             *(v for load in loads if load.T for _, v in load.T.points)]
     physics = physics_of(outline, temperatures, _radiates(outline, loads), log)
-    assigned = _materials(deck, T0, steps, analysis, log)
+    assigned = _materials(deck, T0, _Filling(steps, analysis, units), log)
     materials, of_body = assigned.trees, assigned.of_body
     rho = {name: materials[material]["rho"] for name, material in of_body.items() if "rho" in materials[material]}
     entries = conditions_of(loads, bodies, deck.surfaces, rho, log)
@@ -80,7 +86,7 @@ def tree_of(deck: Deck, mesh_file: str, title: str, log: Log) -> Tree:
     _note_dropped(analysis, thermal or entries.Q_T, mechanical or entries.gravity, log)
     pairs = pairs_of(outline, bodies, deck.surfaces, analysis, log)
     return {
-        "slideline": 2, "title": title, "units": {"temperature": physics.temperature_unit},
+        "slideline": 2, "title": title, "units": {"temperature": physics.temperature_unit, **units},
         "geometry": "axisymmetric" if _families(deck) & {"CAX", "DCAX"} else "plane",
         "materials": materials,
         "bodies": {name: {"mesh": {"file": {"path": mesh_file, "region": name}}, "material": of_body[name],
@@ -124,22 +130,30 @@ class _Materials:
     of_body: dict[str, str]
 
 
-def _materials(deck: Deck, T0: dict[str, float], steps: Sequence[DeckStep], analysis: Analysis,
-               log: Log) -> _Materials:
+@dataclass(frozen=True)
+class _Filling:
+    """What stands in for data that a deck leaves out follows from its steps, in its units."""
+
+    steps: Sequence[DeckStep]
+    analysis: Analysis
+    units: Mapping[str, str]
+
+
+def _materials(deck: Deck, T0: dict[str, float], filling: _Filling, log: Log) -> _Materials:
     """Build the materials, one for each first temperature where a material expands."""
     names, made, trees, of_body = Names(), dict[tuple[str, float], str](), Tree(), dict[str, str]()
     read = {}
     for body in deck.bodies:
         owner = deck.outline.materials[body.material]
         if body.material not in read:
-            read[body.material] = _filled(material_of(owner, log), owner.block.row, steps, analysis, log)
+            read[body.material] = _filled(material_of(owner, log), owner.block.row, filling, log)
         base = read[body.material]
         alpha = base.get("alpha", 0.0)
         key = (body.material, T0[body.name] if alpha != 0.0 else 0.0)
         if key not in made:
             made[key] = names.free(owner.block.options["NAME"])
             if alpha == 0.0:
-                trees[made[key]] = merged(base, **({"alpha": 0.0} if analysis.moves else {}))
+                trees[made[key]] = merged(base, **({"alpha": 0.0} if filling.analysis.moves else {}))
             else:
                 log.note("a body is free of stress at its first temperature, as in a deck; so a material that expands "
                          "is there once for each")
@@ -151,15 +165,19 @@ def _materials(deck: Deck, T0: dict[str, float], steps: Sequence[DeckStep], anal
     return _Materials(trees, of_body)
 
 
-def _filled(tree: Tree, row: DeckLine, steps: Sequence[DeckStep], analysis: Analysis, log: Log) -> Tree:
+def _filled(tree: Tree, row: DeckLine, filling: _Filling, log: Log) -> Tree:
     """Fill in what a material lacks where it has no effect.  Raises ScenarioError where it has one."""
+    steps, analysis, units = filling.steps, filling.analysis, filling.units
     if not analysis.heats:
-        rho = tree.get("rho", 1.0)
+        rho = tree.get("rho", in_units(1.0, "kg/m3", units))
         log.note("a deck of *STATIC alone has no heat: c is so large that nothing warms, k stands in")
-        return {"k": 1.0, **tree, "rho": rho, "c": IDLE / rho}
+        # fault: decks in mm: what stands in for heat is in SI -> return {"k": 1.0, **tree, "rho": rho, "c": IDLE / rho}
+        #   | coupler/test_deck_units
+        idle = in_units(IDLE, "J/m3K", units)
+        return {"k": in_units(1.0, "W/mK", units), **tree, "rho": rho, "c": idle / rho}
     if all(step.steady or step.procedure == "STATIC" for step in steps) and not {"rho", "c"} <= set(tree):
-        log.note("a steady solution stores no heat: missing rho and c are 1")
-        tree = {"rho": 1.0, "c": 1.0, **tree}
+        log.note("a steady solution stores no heat: missing rho and c are 1 in SI")
+        tree = {"rho": in_units(1.0, "kg/m3", units), "c": in_units(1.0, "J/kgK", units), **tree}
     needed = {"k": "*CONDUCTIVITY", "rho": "*DENSITY", "c": "*SPECIFIC HEAT", "E": "*ELASTIC"}
     missing = [word for key, word in needed.items() if key not in tree and (key != "E" or analysis.moves)]
     if missing:
@@ -293,9 +311,10 @@ def _depth(value: Any) -> int:
     return 0 if inner is None else 1 + max((_depth(v) for v in inner), default=0)
 
 
-def convert(path: Path, out: Path) -> Converted:
+def convert(path: Path, out: Path, units: str = "") -> Converted:
     """Write the scenario `out` (.yaml), and its mesh beside it (same stem, .msh), of the deck `path`.
 
+    units : of the deck's numbers, such as "mm,MPa" or "SI"; "": those in which its materials are usual ones.
     Raises ScenarioError, naming the deck's file, line, text and what to do, where a deck cannot be read, holds what no
     scenario can express (3-D elements, surfaces of nodes), makes a scenario that does not pass its check, or where a
     file to be written exists already.  Then no file is written.
@@ -309,7 +328,7 @@ def convert(path: Path, out: Path) -> Converted:
     log = Log()
     deck = _read(path, log)
     title = deck.outline.title or printable(path.stem)
-    tree = tree_of(deck, beside.name, title, log)
+    tree = tree_of(deck, beside.name, title, log, units)
     converted = Converted((out, beside), tuple(log.missed), tuple(log.notes))
     head = [f"From the deck {path.name}.", *(f"- {note}" for note in log.notes),
             "Not understood:" if log.missed else "All of the deck was understood.", *(f"  {m}" for m in log.missed)]

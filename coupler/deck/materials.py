@@ -1,4 +1,4 @@
-"""Reads materials: the tables of a deck as properties of a scenario, and the units its temperatures are in."""
+"""Reads materials: the tables of a deck as properties of a scenario, and the unit its temperatures are in."""
 
 from __future__ import annotations
 
@@ -228,7 +228,6 @@ def physics_of(outline: Outline, temperatures: Sequence[float], radiates: bool, 
 
     Raises ScenarioError where absolute zero is that of another scale.
     """
-    log.note("numbers are as written; all is taken for SI (m, s, kg, Pa, W), which a deck does not say")
     zero, sigma = None, 0.0
     for block in (b for b in outline.model if b.word == "PHYSICAL CONSTANTS"):
         for option in block.options:

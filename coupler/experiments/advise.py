@@ -56,9 +56,8 @@ from coupler.record.paths import write_whole
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.document import WIDTH, Document, document_from, dumped, layout, read_document
-from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import load_scenario
-from coupler.scenario.quantities import with_plain_numbers
+from coupler.scenario.quantities import with_overrides, with_plain_numbers
 
 # Greedy model reduction: the full model, each simplification alone, then all that stay within the tolerances.
 
@@ -308,7 +307,7 @@ def advise(path: Path, folder: Path, options: AdviceOptions,
         raise ScenarioError("a body has one cell at least", key="--cells", value=options.cells)
     requests = [parse_goal(text) for text in options.goals]
     load_scenario(path, options.overrides)  # its errors name lines, so it is checked before anything is tried
-    document = with_plain_numbers(apply_overrides(read_document(path), options.overrides or {}))
+    document = with_overrides(read_document(path), options.overrides or {})
     make_folder(folder)
     runner = TrialRunner(document, folder / TRIALS, time.monotonic() + options.limit)
     findings = ModelSearch(runner, requests, on_trial, options.cells).run()

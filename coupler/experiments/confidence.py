@@ -23,9 +23,9 @@ from coupler.experiments.trial import LEAN, TrialResult, run_trial
 from coupler.record.results import Results
 from coupler.scenario import Scenario
 from coupler.scenario.document import document_from
-from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import scenario_from
 from coupler.scenario.options import Scheme
+from coupler.scenario.quantities import with_overrides
 from coupler.schemes.accounts import AHEAD, HEATS
 from coupler.schemes.schemes import scheme_of
 from coupler.trust.confidence import MESH, WINDOWS, ProbeConfidence
@@ -84,7 +84,7 @@ def _jobs(scenario: Scenario, *, mesh: bool) -> list[tuple[str, float]]:
 
 
 def _companion(scenario: Scenario, axis: str, factor: float) -> Scenario:
-    document = apply_overrides(document_from(scenario.file, scenario.text), scenario.overrides)
+    document = with_overrides(document_from(scenario.file, scenario.text), scenario.overrides)
     sets = dict(setting_at(document, {axis: factor}).sets)
     return scenario_from(scenario.text, scenario.file, {**scenario.overrides, **sets, **LEAN})
 

@@ -34,9 +34,8 @@ from coupler.running.pilot import Prediction, is_quick, pilot
 from coupler.running.setup import plan_of
 from coupler.scenario import Scenario
 from coupler.scenario.document import Document, read_document
-from coupler.scenario.edits import apply_overrides
 from coupler.scenario.load import checked
-from coupler.scenario.quantities import with_plain_numbers
+from coupler.scenario.quantities import with_overrides
 from coupler.scenario.schema import StudyReference, StudySpec
 from coupler.schemes.schemes import scheme_of
 
@@ -81,7 +80,7 @@ def study_plan_of(document: Document, overrides: Mapping[str, Any], options: Map
     options : of the command line, in place of the keys of the scenario's `study`.  packages : hash of the sources.
     Raises ScenarioError that names the setting of the grid which is wrong.
     """
-    changed = with_plain_numbers(apply_overrides(document, overrides))
+    changed = with_overrides(document, overrides)
     written = changed.tree.get("study") or {}
     sets = {**overrides, "study": {**written, **options}} if isinstance(written, dict) else overrides
     base = checked(document, sets)

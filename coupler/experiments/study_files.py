@@ -25,7 +25,7 @@ from coupler.experiments.work_precision import LEVELS, Point, cheapest, pareto_f
 from coupler.record.paths import write_whole
 from coupler.report.figures import GRID, INK, Picture, duration, line_style, new_figure, number, plain, styled
 from coupler.scenario.document import Document, dumped, layout
-from coupler.scenario.edits import apply_overrides
+from coupler.scenario.quantities import with_overrides
 
 # Draws the work-precision chart: error against solver calls and against wall time, both logarithmic.
 
@@ -270,7 +270,7 @@ def as_csv(runs: Sequence[PlannedRun], points: Sequence[Point]) -> str:
 def setting_text(document: Document, run: PlannedRun, point: Point, level: float) -> str:
     """Return the scenario file of one run, complete but for the study itself."""
     # fault: the cheapest setting without what makes it so -> tree = dict(document.tree) | coupler/test_study_run
-    tree = dict(apply_overrides(document, run.job.overrides).tree)
+    tree = dict(with_overrides(document, run.job.overrides).tree)
     tree.pop("study", None)
     for body in tree["bodies"].values():
         if file := body.get("mesh", {}).get("file"):

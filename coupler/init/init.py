@@ -88,7 +88,7 @@ def _template(text: str) -> Template:
 
 def _title(text: str) -> str:
     if not text.strip():
-        raise ScenarioError("a title has letters", value=text)
+        raise ScenarioError("a title has letters", value=text, remedy="Write a few words.")
     return text.strip()
 
 
@@ -96,9 +96,9 @@ def _positive(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise ScenarioError("this is not a number", value=text) from None
+        raise ScenarioError("this is not a number", value=text, remedy="Write digits alone, such as 1.5.") from None
     if not 0 < value < math.inf:
-        raise ScenarioError("this is not a number above 0", value=text)
+        raise ScenarioError("this is not a number above 0", value=text, remedy="Write a larger one, such as 20.")
     return value
 
 
@@ -183,6 +183,9 @@ OutOption = Annotated[Path | None, typer.Option(
 ListOption = Annotated[bool, typer.Option("--list", help="List the templates and materials.")]
 DeckOption = Annotated[Path | None, typer.Option(
     "--from", metavar="MODEL.inp", help="Convert an Abaqus or CalculiX deck instead.", show_default=False)]
+UnitsOption = Annotated[str, typer.Option(
+    "--units", metavar="UNITS", help="Units of the deck's numbers, with --from: mm,MPa, or SI. Default: those in which "
+    "its materials are usual ones.", show_default=False)]
 TitleOption = Annotated[str | None, typer.Option("--title", help="Title of the scenario.", show_default=False)]
 EndOption = Annotated[float | None, typer.Option(
     "--end", metavar="SECONDS", help="When it ends.", show_default=False)]
@@ -195,7 +198,7 @@ SetOption = Annotated[list[str] | None, typer.Option(
 
 
 def init_command(template: TemplateArgument = None, out: OutOption = None, listed: ListOption = False,
-                 deck: DeckOption = None, title: TitleOption = None, end: EndOption = None,
+                 deck: DeckOption = None, units: UnitsOption = "", title: TitleOption = None, end: EndOption = None,
                  material: MaterialOption = None, mesh: MeshOption = 1.0, sets: SetOption = None) -> None:
     """Write a new scenario: from a template, by questions or by options, or from a deck."""
     if listed:
@@ -204,12 +207,15 @@ def init_command(template: TemplateArgument = None, out: OutOption = None, liste
     choices = Choices(title, end, chosen_materials(material or ()), mesh,
                       dict(parse_override(text) for text in sets or ()))
     if deck is None:
+        if units:
+            raise ScenarioError("a template has its own units", key="--units", value=units,
+                                remedy="Leave it out, or name a deck by --from.")
         _from_template(template, out, choices)
         return
     if template is not None or choices != Choices():
         raise ScenarioError("a deck is converted as it is", key="--from", value=str(deck),
                             remedy="Leave out the template and its options; change the scenario that is written")
-    _from_deck(deck, out or Path(f"{deck.stem}.yaml"))
+    _from_deck(deck, out or Path(f"{deck.stem}.yaml"), units)
 
 
 def _list() -> None:
@@ -234,12 +240,12 @@ def _from_template(name: str | None, out: Path | None, choices: Choices) -> None
     _next(out)
 
 
-def _from_deck(deck: Path, out: Path) -> None:
+def _from_deck(deck: Path, out: Path, units: str) -> None:
     """Raises ScenarioError where the deck cannot be converted."""
     # Here and not above: who starts from a template needs no reader of decks.
     from coupler.deck import convert
 
-    for line in convert(deck, out).lines:
+    for line in convert(deck, out, units).lines:
         typer.echo(line)
     _next(out)
 

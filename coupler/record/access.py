@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
@@ -203,12 +204,24 @@ def to_pyvista(results: Source, t: float | str | None = None) -> Any:
 
 
 def plot(results: Source, *names: str, unit: str | None = None) -> Any:
-    """Draw probes over time and return the axes (matplotlib).
+    """Draw probes over time and return the axes (matplotlib), which a notebook shows.
 
     unit : of all of them, as in `Results.probe`; without it SI, of temperatures the scenario's own.
     Raises ResultsError for an unknown probe or unit, and for probes of different units.
     """
     # Not pyplot: a figure that nobody closes would stay in memory.
+    matplotlib_axes: Any = importlib.import_module("matplotlib.axes").Axes
+
+    class ProbeAxes(matplotlib_axes):  # type: ignore[misc]
+        """Axes that a notebook shows as a picture."""
+
+        # fault: a notebook shows the name of the axes alone -> def _no_png_(self) -> bytes: |
+        #   coupler/test_access::test_plot_is_shown_in_a_notebook
+        def _repr_png_(self) -> bytes:
+            data = io.BytesIO()
+            self.figure.savefig(data, format="png", dpi=100)
+            return data.getvalue()
+
     figure = importlib.import_module("matplotlib.figure").Figure(figsize=(8.0, 4.0), layout="constrained")
     names = names or results.probe_names
     # fault: plot: temperatures of a scene in degC are drawn in K -> own = {} | coupler/test_access
@@ -217,7 +230,7 @@ def plot(results: Source, *names: str, unit: str | None = None) -> Any:
     if len(units) > 1:
         raise ResultsError(f"{results.path}: these probes have several units ({', '.join(sorted(units))}): "
                            "one axis cannot show them; plot them one unit at a time")
-    axes = figure.subplots()
+    axes = figure.add_subplot(axes_class=ProbeAxes)
     for name in names:
         axes.plot(*results.probe(name, next(iter(units))), label=name)
     axes.set_xlabel("time [s]")

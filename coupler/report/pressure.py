@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 MOST_LINES = 5
 HEIGHT = 3.0  # inches
+EVEN = 0.01  # of the rest of a surface: a corner that has so little more has no peak
 WIDEST, THINNER = 3.8, 0.7  # points: of the first line, and each next one by so much
 
 
@@ -40,6 +41,10 @@ def place_of_peak(along: Along, slave: str) -> str:
     if closed or k not in (0, len(p) - 1):
         return text
     rest = float(np.delete(p, k).max(initial=0.0))
+    # fault: an even pressure is told as that of a corner -> if False: |
+    #   coupler/test_one_pressure::test_a_peak_at_a_corner_is_told_as_one
+    if float(p[k]) <= (1.0 + EVEN) * rest:
+        return text
     return (f"{text}, the corner at its end: the pressure of a sharp corner grows as the mesh is refined; "
             f"the rest of the surface has at most {shown('Pa', rest).text(rest, 3)} then")
 

@@ -1,7 +1,7 @@
 """A scene before it runs, as a picture: bodies with their meshes, sides of pairs, where what acts, and probes.
 
-What acts at a place is told beside the picture in the scenario's own words and units, under the number that stands at
-the place, so that a slip in a name or a unit is seen before anything is computed.
+What acts at a place is told beside the picture in the scenario's own words, in SI, under the number that stands at the
+place, so that a slip in a name or a unit is seen before anything is computed.
 """
 
 from __future__ import annotations
@@ -157,6 +157,10 @@ def _told(scenario: Scenario, places: Sequence[Acting]) -> list[tuple[str, str, 
 
     kind = "about an axis (x = r)" if interface.axisymmetric else "plane"
     add(f"{kind}; lengths in m, temperatures in {scenario.temperature_unit}", indent="")
+    if scenario.units is not None:
+        # fault: the picture hides the units of the file -> pass |
+        #   coupler/test_scenario_file_units::test_check_and_show_tell_the_units
+        add(f"the file is in {scenario.units.symbols}; all numbers here are SI (m, Pa, W/m2, ...)", indent="")
     add("Bodies", bold=True)
     for b, name in enumerate(interface.bodies):
         spec = scenario.resolved["bodies"][name]
@@ -170,7 +174,7 @@ def _told(scenario: Scenario, places: Sequence[Acting]) -> list[tuple[str, str, 
         add(f"{p.name}: {p.slave} on {p.master}" + (", tied" if p.tied else "")
             + (f", mu {p.mu:g}" if p.mu else "") + f", looks {p.gap_max:.3g} m far", "#a01010")
     if places:
-        add("What acts, in the units of the file", bold=True)
+        add("What acts, in SI; temperatures as in the file", bold=True)
     for k, place in enumerate(places, 1):
         for j, words in enumerate(place.words):
             add(f"{k}  {place.where}: {words}" if j == 0 else f"    {words}", indent="      ")

@@ -22,6 +22,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from contact.problem.errors import UNKNOWN, wrongs
 from coupler.errors import UNPRINTABLE, ScenarioError, together
+from coupler.scenario.unit_system import UnitSystem
 
 Key = tuple[str | int, ...]
 
@@ -37,6 +38,7 @@ class Document:
 
     lines : line number of every key and list item, 1-based.  overridden : keys set from outside the file.
     written : what stood at keys whose value with a unit was made a plain number.
+    system : the units of the file's plain numbers, which were made SI; None where they are SI.
     """
 
     path: Path
@@ -45,6 +47,7 @@ class Document:
     lines: Mapping[Key, int]
     overridden: frozenset[Key] = field(default_factory=frozenset)
     written: Mapping[Key, str] = field(default_factory=dict)
+    system: UnitSystem | None = None
 
     def line(self, key: Key) -> int:
         """Line of a key, or of the nearest thing around it that has one; 0 where an override put it."""
@@ -151,6 +154,7 @@ MAX_VALUES = 100_000
 MAX_DEPTH = 40
 MAX_MERGED = 10_000  # keys that all `<<` bring in, which the reader copies one by one
 MAX_NAME = 100  # letters of a key: names become those of files and of variables
+YAML_REMEDY = "Check indentation, brackets, colons and quotes there."
 _ALIAS = re.compile(r"(?:^|[\s\[{,])\*[^\s\[\]{},*]", re.MULTILINE)
 _BRACKET = re.compile(r"[\[{\]}]")
 
@@ -215,7 +219,8 @@ def _read_text(path: Path) -> str:
             # fault: files of any size read -> data = stream.read(MAX_BYTES) | coupler/test_scenario_reading
             data = stream.read(MAX_BYTES + 1)
     except OSError as exc:
-        raise ScenarioError(f"the file cannot be read ({exc.strerror})", file=file) from exc
+        raise ScenarioError(f"the file cannot be read ({exc.strerror})", file=file,
+                            remedy="Check that you may read it.") from exc
     if len(data) > MAX_BYTES:
         raise ScenarioError(
             f"the file is larger than {MAX_BYTES} bytes",
@@ -255,15 +260,16 @@ def _parse(text: str, file: str) -> Any:
                             remedy="Remove or rename one of the two.") from exc
     except MarkedYAMLError as exc:
         raise ScenarioError(
-            f"not valid YAML: {exc.problem or exc.context}", file=file, line=_line_of(exc)
+            f"not valid YAML: {exc.problem or exc.context}", file=file, line=_line_of(exc), remedy=YAML_REMEDY
         ) from exc
     except YAMLError as exc:
-        raise ScenarioError(f"not valid YAML: {str(exc).splitlines()[0]}", file=file) from exc
+        raise ScenarioError(f"not valid YAML: {str(exc).splitlines()[0]}", file=file, remedy=YAML_REMEDY) from exc
     except RecursionError as exc:
-        raise ScenarioError("the text is nested too deeply", file=file) from exc
+        raise ScenarioError("the text is nested too deeply", file=file,
+                            remedy=f"At most {MAX_DEPTH} levels deep.") from exc
     except ValueError as exc:
         # ruamel lets these out for scalars that look like a number or a date and are none (`2020-13-45`).
-        raise ScenarioError(f"not valid YAML: {exc}", file=file) from exc
+        raise ScenarioError(f"not valid YAML: {exc}", file=file, remedy=YAML_REMEDY) from exc
 
 
 class _TooManyMergedError(Exception):

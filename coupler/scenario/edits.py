@@ -82,7 +82,8 @@ def _next_part(node: Any, parts: list[str], done: Key, name: str) -> tuple[str |
             remedy=f"Items are numbered 0 to {len(node) - 1}; or give the whole list.",
         )
     if not isinstance(node, dict):
-        raise ScenarioError(f"{dotted(done)} is a single value, with nothing inside it", key=name, value=node)
+        raise ScenarioError(f"{dotted(done)} is a single value, with nothing inside it", key=name, value=node,
+                            remedy=f"Set {dotted(done)} itself, to a mapping.")
     for n in range(len(parts), 1, -1):
         if (joined := ".".join(parts[:n])) in node:
             return joined, parts[n:]

@@ -29,7 +29,6 @@ from coupler.scenario.document import (
     read_document,
     scenario_error,
 )
-from coupler.scenario.edits import apply_overrides
 from coupler.scenario.mesh import mesh_path
 from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
@@ -46,7 +45,7 @@ from coupler.scenario.problems import (
     understood_by,
     wrongs_of,
 )
-from coupler.scenario.quantities import with_plain_numbers
+from coupler.scenario.quantities import with_overrides, with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
 from coupler.scenario.rule_model import Rule
 from coupler.scenario.rules import rules_of
@@ -57,6 +56,7 @@ from coupler.scenario.si import ToSI
 from coupler.scenario.starts import TakenCourse, TakenStart
 from coupler.scenario.timing import CouplingOptions, Output, coupling_of, output_of
 from coupler.scenario.understood import CONSTANT
+from coupler.scenario.unit_system import UnitSystem
 from coupler.scenario.versions import notice, with_old_defaults
 from coupler.scenario.warm import TakenMechanics
 
@@ -77,6 +77,7 @@ class Scenario:
     stated : what the file states, checked; materials, bodies, contact and halves in SI.
     recordings : role -> what a half `replay` plays.
     own_mesh : of the thermal half, None where it has that of the scene.
+    units : of the file's plain numbers where they are not SI; None where they are.
     """
 
     file: Path
@@ -99,6 +100,7 @@ class Scenario:
     conditions: Mapping[str, ConditionOutput] = field(default_factory=dict)
     recordings: Mapping[str, TakenRecording] = field(default_factory=dict)
     own_mesh: OwnMesh | None = None
+    units: UnitSystem | None = None
 
     def __repr__(self) -> str:
         """Three lines: a field array of the mesh would be pages."""
@@ -135,7 +137,7 @@ class Scenario:
                 found.append(f"the {role} half {kind} does not say what it reads of a scene ({CONSTANT}, "
                              "docs/write_a_half.md): what it leaves out nobody can tell")
         if self.stated is not None:
-            found += unlikely(self.stated, self.interface)
+            found += unlikely(self.stated, self.interface, self.units)
         thermal = self.models["thermal"]
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
@@ -222,7 +224,7 @@ def checked_form(path: Path) -> tuple[Document, ScenarioFile]:
 
 def checked(read: Document, overrides: Mapping[str, Any]) -> Scenario:
     """The scenario of a document with values put in place of its own.  Raises ScenarioError."""
-    return _checked(with_plain_numbers(apply_overrides(read, overrides)), overrides)
+    return _checked(with_overrides(read, overrides), overrides)
 
 
 def _errors_of_form(document: Document, error: ValidationError, overrides: Mapping[str, Any]) -> ScenarioError:
@@ -312,6 +314,7 @@ def _checked(document: Document, overrides: Mapping[str, Any]) -> Scenario:
         stated=stated,
         recordings=recordings,
         own_mesh=own_mesh,
+        units=document.system,
     )
 
 

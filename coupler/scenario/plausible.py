@@ -13,7 +13,9 @@ from contact.half.interface import Interface
 from contact.problem.curves import Polynomial, PropertyTable
 from contact.problem.material import Material
 from contact.problem.part import properties_in
+from contact.problem.units import unit_from
 from coupler.scenario.schema import ScenarioFile
+from coupler.scenario.unit_system import UnitSystem
 
 
 @dataclass(frozen=True)
@@ -50,19 +52,20 @@ LENGTH = Usual(1e-6, 10.0, "m", {"mm": 1e-3, "um": 1e-6})
 COLD = (10.0, 60.0)  # K; written so, a temperature at the start is rather in degrees Celsius
 
 
-def unlikely(stated: ScenarioFile, interface: Interface) -> list[str]:
+def unlikely(stated: ScenarioFile, interface: Interface, units: UnitSystem | None = None) -> list[str]:
     """Return a sentence for each material, and one for the bodies, whose numbers are far from those of engineering.
 
-    stated : what the file says, in SI.
+    stated : what the file says, in SI.  units : of the file's plain numbers, where they are not SI.
     """
     used = {part.material for body in stated.bodies.values() for part in body.parts.values()}
     notes = []
     for name in sorted(used & stated.materials.keys()):
         # fault: numbers far from any material's pass without a word -> told: list[str] = [] |
         #   coupler/test_scenario_plausible
-        told = [_told(*odd) for odd in _odd(stated.materials[name])]
+        told = [_told(*odd, units) for odd in _odd(stated.materials[name])]
         if told:
-            notes.append(f"material {name}: {', '.join(told)}; no engineering material is near. All numbers are SI; "
+            what = "All numbers are SI" if units is None else f"Plain numbers are in {units.symbols} and s"
+            notes.append(f"material {name}: {', '.join(told)}; no engineering material is near. {what}; "
                          "in a scene in units of its own this may stand")
     x = interface.nodes
     for k, body in enumerate(interface.bodies):
@@ -70,7 +73,8 @@ def unlikely(stated: ScenarioFile, interface: Interface) -> list[str]:
         size = float((own.max(axis=0) - own.min(axis=0)).max())
         if not LENGTH.holds(size):
             slip = LENGTH.slip(size)
-            notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in metres, those of a "
+            what = "metres" if units is None else units.length
+            notes.append(f"body {body} is {size:.3g} m long" + (f": is {slip} meant? Lengths are in {what}, those of a "
                          "mesh file times its `unit`" if slip else ""))
     return notes + _cold(stated)
 
@@ -103,7 +107,14 @@ def _values(material: Material, key: str) -> Iterator[list[float]]:
             yield [spec.polynomial[0] if isinstance(spec, Polynomial) else float(spec)]
 
 
-def _told(key: str, value: float, usual: Usual) -> str:
+def _told(key: str, value: float, usual: Usual, units: UnitSystem | None) -> str:
+    if units is not None:
+        powers = unit_from(usual.unit).powers
+        plain, size = value / float(units.factor(powers)), units.name(powers)
+        # fault: SI in a file in mm, MPa is told without its slip -> meant = "" |
+        #   coupler/test_scenario_file_units::test_a_number_in_si_is_told
+        meant = f" (in {usual.unit} it would be usual)" if usual.holds(plain) and plain != value else ""
+        return f"{key} is {plain:g} {size}{meant}"
     slip = usual.slip(value)
     meant = f" (in {slip} it would be {value * usual.slips[slip]:.4g})" if slip else ""
     return f"{key} is {value:g} {usual.unit}{meant}"

@@ -1,6 +1,7 @@
-"""Values with units in a scenario: each becomes the number that the file could have held, before anything is checked.
+"""Units in a scenario: each value becomes the number that a file in SI could have held, before anything is checked.
 
-A key says its unit once, in its Entry.  So after this walk `20 mm` and 0.02 are the same scenario, with the same hash.
+A key says its unit once, in its Entry.  So after this walk `20 mm`, 20 in a file in mm, and 0.02 are the same scenario,
+with the same hash.
 """
 
 from __future__ import annotations
@@ -30,10 +31,14 @@ from contact.problem.units import (
     unit_from,
 )
 from contact.problem.values import Refused, SignalName, looks_like_number
+from coupler.errors import together
 from coupler.scenario.document import Document, Key
+from coupler.scenario.edits import apply_overrides
+from coupler.scenario.mesh import MeshFile
 from coupler.scenario.options import Tolerance
 from coupler.scenario.rule_schema import ActionSpec, Condition, DriveSpec
-from coupler.scenario.schema import Binding, ScenarioFile
+from coupler.scenario.schema import Binding, Geometry, ScenarioFile, StudyReference, StudySpec
+from coupler.scenario.unit_system import UnitSystem, system_of, units_from
 
 # Keys that say no unit because theirs is that of the key around them.
 AS_AROUND = {(curves.SignalTable, "value"), (curves.PropertyTable, "value"), (curves.Phases, "solid"),
@@ -41,6 +46,10 @@ AS_AROUND = {(curves.SignalTable, "value"), (curves.PropertyTable, "value"), (cu
 # Mappings whose numbers are of what only the run knows (a monitor), or of powers of a unit: SI, without a unit.
 WITHOUT: tuple[type[Part], ...] = (curves.Polynomial, curves.ProfilePolynomial, curves.ProfileTable, Condition,
                                    ActionSpec, DriveSpec, Binding)
+# Mappings whose numbers no unit of a file can be given to: of what they are only the run knows.
+OF_MONITORS: tuple[type[Part], ...] = (Condition, DriveSpec)
+# Of a plane scene they are those of a slice: one unit of length of the file deep, one metre in SI.
+OF_A_SLICE = frozenset(unit_from(name).powers for name in ("N", "J"))
 _EXPONENT = re.compile(r"\^(?:\((\d+) \+ (\w+)\)|([A-Za-z]\w*))")
 
 
@@ -66,22 +75,64 @@ class Wanted:
         return words.replace("a temperature", "a difference of temperatures") if words.endswith("[K]") else words
 
 
+def with_overrides(document: Document, overrides: Mapping[str, Any]) -> Document:
+    """Return the document with values put in place of its own, all as plain numbers in SI.
+
+    The units of a whole file are those of its own numbers: overrides are in SI, or have units.  Raises ScenarioError.
+    """
+    # fault: overrides of a file in mm are taken for mm -> plain = document |
+    #   coupler/test_scenario_file_units::test_overrides_are_in_si
+    plain = with_plain_numbers(document) if _units_of(document)[1] is not None else document
+    changed = apply_overrides(plain, overrides)
+    for key in sorted(changed.overridden, key=str):
+        if key[:1] == ("units",) and (plain.system is not None or key != ("units", "temperature")):
+            raise changed.error(key, "the units of a file are those of its own numbers",
+                                "Change them in the file, with its numbers.")
+    return with_plain_numbers(changed)
+
+
 def with_plain_numbers(document: Document) -> Document:
     """Return the document with every value that has a unit as the plain number of its key.
 
-    SI; temperatures in the unit of the file.  What does not fit its key stays as a `Refused` text, which the check of
-    the form tells with its place.
+    SI; temperatures in the unit of the file.  A unit has what is written behind a number, or what `units` says of all.
+    What does not fit its key stays as a `Refused` text, which the check of the form tells with its place.
+    Raises ScenarioError for units of a whole file that are none, and for numbers that they leave open.
     """
-    if not any(_has_unit(text) for text in _texts(document.tree)):
+    units, system = _units_of(document)
+    if units != document.tree.get("units"):
+        document = replace(document, tree={**document.tree, "units": units})
+    if system is None and not any(_has_unit(text) for text in _texts(document.tree)):
         return document
-    units = document.tree.get("units")
-    walk = _Walk(str(units.get("temperature")) if isinstance(units, Mapping) else "")
+    walk = _Walk(str(units.get("temperature")) if isinstance(units, Mapping) else "", system,
+                 document.tree.get("geometry") == Geometry.PLANE.value)
     signals = document.tree.get("signals")
+    if system is not None:  # what a signal's plain numbers are is asked where it is used
+        walk.tree(ScenarioFile, {key: value for key, value in document.tree.items() if key != "signals"}, ())
+        walk.written.clear()
+        walk.open.clear()
     if isinstance(signals, Mapping):  # first: what they are is asked where they are used
         walk.tree(ScenarioFile, {"signals": signals}, ())
     tree = walk.tree(ScenarioFile, document.tree, ())
+    if walk.open:
+        raise together([document.error(*one) for one in dict.fromkeys(walk.open)])
+    if system is not None:
+        tree["units"] = {"temperature": units.get("temperature")}
     # fault: values with units are left as they are -> return document | coupler/test_scenario_units
-    return replace(document, tree=tree, written={**document.written, **walk.written})
+    return replace(document, tree=tree, written={**document.written, **walk.written},
+                   system=system or document.system)
+
+
+def _units_of(document: Document) -> tuple[Any, UnitSystem | None]:
+    """The mapping `units` of a document, and the system it states.  Raises ScenarioError for a text that is none."""
+    units = document.tree.get("units")
+    if isinstance(units, str):
+        try:
+            units = units_from(units)
+        except UnitError as exc:
+            raise document.error(("units",), str(exc), exc.remedy) from None
+        if "temperature" not in units:
+            raise document.error(("units",), "no unit of temperature is named", "Add degC or K.")
+    return units, system_of(units)
 
 
 def _texts(node: Any) -> Iterator[str]:
@@ -111,11 +162,17 @@ def _hints(part: type[Part]) -> Mapping[str, Any]:
 class _Walk:
     """Goes through a tree along the types of its keys.
 
-    scale : the file's unit of temperature.  signals : name -> its dimension, where it says one.
-    written : what stood where a number is now.
+    scale : the file's unit of temperature.  system : the units of its plain numbers, None for SI.
+    plane : its geometry.
+    signals : name -> its dimension, where it says one.  used : name -> what the keys want that use it.
+    written : what stood where a number is now.  open : numbers whose unit nobody knows (place, text, remedy).
     """
 
     scale: str
+    system: UnitSystem | None = None
+    plane: bool = False
+    used: dict[str, list[Wanted]] = field(default_factory=dict)
+    open: list[tuple[Key, str, str]] = field(default_factory=list)
     signals: dict[str, Powers] = field(default_factory=dict)
     written: dict[Key, str] = field(default_factory=dict)
 
@@ -124,14 +181,89 @@ class _Walk:
         names = {info.alias or name: name for name, info in part.model_fields.items()}
         hints = _hints(part)
         extra = get_args(hints.get("__pydantic_extra__"))
-        made = {}
+        made: dict[str, Any] = {}
         for key, value in data.items():
+            if self.system is not None and self._of_its_own(part, key, value, (*at, key), around, made):
+                continue
             if key in names:
                 made[key] = self.value(hints[names[key]], value, (*at, key),
                                        self._wanted(part, names[key], data, at, around))
             else:
                 made[key] = self.value(extra[1], value, (*at, key), None) if extra else value
+        if self.system is not None and part is MeshFile:
+            # fault: a mesh file in a scenario in mm is read in m -> made.setdefault("unit", "m") |
+            #   coupler/test_scenario_file_units::test_a_mesh_file_is_in_the_unit_of_the_file
+            made.setdefault("unit", self.system.length)
         return made
+
+    def _of_its_own(self, part: type[Part], key: str, value: Any, at: Key, around: Wanted | None,
+                    made: dict[str, Any]) -> bool:
+        """Convert or note what follows no unit of its key: coefficients, bounds of rules, values of a grid."""
+        assert self.system is not None
+        if key == "polynomial" and isinstance(value, list) and around is not None and around.powers is not None:
+            whole = part is curves.Polynomial
+            first = around.powers if whole else NONE
+            # fault: coefficients of a profile in mm are all alike -> per = NONE |
+            #   coupler/test_scenario_file_units::test_units_with_powers_and_coefficients
+            per = SCALES["K"].powers if whole else unit_from("m").powers
+            made[key] = [self._scaled(one, (*at, i), Wanted(tuple(a - i * b for a, b in zip(first, per, strict=True))))
+                         for i, one in enumerate(value)]
+            return True
+        if part in OF_MONITORS or (part is ActionSpec and key == "set"):
+            self._open_numbers(value, at, "what a rule compares or sets has the unit of its monitor or load",
+                               "Write this file in SI, with units behind single values (20 mm).")
+        elif (part is StudySpec and key == "grid") or (part is StudyReference and key == "set"):
+            grids = value if isinstance(value, list) else [value]
+            for k, grid in enumerate(grids):
+                for axis, values in grid.items() if isinstance(grid, Mapping) else ():
+                    if "." in axis:
+                        place = (*at, k, axis) if isinstance(value, list) else (*at, axis)
+                        self._open_numbers(values, place, "values of a grid are put in place of those of the file",
+                                           "Give each its unit (20 mm; 0.3 1 of a pure number).")
+        return False
+
+    def _open_numbers(self, value: Any, at: Key, why: str, remedy: str) -> None:
+        """Note every plain number inside: the units of the file cannot be given to it."""
+        assert self.system is not None
+        if isinstance(value, Mapping):
+            for key, one in value.items():
+                if key not in ("for", "of", "rate", "lag", "gain", "cells") and not str(key).startswith("load."):
+                    self._open_numbers(one, (*at, key), why, remedy)
+        elif isinstance(value, list):
+            for i, one in enumerate(value):
+                self._open_numbers(one, (*at, i), why, remedy)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            # fault: bounds of rules in a file in mm, MPa are read in SI without a word -> pass |
+            #   coupler/test_scenario_file_units::test_what_the_units_leave_open_is_refused
+            self.open.append((at, f"the file is in {self.system.symbols}, and {why}, so its unit is not known", remedy))
+
+    def _scaled(self, value: Any, at: Key, wanted: Wanted | None) -> Any:
+        """A plain number in SI; what is none is left to the check of the form."""
+        if (self.system is None or wanted is None or wanted.temperature or wanted.degrees or isinstance(value, bool)
+                or not isinstance(value, int | float) or not abs(value) < float("inf")):
+            return value
+        powers = wanted.powers
+        if powers is None:  # of a signal: as the keys want that use it
+            uses = self.used.get(str(at[1]), [])
+            powers = uses[0].powers if uses and not uses[0].temperature else NONE
+            if any(one.powers != uses[0].powers for one in uses):
+                kinds = " and ".join(dict.fromkeys(one.called for one in uses))
+                return Refused(f"{value:g}", f"the signal is used as {kinds}, so the unit of its numbers is not known",
+                               "Make two signals of it, or give its values a unit.")
+            assert powers is not None, "a key that wants anything is no use"
+        factor, deep = self.system.factor(powers), ""
+        # fault: a force in a plane file in mm is that of a metre of depth -> if False: |
+        #   coupler/test_scenario_file_units::test_a_force_is_that_of_a_slice coupler/test_deck_units
+        if self.plane and powers in OF_A_SLICE:
+            factor, deep = factor / self.system.metre, f" per {self.system.length} of depth"
+        if factor == 1:
+            return value
+        try:
+            plain = as_float(Fraction(repr(value)) * factor)
+        except UnitError as exc:
+            return Refused(repr(value), str(exc), exc.remedy)
+        self.written[at] = f"{value!r} {self.system.name(powers)}{deep}"
+        return plain
 
     def value(self, hint: Any, value: Any, at: Key, wanted: Wanted | None) -> Any:
         """The plain value of a key."""
@@ -140,6 +272,8 @@ class _Walk:
             if hint is float and wanted is not None and looks_like_number(value):
                 return self._number(value, at, wanted)
             return self._use(value, wanted) if hint is SignalName else value
+        if hint is float:
+            return self._scaled(value, at, wanted)
         origin, inner = get_origin(hint), get_args(hint)
         if isinstance(value, list) and origin is tuple:
             kinds = [inner[0]] * len(value) if inner[-1:] == (Ellipsis,) else list(inner)
@@ -215,6 +349,8 @@ class _Walk:
 
     def _use(self, name: str, wanted: Wanted | None) -> str:
         """A signal's name where it is used; it is refused where the signal is of another kind than its key."""
+        if wanted is not None and wanted.powers is not None:
+            self.used.setdefault(name, []).append(wanted)
         powers = self.signals.get(name)
         # fault: a signal of another kind is used in silence -> if True: |
         #   coupler/test_scenario_units::test_a_signal_is_of_the_kind_of_its_key
@@ -262,7 +398,8 @@ def _fitting(members: list[Any], value: Any) -> Any:
         origin = get_origin(one)
         if ((isinstance(value, Mapping) and (origin is dict or (isinstance(one, type) and issubclass(one, Part))))
                 or (isinstance(value, list) and origin is tuple)
-                or (isinstance(value, str) and one is float and looks_like_number(value))):
+                or (isinstance(value, str) and one is float and looks_like_number(value))
+                or (isinstance(value, int | float) and one is float)):
             return whole
     # An annotated union within the union says itself what it takes.
     return next((whole for whole, one in bare if get_origin(one) in (typing.Union, UnionType)), None)

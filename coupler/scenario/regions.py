@@ -63,7 +63,8 @@ def _cells(document: Document, body: MeshedBody, mesh: BodyMesh, region: Region,
                                  did_you_mean(region.group, mesh.groups))
         cells = mesh.groups[region.group]
         if not (len(cells[0]) + len(cells[1])):
-            raise document.error((*key, "group"), f"the group {region.group!r} has no cell of this body")
+            raise document.error((*key, "group"), f"the group {region.group!r} has no cell of this body",
+                                 "Name a group of cells that lie in this body's `mesh.file.region`.")
         return cells
     assert region.rectangle is not None
     if body.mesh.rectangle is None:

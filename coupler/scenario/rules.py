@@ -139,13 +139,16 @@ class _Reader:
         kind = str(self._models[half]["half"])
         known = METHODS.get(kind)
         if known is None:
-            raise self._c.document.error(key, f"the half {kind!r} has no other methods")
+            raise self._c.document.error(key, f"the half {kind!r} has no other methods",
+                                         "Leave `method` out for this half.")
         if name not in known:
             raise self._c.document.error(key, f"the half {kind!r} has no such method", did_you_mean(name, known))
         if name == "theta" and "theta" not in self._models[half]:
-            raise self._c.document.error(key, "theta needs its number", "Give `thermal.theta`, with its method.")
+            raise self._c.document.error(key, "the method theta needs the value of theta",
+                                         "Give `thermal.theta`, 0.5 to 1, beside `thermal.method`.")
         if name == "explicit" and "dynamics" not in self._models[half]:
-            raise self._c.document.error(key, "explicit needs inertia", "Add mechanical.elastic.dynamics.")
+            raise self._c.document.error(key, "the method explicit needs inertia",
+                                         "Add mechanical.elastic.dynamics.")
         return known[name]
 
     def _give(self, name: str, change: NewValue, key: Key) -> Give:
@@ -185,7 +188,8 @@ class _Reader:
         monitor, is_T = self._monitor(name, at)
         target = self._c.convert.kelvin(target, at) if is_T else target
         if spec.log and target == 0.0:
-            raise self._c.document.error(at, "zero has no logarithm", "Give `scale: linear` and a gain.")
+            raise self._c.document.error(at, "a target of zero has no logarithm, in which this load moves",
+                                         "Give `scale: linear` and a gain.")
         first = spec.begin
         least = spec.least if spec.least is not None else first * 1e-6 if spec.log else -math.inf
         return Drive(half, f"{kind}.{condition}", monitor, target, first, least,

@@ -171,7 +171,8 @@ def _pair(document: Document, file: ScenarioFile, name: str, interface: Interfac
     for other in pairs:
         if {other.slave, other.master} == {slave, master}:
             raise document.error(
-                ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}"
+                ("contact", name), f"the pair {other.name!r} already joins {slave} and {master}",
+                f"Leave {name!r} out, or write its keys into {other.name!r}.",
             )
     local = pair.penalty == "auto"
     eps_N = largest_penalty(interface, slave, master) if local else float(pair.penalty)

@@ -21,6 +21,7 @@ from coupler.scenario.coupling_schema import CouplingSpec
 from coupler.scenario.mesh import Mesh
 from coupler.scenario.options import Scheme
 from coupler.scenario.rule_schema import RuleSpec
+from coupler.scenario.unit_system import WITH_MASS
 
 VERSION = 2  # of the scenario form; older ones: coupler.scenario.versions
 
@@ -40,10 +41,34 @@ class TemperatureUnit(StrEnum):
 
 
 class Units(Part):
-    """Only temperature has a choice; all else is SI."""
+    """Of all numbers of the file.  Temperature always has a unit of its own; all else is SI, or as `length` and one of
+    `stress`, `force` and `mass` say (coupler.scenario.unit_system).
+    """
 
     temperature: Annotated[TemperatureUnit, Entry(
         "unit of every temperature in the file; differences are not converted")]
+    length: Annotated[Literal["m", "cm", "mm", "um"] | None, Entry(
+        "of all lengths of the file, and in every unit that has one in it; with one of the next three",
+        default="all is SI")] = None
+    stress: Annotated[Literal["Pa", "kPa", "MPa", "GPa"] | None, Entry(
+        "of stresses and pressures; masses, forces and energies follow", default="none")] = None
+    force: Annotated[Literal["N", "kN", "MN"] | None, Entry("instead", default="none")] = None
+    mass: Annotated[Literal["kg", "g", "t"] | None, Entry("instead", default="none")] = None
+
+    @model_validator(mode="after")
+    def _all_follow(self) -> Units:
+        given = [name for name in WITH_MASS if getattr(self, name) is not None]
+        # fault: a file in mm may leave its stresses open -> if False: |
+        #   coupler/test_scenario_file_units::test_units_that_leave_something_open_are_refused
+        if self.length is not None and not given:
+            raise problem("a unit of length alone leaves open what stresses and masses are in",
+                          "Add one of stress, force, mass: {length: mm, stress: MPa}.", at=("length",))
+        if given and self.length is None:
+            raise problem(f"a unit of {given[0]} alone leaves open what lengths are in", "Add length: m.",
+                          at=(given[0],))
+        if len(given) > 1:
+            raise problem(f"{' and '.join(given)} both fix the unit of mass", "Leave out one.", at=(given[1],))
+        return self
 
 
 class Binding(Part):
@@ -304,7 +329,7 @@ class ScenarioFile(Part):
         "version of this form; `slideline migrate` writes the newest",
         kind="2")]
     title: Annotated[Text, Entry("shown in results", default="the file's name")] = ""
-    units: Annotated[Units, Entry("of temperatures")]
+    units: Annotated[Units, Entry("of its numbers")]
     geometry: Annotated[Geometry, Entry(
         "plane strain, per metre of depth; or x = r, y = z, the whole turn of 2 pi")]
     signals: Annotated[dict[Name, SignalSpec], Entry(

@@ -55,7 +55,8 @@ def coupling_of(document: Document, spec: CouplingSpec, models: Mapping[str, Any
     """Check the windows and gather the kinks.  Raises ScenarioError."""
     for i, t in enumerate(spec.kinks):
         if t < 0:
-            raise document.error(("coupling", "kinks", i), "a breakpoint cannot lie before the run begins, at 0 s")
+            raise document.error(("coupling", "kinks", i), "a breakpoint cannot lie before the run begins, at 0 s",
+                                 "Leave it out: a signal may have values before 0 s without it.")
     adaptive = spec.sized.sizes(spec.end) if spec.sized is not None else None
     windows = ((WindowRange(spec.end, spec.end, spec.end),) if spec.windows is None
                else _ranges(document, spec.windows, spec.end))
@@ -115,7 +116,8 @@ def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[W
         # fault: windows may go backwards -> if until < 0.0: | coupler/test_scenario_errors
         if until <= before:
             raise document.error(("coupling", "windows", i, "until"),
-                                 f"time goes backwards: the range before ends at {before:g} s")
+                                 f"time goes backwards: the range before ends at {before:g} s",
+                                 "Put the ranges in order of `until`, each later than the one before.")
     start, count, ranges = 0.0, 0.0, []
     for i, spec in enumerate(specs):
         key: Key = ("coupling", "windows", i)
@@ -123,7 +125,8 @@ def _ranges(document: Document, specs: Sequence[Windows], end: float) -> tuple[W
         for name, size in sizes.items():
             if size > (spec.until - start) * (1 + SAME):
                 raise document.error(
-                    (*key, name), f"a window is longer than its range, {start:g} to {spec.until:g} s"
+                    (*key, name), f"a window is longer than its range, {start:g} to {spec.until:g} s",
+                    f"Write at most {spec.until - start:g}, or let the range end later.",
                 )
         count += _count(spec.until - start, *spec.sizes)
         if count > MAX_WINDOWS:
@@ -194,7 +197,8 @@ def output_of(document: Document, spec: OutputSpec, end: float) -> Output:
     for i, t in enumerate(spec.fields.at):
         if t > end:
             raise document.error(
-                ("output", "fields", "at", i), f"this is after the end of the run, {end:g} s"
+                ("output", "fields", "at", i), f"this is after the end of the run, {end:g} s",
+                "Leave it out, or raise coupling.end.",
             )
     fields = spec.fields
     # Who counts windows has chosen; to all others the run shows where something happens.

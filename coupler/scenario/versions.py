@@ -36,6 +36,8 @@ def json_schema() -> dict[str, Any]:
     # fault: editors mark values with units as wrong -> plain = set(schema["$defs"]) | coupler/test_scenario_units
     schema["$defs"] = {name: part if name in plain else _with_units(part) for name, part in schema["$defs"].items()}
     schema["properties"] = _with_units(schema["properties"])
+    # A text such as "mm, MPa, degC" is the mapping `units` in short.
+    schema["properties"]["units"] = {"anyOf": [schema["properties"]["units"], {"type": "string"}]}
     schema["properties"]["slideline"] = {"enum": list(range(1, VERSION + 1)), "description": "version of this form"}
     return {"$schema": DRAFT, "$id": f"slideline-scenario-{VERSION}", "title": "Slideline scenario"} | schema
 

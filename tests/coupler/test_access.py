@@ -132,6 +132,12 @@ def test_plots_and_notebooks_show_the_probes(ran: Results) -> None:
     assert f"{ran.probe('lower.top.left')[1][-1]:.6g}" in html
 
 
+def test_plot_is_shown_in_a_notebook(ran: Results) -> None:
+    png = ran.plot("lower.top.left")._repr_png_()
+    assert png.startswith(b"\x89PNG")
+    assert len(png) > 5_000  # a curve with its axes, not an empty picture
+
+
 def test_a_scenario_says_itself_in_three_lines() -> None:
     lines = repr(load_scenario(SCENARIOS / "sliding_blocks.yaml")).splitlines()
     assert len(lines) == 3

@@ -123,5 +123,6 @@ def test_a_peak_at_a_corner_is_told_as_one() -> None:
     corner = told([35e6, 20e6, 34e6, 252e6])
     assert corner.startswith("on block.bottom at (0.03, 0.5) m, the corner at its end")
     assert corner.endswith("has at most 35 MPa then")
+    assert told([10e6, 10e6, 10e6, 10e6]) == told([10.05e6, 10e6, 10e6, 10e6]) == "on block.bottom at (0, 0.5) m"
     assert told([35e6, 20e6, 252e6, 34e6]) == "on block.bottom at (0.02, 0.5) m"
     assert told([252e6, 20e6, 34e6, 252e6], closed=True) == "on block.bottom at (0, 0.5) m"
