@@ -30,7 +30,7 @@ from coupler.scenario.document import (
     scenario_error,
 )
 from coupler.scenario.mesh import mesh_path
-from coupler.scenario.notes import contact_notes, mean_T0, sign_notes, thermal_notes
+from coupler.scenario.notes import contact_notes, mean_T0, scaled_temperatures, sign_notes, thermal_notes
 from coupler.scenario.own_mesh import OwnMesh, own_mesh_of
 from coupler.scenario.plausible import unlikely
 from coupler.scenario.probes import Probe, probes_of
@@ -47,7 +47,7 @@ from coupler.scenario.problems import (
 )
 from coupler.scenario.quantities import with_overrides, with_plain_numbers
 from coupler.scenario.recordings import TakenRecording, recordings_of, with_recording
-from coupler.scenario.rule_model import Rule
+from coupler.scenario.rule_model import Drive, Give, Rule
 from coupler.scenario.rules import rules_of
 from coupler.scenario.scene import Context, Scene, scene_of
 from coupler.scenario.schema import ScenarioFile
@@ -139,6 +139,9 @@ class Scenario:
         if self.stated is not None:
             found += unlikely(self.stated, self.interface, self.units)
         thermal = self.models["thermal"]
+        if self.temperature_unit != "K":
+            given = [what for rule in self.rules for what in (*rule.do, rule.drive) if isinstance(what, Give | Drive)]
+            found += scaled_temperatures(thermal, [g.name for g in given if g.half == "thermal"])
         return tuple(found + contact_notes(self.interface, thermal, self.models["mechanical"]) +
                      thermal_notes(thermal, self.interface.pairs, mean_T0(thermal, self.interface)))
 

@@ -17,6 +17,7 @@ from contact.half.signs import wrong_signs
 from contact.half.start import mean_start
 from contact.laws import branch_jump, closed_conductance, open_conductance, parse_law
 from coupler.scenario.probes import locate
+from coupler.scenario.si import ZERO_CELSIUS
 
 # Conductances that differ by less than this share at touch join.
 JOINED = 1e-6
@@ -52,6 +53,20 @@ def _at_melting(model: Model) -> list[str]:
             found.append(f"body {name} starts at {T_m:.6g} K, the melting temperature of {part['material']}: all of it "
                          "is molten then (f_s = 0). A T0 a little lower, by 0.01 K say, starts it solid")
     return found
+
+
+def scaled_temperatures(model: Model, inputs: Iterable[str]) -> list[str]:
+    """Prescribed temperatures that rules multiply, of a scenario in degC: a half has them in kelvin.
+
+    model : model.json of the thermal half.  inputs : what rules set of it, `load.NAME`.
+    """
+    named = {f"load.{b['name']}" for b in model.get("boundary", ()) if "temperature" in b and "name" in b}
+    example = 0.6 * (500.0 + ZERO_CELSIUS) - ZERO_CELSIUS
+    # fault: nobody says of which temperature a factor is -> named = set() | coupler/test_scenario_rules
+    named &= set(inputs)
+    return [f"{name} multiplies a prescribed temperature in kelvin, in a file in degC too: 0.6 times 500 degC is "
+            f"{example:.1f} degC. A temperature that is known beforehand is better given as a table over time"
+            for name in sorted(named)]
 
 
 def _torn_laws(name: str, pair: Model, T: float) -> list[str]:

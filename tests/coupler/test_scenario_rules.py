@@ -164,6 +164,18 @@ def test_a_name_that_both_halves_have(tmp_path: Path) -> None:
         assert found.do == (Give(half, "load.ram", Change(2.0), 1.0),)
 
 
+@pytest.mark.parametrize("rule", ["once: true, do: [{set: {load.hot: 0.6}}]",
+                                  "drive: {load: hot, so_that: {max_T: 200}}"])
+def test_a_factor_on_a_temperature_is_one_of_kelvin(tmp_path: Path, rule: str) -> None:
+    """0.6 times 500 degC is 190.7 degC: said where the file is in degC, of temperatures alone."""
+    text = GOOD.replace("temperature: oven}", "temperature: oven, name: hot}") + f"rules:\n  - {{name: a, {rule}}}\n"
+    (found,) = [n for n in load_text(tmp_path, text).notes if "load.hot" in n]
+    assert "190.7 degC" in found
+    for other in (text.replace("degC", "K"), text.replace("load.hot", "load.lamp").replace("load: hot", "load: lamp"),
+                  text[:text.index("rules:")]):
+        assert not [n for n in load_text(tmp_path, other).notes if "in kelvin" in n]
+
+
 def test_a_retry_goes_no_further_than_windows_that_find_their_own_size(tmp_path: Path) -> None:
     start, end = GOOD.index("  windows:"), GOOD.index("probes:")
     text = GOOD[:start] + "  adaptive: {first: 1, least: 0.25}\n" + GOOD[end:]
