@@ -417,8 +417,9 @@ def _file_key(s: Stated, role: str, key: Key) -> Key:
 def _ignored(s: Stated, role: str, problem: Part, kind: str, ignore: Collection[str]) -> Iterator[Wrong]:
     """Conditions of the scene that a half of another package declares not to read."""
     # A half of the other role is refused by its name (check_kind): what it reads of a scene says nothing here.
-    named = fmu_path(kind, s.file_folder) is not None or kind in known_kinds(role)
-    words = understood_by(entry_of(role, kind), s.file_folder) if named else None
+    # fault: a half of the other role is asked what it reads -> other_role = False | coupler/test_scenario_errors
+    other_role = fmu_path(kind, s.file_folder) is None and kind not in known_kinds(role)
+    words = None if other_role else understood_by(entry_of(role, kind), s.file_folder)
     if words is None:
         return
     used = problem.model_copy(update={"materials": {name: s.file.materials[name] for name in s.used}})

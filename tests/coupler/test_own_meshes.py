@@ -69,6 +69,18 @@ def test_it_is_the_run_of_that_mesh(file: Path, tmp_path: Path, other: Results) 
     assert other.heat_imbalance < CLOSE
 
 
+def test_around_an_axis_it_is_the_run_of_that_mesh(file: Path, tmp_path: Path) -> None:
+    """Discs in place of blocks: what is exchanged goes by areas of the whole turn."""
+    about, probe = SHORT | {"geometry": "axisymmetric"}, {"probes": {"upper.T": {"T": "upper.bottom.left"}}}
+    other = ran(file, tmp_path / "other.h5", about | probe | {"thermal.meshes": OTHER})
+    whole = ran(file, tmp_path / "whole.h5", about | probe | as_bodies(OTHER))
+    assert np.abs(other.probe("upper.T")[1] - whole.probe("upper.T")[1]).max() < 1e-9 * 1000.0
+    largest = max(abs(J) for J in whole.ledger.values())
+    assert max(abs(other.ledger[n] - J) for n, J in whole.ledger.items()) < 1e-9 * largest
+    assert np.ptp(whole.probe("upper.T")[1]) > 10.0
+    assert other.heat_imbalance < CLOSE
+
+
 def test_all_friction_heat_and_all_plastic_work_arrive(tmp_path: Path) -> None:
     """A block that yields and rubs on cells of its own size, its heat on others: what was made is what came."""
     text = (SCENARIOS / "rubbing_block.yaml").read_text()
