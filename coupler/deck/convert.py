@@ -171,8 +171,7 @@ def _filled(tree: Tree, row: DeckLine, filling: _Filling, log: Log) -> Tree:
     if not analysis.heats:
         rho = tree.get("rho", in_units(1.0, "kg/m3", units))
         log.note("a deck of *STATIC alone has no heat: c is so large that nothing warms, k stands in")
-        # fault: decks in mm: what stands in for heat is in SI -> return {"k": 1.0, **tree, "rho": rho, "c": IDLE / rho}
-        #   | coupler/test_deck_units
+        # fault: decks in mm: what stands in for heat is in SI -> idle = IDLE | coupler/test_deck_units
         idle = in_units(IDLE, "J/m3K", units)
         return {"k": in_units(1.0, "W/mK", units), **tree, "rho": rho, "c": idle / rho}
     if all(step.steady or step.procedure == "STATIC" for step in steps) and not {"rho", "c"} <= set(tree):

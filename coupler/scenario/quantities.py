@@ -84,10 +84,12 @@ def with_overrides(document: Document, overrides: Mapping[str, Any]) -> Document
     #   coupler/test_scenario_file_units::test_overrides_are_in_si
     plain = with_plain_numbers(document) if _units_of(document)[1] is not None else document
     changed = apply_overrides(plain, overrides)
-    for key in sorted(changed.overridden, key=str):
-        if key[:1] == ("units",) and (plain.system is not None or key != ("units", "temperature")):
-            raise changed.error(key, "the units of a file are those of its own numbers",
-                                "Change them in the file, with its numbers.")
+    before, after = plain.tree.get("units"), changed.tree.get("units")
+    # The scale of temperatures of a file in SI may be changed: nothing has been converted yet.
+    if after != before and (plain.system is not None or _units_of(changed)[1] is not None):
+        key = next(key for key in sorted(changed.overridden, key=str) if key[:1] == ("units",))
+        raise changed.error(key, "the units of a file are those of its own numbers",
+                            "Change them in the file, with its numbers.")
     return with_plain_numbers(changed)
 
 
@@ -117,9 +119,9 @@ def with_plain_numbers(document: Document) -> Document:
         raise together([document.error(*one) for one in dict.fromkeys(walk.open)])
     if system is not None:
         tree["units"] = {"temperature": units.get("temperature")}
+    written = {**document.written, **walk.written}
     # fault: values with units are left as they are -> return document | coupler/test_scenario_units
-    return replace(document, tree=tree, written={**document.written, **walk.written},
-                   system=system or document.system)
+    return replace(document, tree=tree, written=written, system=system or document.system)
 
 
 def _units_of(document: Document) -> tuple[Any, UnitSystem | None]:

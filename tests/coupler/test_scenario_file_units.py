@@ -176,6 +176,10 @@ def test_overrides_are_in_si(tmp_path: Path) -> None:
     for key, value in (("units.length", "cm"), ("units.temperature", "K"), ("units", "mm, MPa, K")):
         assert "those of its own numbers" in error_of(tmp_path, mm, {key: value}).message
     assert load_text(tmp_path, GOOD, {"units.temperature": "K"}).temperature_unit == "K"
+    in_si = {"units.length": "mm", "units.stress": "MPa"}
+    assert "those of its own numbers" in error_of(tmp_path, GOOD, in_si).message
+    whole = load_text(tmp_path, GOOD).resolved
+    assert load_text(tmp_path, GOOD, {"units": whole["units"]}).hash == load_text(tmp_path, GOOD).hash
 
 
 def test_what_is_written_again_is_the_same(tmp_path: Path) -> None:
