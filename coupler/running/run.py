@@ -308,8 +308,6 @@ class Run:
             self._at = tried.after
             self._finished = finished(self._at, self.plan)
             self.noticed += tried.notes
-            # fault: a checkpoint in the middle of a rejected window keeps the record of the try -> self._record(tried);
-            #   self._committed = self._committed[0], self._run_record() | coupler/test_resume_in_a_try
             if tried.accepted:
                 asked = self._frames.due(tried.number + 1, self.state.now.t) or self.state.now.t in kinks
                 self._choice, due, thin = self._choice.after(self.state.now, bool(tried.event), asked)
