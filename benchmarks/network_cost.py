@@ -41,7 +41,7 @@ from host_scene import ROLES, SLIDELINE, host, router, wait_for, waiting, write_
 
 SCENARIO = ROOT / "scenarios/sliding_blocks.yaml"
 LINES = ((0.0, 0.0), (0.001, 0.0), (0.020, 0.0), (0.020, 1e8))  # round trip between two machines [s], rate [bit/s]
-WINDOWS, SKIPPED = 24, 4
+WINDOWS, SKIPPED = 64, 4
 ECHO = """
 import socket
 with socket.create_server(("0.0.0.0", 9000)) as server:
@@ -64,6 +64,9 @@ for size in (1, int(sys.argv[2])):
         took.append(time.perf_counter() - begun)
     print(statistics.median(took))
 """
+
+
+Row = tuple[float, float, float, float]  # round trip, window, window by the model [s], rate of the line [bit/s]
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ def main() -> None:
     print("| cells | where | round trip [ms] | rate [Mbit/s] | messages | requests | kB | window [ms] | model [ms] "
           "| off |")
     print("|---|---|---|---|---|---|---|---|---|---|")
-    found: dict[int, list[tuple[float, float, float]]] = {}
+    found: dict[int, list[Row]] = {}
     with tempfile.TemporaryDirectory() as name:
         for cells in options.cells:
             one, many = Path(name) / f"one{cells}.h5", Path(name) / f"many{cells}.h5"
@@ -152,7 +155,7 @@ def main() -> None:
                 cost = cost_of(folder / "run.h5")
                 trip, sent = map(float, (folder / "trip.txt").read_text().split())
                 model = near.seconds + (near.messages + near.requests) * trip + near.messages * max(sent - trip, 0.0)
-                found.setdefault(cells, []).append((trip, cost.seconds, model))
+                found.setdefault(cells, []).append((trip, cost.seconds, model, rate))
                 mbit = 8e-6 * size / max(sent - trip, 1e-9)
                 print(f"| | machines | {1e3 * trip:.2f} | {mbit:.0f} | {cost.messages:.1f} | "
                       f"{cost.requests:.1f} | {cost.bytes / 1e3:.0f} | {1e3 * cost.seconds:.1f} | {1e3 * model:.1f} | "
@@ -161,12 +164,16 @@ def main() -> None:
         draw(found, options.chart)
 
 
-def draw(found: dict[int, list[tuple[float, float, float]]], chart: Path) -> None:
+def draw(found: dict[int, list[Row]], chart: Path) -> None:
     figure, ax = plt.subplots(figsize=(6.4, 3.6))
     for cells, rows in found.items():
-        trips, seconds, model = 1e3 * np.array(rows).T
+        trips, seconds, model = 1e3 * np.array([row[:3] for row in rows if not row[3]]).T
         line, = ax.plot(trips, seconds, "o", label=f"2 x ({cells} x {cells}) cells, measured")
         ax.plot(trips[np.argsort(trips)], model[np.argsort(trips)], "-", color=line.get_color(), label="model")
+        for trip, took, told, rate in (row for row in rows if row[3]):
+            at = 1e3 * trip
+            ax.plot(at, 1e3 * took, "s", mfc="none", color=line.get_color(), label=f"at {rate / 1e6:.0f} Mbit/s")
+            ax.plot(at, 1e3 * told, "_", ms=12, color=line.get_color())
     ax.set_xlabel("round trip between two machines [ms]")
     ax.set_ylabel("a window [ms]")
     ax.legend()

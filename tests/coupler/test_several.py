@@ -58,7 +58,7 @@ def test_several_halves_are_one(file: Path, tmp_path: Path, halves, scheme: str)
     same(one, ran(file, tmp_path / "several.h5", changes | {"thermal.halves": halves}), 1e5)
 
 
-@pytest.mark.parametrize("method", ["backward_euler", "sdirk2", "steady"])
+@pytest.mark.parametrize("method", [pytest.param("backward_euler", marks=pytest.mark.slow), "sdirk2", "steady"])
 def test_with_every_method_in_time(file: Path, tmp_path: Path, method: str) -> None:
     changes = {"thermal.method": method, "coupling.end": 60, "coupling.windows": [{"until": 60, "size": 5}]}
     one = ran(file, tmp_path / "one.h5", changes)

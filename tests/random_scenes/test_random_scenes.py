@@ -19,7 +19,7 @@ from random_scenes.kept import FAULTS, Kept
 from random_scenes.story import COMPLETED, FAILED, told
 
 TIED = (47, 99, 119)
-HOLD = (2, 5, 6, 8, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 27, *TIED)
+HOLD = (2, 5, 6, 8, 12, 13, 14, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 27, *TIED)
 """The first seeds that hold, and the first with a tied pair; those between fail with a message (0, 1, 3, 4, 10, 11, 26)
 or are silent (7, 9)."""
 NEW = 2
@@ -53,7 +53,8 @@ def test_ties_are_drawn(seed):
     assert any(np.abs(story.t_N[:, side.at]).max() > 0.0 for side in tied)
 
 
-@pytest.mark.parametrize("seed", HOLD)
+# Seed 15 takes as long as the others together.
+@pytest.mark.parametrize("seed", [*HOLD, pytest.param(15, marks=pytest.mark.slow)])
 def test_no_law_is_broken_in_silence(seed):
     judgement = judged(seed)
     assert judgement.outcome == COMPLETED, f"{judgement.outcome}: {judgement.message}"
