@@ -207,8 +207,9 @@ def choose(memory: Memory, state: CoupledState, H: float, freezes: bool = False,
         # A front is fastest at first, and what is steady enough with one level behind holds where it has gone.
         return SchemeChoice(Scheme.ITERATED, f"a front moves, and contraction {rho:.2g} lets x only be held",
                             loose=loose)
-    return SchemeChoice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, stable up to {stable_window(memory):.2g} s",
-                        extrapolation)
+    limit = stable_window(memory)
+    stable = "stable in windows of any size" if math.isinf(limit) else f"stable up to {limit:.2g} s"
+    return SchemeChoice(Scheme.EXTRAPOLATED, f"contraction {rho:.2g}, {stable}", extrapolation)
 
 
 def _extrapolation(memory: Memory, times: list[float], end: float, wary: bool) -> float | None:

@@ -232,7 +232,7 @@ def driven_loads(results: Results) -> dict[str, tuple[Array, Array]]:
 
 def _watched_picture(results: Results, name: str, t: Sequence[float] | Array, values: Array, what: str) -> Picture:
     figure = page_figure(LOW)
-    ax = axes_of(figure, "time [s]", f"{plain(name)} [SI]")
+    ax = axes_of(figure, "time [s]", f"{plain(name)} [in its SI unit]")
     # What was set holds from then on; what was seen is known at ends of windows.
     ax.plot(t, values, drawstyle="steps-post" if what.startswith("Factor") else "default", **line_style(0))
     ax.set_xlim(float(results.t[0]), float(results.t[-1]))

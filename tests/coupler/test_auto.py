@@ -101,6 +101,11 @@ def test_what_it_measures_is_the_contraction_and_tells_the_stable_window():
     assert f"contraction {rho:.2g}, stable up to {H * MAX_GAIN / rho:.2g} s" in tried[1].reason
 
 
+def test_what_does_not_contract_at_all_is_stable_in_windows_of_any_size():
+    choice = choose(Memory(rho=0.0, H=1.0, rest=64), at_two(), 1.0)
+    assert choice.reason == "contraction 0, stable in windows of any size"
+
+
 def test_it_measures_anew_after_a_kink_and_less_and_less_often():
     _, tried = run(100.0, 200, kinks=[50.0])
     measured = [w.number for w in tried if w.solved.scheme is Scheme.ITERATED and w.solved.work.thermal_solves > 1]

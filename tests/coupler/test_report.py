@@ -279,7 +279,8 @@ def test_numbers(value: float, digits: int, text: str) -> None:
 
 @pytest.mark.parametrize(("unit", "value", "text"), [
     ("m", 0.0508, "50.8 mm"), ("m", 7.1e-6, "7.1 µm"), ("m", 3.0, "3 m"), ("Pa", 1e7, "10 MPa"),
-    ("Pa", 1.5e9, "1.5 GPa"), ("J", 2500.0, "2.5 kJ"), ("K", 300.0, "26.85 °C"), ("m", 0.0, "0 mm"), ("W", 3.0, "3 W")])
+    ("Pa", 1.5e9, "1.5 GPa"), ("J", 2500.0, "2.5 kJ"), ("K", 300.0, "26.85 °C"), ("m", 0.0, "0 mm"), ("W", 3.0, "3 W"),
+    ("1", 0.25, "0.25")])
 def test_units_fit_the_size(unit: str, value: float, text: str) -> None:
     assert shown(unit, value, "degC").text(value) == text
 

@@ -11,7 +11,7 @@ import pytest
 
 from coupler.record.results import Results, _ProbeSeries
 from coupler.record.tables import ERROR_FIELDS
-from coupler.report.control import EACH, commonest, every_window, stretches
+from coupler.report.control import EACH, commonest, every_window, iterates_picture, stretches
 from coupler.report.curves import error_of, probe_pictures
 from coupler.report.heat import heat_table
 from coupler.report.page import about, answer, render
@@ -48,6 +48,16 @@ def test_stretches_end_at_kinks_and_where_the_scheme_changes(run: Results) -> No
     # The fifth row is the first after 2500 s: one is a window rejected.
     assert [(s.scheme, s.windows) for s in stretches(run)[0]][:3] == [
         ("extrapolated", 4), ("staggered", 12), ("staggered", 4)]
+
+
+@pytest.mark.parametrize("contraction", [np.nan, 0.25])
+def test_contractions_are_drawn_where_any_was_measured(run: Results, contraction: float) -> None:
+    run.windows.iterations[:], run.windows.contraction[:] = 3, contraction
+    picture = iterates_picture(run)
+    assert picture is not None
+    drawn = base64.b64decode(picture.src.partition(",")[2]).decode()
+    assert ("<!-- plain iteration diverges above -->" in drawn) == np.isfinite(contraction)
+    assert ("below" in picture.alt) == np.isfinite(contraction)
 
 
 def test_every_window_has_its_verdict_and_why(run: Results) -> None:

@@ -57,7 +57,7 @@ def test_two_rods_in_windows_of_half_a_second_are_not_to_be_trusted(tmp_path):
     low = long.probe("T2")[1][long.t > 30.0].min() - 300.0
     assert abs(low - 20.33) > 5.0, "it is wrong"
     assert verdict(long) == "broken"
-    assert "T2 may be off by" in next(c.sentence for c in long.broken if c.name == NAME)
+    assert "probe T2 may be off by" in next(c.sentence for c in long.broken if c.name == NAME)
 
 
 def test_two_rods_in_short_windows_are_right_and_told_so(tmp_path):

@@ -186,7 +186,7 @@ def test_verdicts(error, verdict):
     check = errors.check(log_of([([100.0], [50.0], [error])]), {"a": "K"}, False)
     assert check.verdict == verdict
     if verdict != "holds":
-        assert f"a may be off by {error:.3g} % of its range ({error:.3g} K)" in check.sentence
+        assert f"probe a may be off by {error:.3g} % of its range ({error:.3g} K)" in check.sentence
         assert check.t == 1.0
 
 

@@ -89,7 +89,7 @@ def test_an_error_bar_tells_of_what_dies_out_within_it_alone(error, lasting, is_
     number = np.arange(len(quiet.levels))
     turns = np.where(lasting | (number < 8), 25.0 * (-1.0) ** number, 0.0)
     wild = replace(quiet, levels=tuple(replace(v, T=v.T + d) for v, d in zip(quiet.levels, turns, strict=True)),
-                   words=("estimated error of the probes: middle may be off by 12 %",), may_be_off={"K": error})
+                   words=("estimated error of the probes: probe middle may be off by 12 %",), may_be_off={"K": error})
     found = [f for f in cycles_in(wild, quiet) if f.what.startswith("temperature")]
     assert found
     assert all(wild.says(*f.named_by) for f in found) == is_told
