@@ -14,6 +14,7 @@ import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 from contact.half.layout import base_exponents
@@ -24,8 +25,10 @@ from coupler.fmu.description import check_size, with_description
 from coupler.fmu.description3 import shapes_of
 from coupler.fmu.names import BLOCKS, OUT, Face, face_of
 from coupler.fmu.units import COMMON, Conversion, DeclaredUnit, conversion_of, declared_units, type_units, unit_of
-from coupler.scenario import Scenario
-from coupler.scenario.schema import Binding
+
+if TYPE_CHECKING:
+    from coupler.scenario import Scenario
+    from coupler.scenario.schema import Binding
 
 XML = "modelDescription.xml"
 AXES = {"xy": "xy", "XY": "XY"}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,9 @@ from contact.problem.start import Course, FromFrames
 from contact.problem.thermal import ForeignThermal, ThermalBoundary, ThermalProblem
 from coupler.fmu.half import Array, Block
 from coupler.fmu.names import MECHANICAL, NEEDED, OUT, THERMAL, face_of
-from coupler.scenario import Scenario
+
+if TYPE_CHECKING:  # a process that checks a half reads no scenario, and its import takes 0.6 s
+    from coupler.scenario import Scenario
 
 MOST_T = 1e5  # K, beyond any heat that bodies in contact survive
 MOST_TIMES = 10.0  # of the hottest T0, where that is beyond it

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from contact.half.build import content_hash, package_directory
 from contact.half.entry import sources_hash
@@ -39,8 +39,9 @@ from coupler.fmu.fmi import load_half
 from coupler.fmu.half import Half
 from coupler.fmu.replayed import Place
 from coupler.fmu.scratch import scratch_folder
-from coupler.scenario import Scenario
-from coupler.scenario.problems import OWN
+
+if TYPE_CHECKING:  # a server of a role launches what it is sent: it reads no scenario, whose import takes 0.6 s
+    from coupler.scenario import Scenario
 
 GROUP = "slideline.halves"
 DEADLINE = 300.0  # s a builder may take
@@ -176,6 +177,8 @@ def _chosen_cache(path: Path) -> Path:
 
 
 def _key(kind: str, module: str, directory: Path) -> str:
+    from coupler.scenario.problems import OWN
+
     package = module.partition(".")[0]
     try:
         interface, model = load_directory(directory)
@@ -339,6 +342,8 @@ def _built(scenario: Scenario, folders: Mapping[str, Path], fmi: int = 2) -> dic
 
     folders : where what they are built from is written.  Builders are processes of their own, and run at once.
     """
+    from coupler.scenario.problems import OWN
+
     kinds = {role: scenario.write_half(role, folder) for role, folder in folders.items()}
     # One of several is no FMU that lies ready, so no names of its own are bound.
     bound = [str(bind(scenario, name, Path(kind), folders[name] / "bound.fmu")) if name in OWN else kind
