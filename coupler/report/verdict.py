@@ -1,7 +1,7 @@
 """Whether two runs of one scene say the same: the scene first, then probes and fields against what is allowed.
 
 What is allowed is what was asked for, or what both runs say they may be off by (coupler.trust.errors), but never less
-than a part of the range that no estimate of windows sees: tolerances of solvers.
+than a part of the values that no estimate of windows sees: tolerances of solvers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from coupler.report.figures import number
 
 Array = NDArray[np.float64]
 
-UNSEEN = 1e-5  # of a range: what solvers leave over, which no error of windows tells
+UNSEEN = 1e-5  # of the size of what is solved for: what solvers leave over, which no error of windows tells
 # Keys of a scenario that say how it is solved, not what: halves and their settings, meshes, windows, what is recorded.
 HOW = ("title", "coupling", "output", "probes", "rules", "thermal.half", "thermal.options", "thermal.ignore",
        "thermal.meshes", "thermal.method", "thermal.theta", "thermal.adaptive", "thermal.increments",
@@ -190,21 +190,34 @@ def _flat(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 def _probes(a: Results, b: Results, c: Comparison, within: Mapping[str, Bound]) -> tuple[list[Judged], list[str]]:
     judged, unjudged = [], []
+    temperatures = [d.curves.a for d in c.differences if d.curves.quantity == "T"]
     for d in c.differences:
         curve, name = d.curves, d.curves.name
         low, high = float(np.nanmin(curve.a)), float(np.nanmax(curve.a))
+        unseen = UNSEEN * _size(curve.quantity, temperatures if curve.quantity == "T" else [curve.a])
         bound = within.get(name) or within.get(curve.quantity)
         known = [run.probe_errors[name].error for run in (a, b) if name in run.probe_errors]
         if bound is None and len(known) < 2:
             unjudged.append(name)
             continue
-        # fault: what both runs may be off by is not allowed -> allowed = max(0.0 * sum(known), UNSEEN * (high - low)) |
+        # fault: what both runs may be off by is not allowed -> allowed = max(0.0 * sum(known), unseen) |
         #   coupler/test_verdict
-        allowed = bound.of(low, high) if bound is not None else max(sum(known), UNSEEN * (high - low))
+        allowed = bound.of(low, high) if bound is not None else max(sum(known), unseen)
         beyond = curve.told & (np.abs(curve.b - curve.a) > allowed)
         first = float(curve.t[int(np.argmax(beyond))]) if beyond.any() else None
         judged.append(Judged(name, curve.unit, abs(d.by), d.t, allowed, first))
     return judged, unjudged
+
+
+def _size(quantity: str, values: list[Array]) -> float:
+    """How large what is solved for is, of which solvers leave a part: of temperatures their span, else of zero too.
+
+    A pressure of 1 MPa that is held has no range, and is solved for to a part of 1 MPa all the same; 300 K and 0 degC
+    are no zero of temperature, so of it all that run at once tell the span.
+    """
+    low, high = (float(f([f(v) for v in values])) for f in (np.nanmin, np.nanmax))
+    # fault: what solvers leave of a pressure that is held is a difference -> return high - low | coupler/test_verdict
+    return high - low if quantity == "T" else max(high, 0.0) - min(low, 0.0)
 
 
 def _fields(a: Results, b: Results, within: Mapping[str, Bound], probes: list[Judged]) -> list[Judged]:
@@ -232,7 +245,7 @@ def _fields(a: Results, b: Results, within: Mapping[str, Bound], probes: list[Ju
         if not some.any():
             continue
         low, high = float(np.nanmin(one)), float(np.nanmax(one))
-        allowed = bound.of(low, high) if bound is not None else max(*known, UNSEEN * (high - low))
+        allowed = bound.of(low, high) if bound is not None else max(*known, UNSEEN * _size(quantity, [one]))
         count = np.maximum(some.sum(axis=1), 1)
         rms = np.sqrt((np.where(some, off, 0.0) ** 2).sum(axis=1) / count)
         k = int(np.argmax(rms))

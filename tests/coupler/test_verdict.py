@@ -68,6 +68,26 @@ def test_runs_differ_from_the_first_time_on_and_there(runs):
     assert "allowed" in told
 
 
+@pytest.mark.parametrize(("share", "differs"), [(3e-6, False), (3e-5, True)])
+@pytest.mark.parametrize("name", ["pressure", "upper.bottom.centre"])
+def test_what_is_held_is_solved_for_to_a_part_of_what_it_is(tmp_path, name, share, differs):
+    """A pressure of 10 MPa, a temperature beside 1000 K of others: neither has a range of its own."""
+    runs = [write_run(tmp_path / f"{n}.h5", CASE) for n in "ab"]
+    size = {"pressure": 1e7, "upper.bottom.centre": 1000.0}[name]
+    for r, off in zip(runs, (0.0, share * size), strict=True):
+        with h5py.File(r.path, "r+") as f:
+            f[f"probes/{name}"][:] = (1e7 if name == "pressure" else 1273.15) + off
+            if name != "pressure":
+                f["probes/lower.top.left"][:] = np.linspace(273.15, 1273.15, len(f["probes/lower.top.left"]))
+    runs = [Results(r.path) for r in runs]
+    for r in runs:
+        errors_of(r, 1e-9)
+    found = verdict(*runs, {})
+    judged = next(j for j in found.judged if j.name == name)
+    assert judged.allowed == pytest.approx(1e-5 * size, rel=1e-3)
+    assert (judged.first is not None) is differs
+
+
 @pytest.mark.parametrize(("within", "differs"), [("T=3.1K", False), ("T=2.9K", True), (f"{NAME}=3.1K", False),
                                                  ("T=0.001%", True)])
 def test_what_was_asked_for_is_what_is_allowed(runs, within, differs):

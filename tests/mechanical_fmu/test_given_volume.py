@@ -15,6 +15,7 @@ from contact.half.model import Discard, Done
 from contact.rpc.link import open_link
 from mechanical_fmu import MechanicalVolume, mechanical_half
 from mechanical_fmu.elastic_half import load
+from mechanical_fmu.volume import PointStep
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "coupler"))
 from foreign_scenes import first_inputs, scenes
@@ -87,6 +88,25 @@ def test_it_moves_and_presses_as_the_half_it_is_put_into(tmp_path, monkeypatch):
     assert "sigma" not in b, "stress is the other solver's to know"
     assert np.abs(a["strain"] - b["strain"]).max() < 2e-3 * np.abs(a["strain"]).max()
     assert b["iterations"] <= 3 * a["iterations"] + 3
+
+
+def test_the_felupe_half_of_the_page_solves_our_equations(tmp_path, monkeypatch):
+    """Blocks 10 K hotter than drawn, between plates: the same element, law and expansion, so round-off apart."""
+    pytest.importorskip("felupe")
+    page = (Path(__file__).parents[2] / "docs/write_a_half.md").read_text(encoding="utf-8")
+    names = {"__name__": "felupe_volume"}
+    exec(re.search(r"<!-- file: swap_halves/felupe_volume.py -->\n```python\n(.*?)```", page, re.S)[1], names)
+    own, given = pair_of_halves(tmp_path, monkeypatch, names["Felupe"]())
+    a, b = course(own), course(given)
+    assert a["contact.t_N"].min() < -1e7
+    assert np.abs(a["contact.t_N"] - b["contact.t_N"]).max() < 1e-9 * -a["contact.t_N"].min()
+    assert np.abs(a["x"] - b["x"]).max() < 1e-14
+    # Any strain, any temperatures: forces and stiffness themselves.
+    rng = np.random.default_rng(1)
+    n = len(own.system.interface.nodes)
+    u, T = rng.normal(size=(n, 2)) * 1e-4, rng.uniform(280.0, 900.0, n)
+    ours, theirs = (half.system.volume.evaluate(u, half.system.moduli(T), PointStep(1.0)) for half in (own, given))
+    assert np.abs(ours.f - theirs.f).max() < 1e-12 * np.abs(ours.f).max()
 
 
 class Wrong(Linear):

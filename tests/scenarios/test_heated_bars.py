@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from coupler import Results, load_scenario, run
+from coupler.cli.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
 D1 = tomllib.loads((ROOT / "tests/expected.toml").read_text(encoding="utf-8"))["D1"]
@@ -34,3 +36,16 @@ def test_the_interface_warms_without_a_swing(bars: Results) -> None:
         assert np.diff(bars.probe(name)[1]).min() > -1e-6
     assert bars.probe("interface.mean")[1] == pytest.approx(bars.probe("cold.bottom")[1], abs=1e-8)
     assert bars.probe("interface.p")[1] == pytest.approx(1e6)
+
+
+def test_an_elastic_half_in_the_place_of_the_rigid_one_says_the_same(tmp_path: Path) -> None:
+    """It makes the pressure that the rigid one states.  The two come as near as the scenario's file says."""
+    done = CliRunner().invoke(app, ["run", str(ROOT / "scenarios/heated_bars.yaml"), "-o", str(tmp_path / "bars.h5"),
+                                    "--swap", "mechanical=elastic", "--compare", "-q"])
+    assert done.exit_code == 0, done.output
+    assert "bars.h5 and bars-own.h5 say the same within error: 6 of 6 probes and fields" in done.output
+    elastic, rigid = (Results(tmp_path / name) for name in ("bars.h5", "bars-own.h5"))
+    assert (elastic.header["halves"]["mechanical"], rigid.header["halves"]["mechanical"]) == ("elastic", "rigid")
+    for name, most in (("hot.top", 2e-3), ("cold.bottom", 2e-3), ("interface.p", 4.0)):
+        off = np.abs(elastic.probe(name)[1] - rigid.probe(name)[1]).max()
+        assert 0.0 < off < most, name
