@@ -112,7 +112,7 @@ def test_the_page_loads_nothing_and_shows_every_probe(runs: tuple[Results, Resul
     page, told = write_comparison(*runs, tmp_path / "page.html")
     text = page.read_text(encoding="utf-8")
     assert told in text
-    assert text.count("data:image/svg") == 3  # temperature, gap, pressure
+    assert text.count('src="data:image/svg') == 3  # temperature, gap, pressure
     assert all(f"<td>{n}</td>" in text for n in runs[0].probe_names)
     assert "<script" not in text
     assert not re.search(r'(src|href)="(?!data:)', text)
