@@ -88,9 +88,10 @@ def at_slivers(t_N: Floats, t_T: Floats, faced: Floats, covered: Floats, searche
 def on_masters(t_N: Floats, searched: Ints, at: Ints, values: Floats) -> Floats:
     """Return t_N (n_q,) [Pa] in which nodes of masters have the mean of what slave nodes have where they face them.
 
-    t_N : (n_q,) [Pa], 0 stays 0.  searched : (n_q,) 1 where a side is searched from.  at, values : as of nodal_means.
+    t_N : (n_q,) [Pa].  searched : (n_q,) 1 where a side is searched from.  at, values : as of nodal_means.
     A mean of its own points would tell a node beside the contact, which faces a sliver of the slave's corner, more than
-    any slave node: two largest pressures of one pair.  What all nodes of a pair's side press in sum stays the same.
+    any slave node: two largest pressures of one pair.  What all nodes of a pair's side press in sum stays the same, and
+    no node's pressure jumps as a first point of it comes to press, which round-off may do.
     """
     met, faced = np.zeros(t_N.size), np.zeros(t_N.size)
     for i in range(at.shape[0]):
@@ -103,7 +104,9 @@ def on_masters(t_N: Floats, searched: Ints, at: Ints, values: Floats) -> Floats:
     told = t_N.copy()
     for s in range(t_N.size):
         # fault: nodes of the master have a pressure of their own -> if False: | coupler/test_one_pressure
-        if searched[s] == 0 and t_N[s] < 0.0:
+        # fault: a master's node has a pressure from the first point of it that presses on -> if searched[s] == 0 and
+        #   t_N[s] < 0.0 and faced[s] > 0.0: | contact/test_nodes_at_ends
+        if searched[s] == 0 and faced[s] > 0.0:
             told[s] = met[s] / faced[s]
     return told
 

@@ -344,6 +344,12 @@ def place_node(x: Floats, edges: Ints, normal: Floats, rise: Rise, frame: Frame,
         xi_m, g, _ = faced(frame, outer, x, edges, normal, rise, e, first)
         best_m, best_xi = first, min(max(xi_m, 0.0), 1.0)
         best = g + added(offset, bulge, e, outer, first, best_xi)
+    # Nodes that are drawn on each other lie there to round-off: the master's other node has no part in that.
+    # fault: a point on a node of the master is partly the other one's by round-off -> on_node = -1.0 |
+    #   contact/test_nodes_at_ends
+    on_node = np.round(best_xi)
+    if abs(best_xi - on_node) <= END_TOLERANCE:
+        best_xi = on_node
     for q in range(2):
         met_edges[i + q, 1] = best_m
         values[i + q, 0], values[i + q, 1], values[i + q, 2] = outer if q == 0 else inner_end, best_xi, best

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from contact_scenes import EPS, ask, flat, passes, push
+from contact_scenes import EPS, ask, flat, passes, push, scene
 from test_coupling import answer
 from test_coupling import dense as couplings
 from test_traction import dense, differences
 
-from contact.messages import Floats, Register
+from contact.messages import Floats, Register, Tractions
 
 MESHES = [(1, 1), (3, 4), (7, 5), (1, 9), (2, 7)]
 
@@ -86,3 +86,32 @@ def test_multipliers_follow_too(axisymmetric: bool) -> None:
                      - answer(register, x - s * step, multipliers, x).residual for s in (1, 2))
         wanted[:, k] = (8.0 * near - far) / (12.0 * h)
     assert np.abs(C[:3] - wanted[:3]).max() <= 1e-9 * np.abs(C).max()
+
+
+def aligned(turn: float, tilt: float = 0.0) -> Tractions:
+    """A slave whose nodes lie on two of the master's four, which goes on at either side; turned by an angle [rad]."""
+    slave = np.array([[1.0, -1e-4], [2.0, -1e-4 + tilt]])
+    master = np.column_stack([np.arange(3.0, -1.0, -1.0), np.zeros(4)])
+    R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    register, x = scene(slave @ R.T, master @ R.T)
+    return push(nodal(register), x)
+
+
+def test_nodes_that_lie_on_each_other_do_so_whatever_round_off_says() -> None:
+    """Of the master's nodes those press that are met, and those beside them do not, in whatever frame."""
+    for turn in np.linspace(0.0, 2.0 * np.pi, 181):
+        reply = aligned(float(turn))
+        assert -reply.t_N[2:] == pytest.approx([0.0, 1e-4 * EPS, 1e-4 * EPS, 0.0], rel=1e-6)
+        assert reply.node_covered[2:] == pytest.approx([0.0, 0.5, 0.5, 0.0])
+
+
+def test_a_master_is_told_no_jump_as_a_first_point_comes_to_press() -> None:
+    """A slave of one edge that comes down aslant on a master of ten: node after node begins to face what presses."""
+    def told(down: float) -> Floats:
+        slave, master = np.array([[0.0, 5e-3 - down], [1.0, -1e-3]]), np.linspace([1.0, 0.0], [0.0, 0.0], 11)
+        register, x = scene(slave, master)
+        return push(register, x).t_N
+
+    t_N = np.array([told(down) for down in np.linspace(0.0, 5e-3, 501)])
+    assert (t_N[-1, 2:] < 0.0).all()
+    assert np.abs(np.diff(t_N, axis=0)).max() < 0.01 * np.abs(t_N).max()

@@ -21,6 +21,7 @@ Ints = NDArray[np.intp]
 MARGIN = 1.5  # of what is told: nodes are deeper than the mean over what they face
 BULGE = 0.1  # of an edge: how far the middle of one may lie in what is drawn round; no circle has fewer than 8 edges
 TIP = 0.2114  # (1 - 1/sqrt 3)/2 of an edge: from a tip to the first Gauss point (docs/contact.md)
+TIED_TIP = 1.0 / 3.0  # of what a flank rises: of it the mean by its tip's shape function is nothing
 ROUND_OFF = 1e-9  # of a body's size
 THROUGH = ("went through", "passed through", "pass through", "goes through", "passes through", "start inside",
            "jumped", "crossed", "penetrat", "skipped over")
@@ -41,11 +42,14 @@ def size_of(story: Story) -> float:
 # PASSING: no node deeper in another body than is told.
 
 def told_depth(story: Story, pair: Pair, k: int) -> float:
-    """What a run says the sides of a pair overlap at level k [m]: by pressure, or by the gap where no force acts."""
+    """What a run says the sides of a pair overlap at level k [m]: by pressure, or by the gap where no force acts.
+
+    A joint that is pulled everywhere, as a tied pair may be, does not overlap.
+    """
     assert story.scenario is not None
     sides, level = [side for side in story.interface.pair_sides if side.pair == pair.name], story.levels[k]
     if story.scenario.mechanical_half == "elastic":
-        return max(float(-level.t_N[side.at].min()) for side in sides) / pair.eps_N
+        return max(0.0, *(float(-level.t_N[side.at].min()) for side in sides)) / pair.eps_N
     return max(0.0, *(float(-level.gap[side.at].min()) for side in sides))
 
 
@@ -55,6 +59,7 @@ def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints, to
     Of a flank of length h in a surface of the pair that rises by s against what it meets, the flatter of two: contact
     between Gauss points is not felt, 0.21 h s (docs/contact.md); and of a tip d < h s deep its node is told the mean of
     max(d - s y, 0) by its shape function, m = d^2/(h s) - d^3/(3 h^2 s^2) >= 2/3 d^2/(h s), so d <= (1.5 m h s)^(1/2).
+    What is tied holds the mean of d - s y itself, 2/h int (1 - y/h)(d - s y) = d - h s/3.
     """
     a, b = x[other[:, 0]], x[other[:, 1]]
     _, e = nearest_edge(x[nodes], a, b)
@@ -69,8 +74,16 @@ def tip_depths(story: Story, pair: Pair, nodes: Ints, x: Floats, other: Ints, to
             length = float(np.linalg.norm(d))
             rises.append(max(length, h) * abs(float(d[0] * t[i, 1] - d[1] * t[i, 0])) / length)
         rise = min(rises, default=0.0)
-        depths[i] = TIP * rise + np.sqrt(1.5 * told_m * rise)
+        depths[i] = (TIED_TIP if pair.tied else TIP) * rise + np.sqrt(1.5 * told_m * rise)
     return depths
+
+
+def overlap_as_drawn(story: Story, pair: Pair, nodes: Ints, line: Ints) -> Floats:
+    """How deep (n,) [m] nodes (n,) of a tied pair were drawn inside the outline (m, 2) of the other: what is tied keeps
+    gaps and overlaps as drawn (docs/contact.md); 0 of pairs that may part.
+    """
+    x = story.interface.nodes
+    return np.maximum(depth(x[nodes], x[line[:, 0]], x[line[:, 1]]), 0.0) if pair.tied else np.zeros(len(nodes))
 
 
 def passing(story: Story, about: str = "") -> list[Finding]:
@@ -88,13 +101,14 @@ def passing(story: Story, about: str = "") -> list[Finding]:
         worst: dict[str, tuple[float, str]] = {}
         for own, other in (sides, sides[::-1]):
             nodes, line, ends = np.unique(lines[own]), lines[other], lines[own]
+            drawn = overlap_as_drawn(story, pair, nodes, line)
             for k, x in enumerate(places):
                 level = max(k - 1, 0)
                 allowed = MARGIN * told_depth(story, pair, level) + floor
                 a, b = x[line[:, 0]], x[line[:, 1]]
-                limits = np.full(len(nodes), allowed)
+                limits = allowed + drawn
                 deep = depth(x[nodes], a, b)
-                if deep.max() > allowed:
+                if (deep > limits).any():
                     limits += tip_depths(story, pair, nodes, x, line, told_depth(story, pair, level))
                 if k and (excess := deep / limits).max() > 1.0:
                     i = int(excess.argmax())
@@ -113,7 +127,7 @@ def passing(story: Story, about: str = "") -> list[Finding]:
                     middle, there = (0.5 * (y[ends[:, 0]] + y[ends[:, 1]]) for y in (before, x))
                     length = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
                     for found in jumped((middle, there), (before[line[:, 0]], a), (before[line[:, 1]], b)):
-                        limit = allowed + BULGE * length[found.point]
+                        limit = allowed + drawn.max() + BULGE * length[found.point]
                         if found.depth > limit:
                             what = (f"{about}pair {pair.name}: the edge of nodes {ends[found.point]} of {own} went "
                                     f"across {other} between t = {times[k - 1]:.6g} and {times[k]:.6g} s, "
@@ -129,9 +143,10 @@ def _pairs(scene: Scene) -> bool:
 
 PASSING = Invariant("no passing through", _pairs, lambda scene, story, rng: passing(story), runs=0)
 """Bodies that a pair joins do not overlap by more than is told: p/penalty of the pair's largest pressure (the gap where
-no force acts), half more since it is a mean over what a node faces, and for tips what tip_depths derives.  Nor does the
-straight way of a node, or of the middle of an edge, lead through a body, out of which both of its ends lie.  From the
-coordinates alone, by the crossing number of polygons.
+no force acts), half more since it is a mean over what a node faces, and for tips what tip_depths derives.  Sides that
+are tied lie no deeper in each other than they were drawn, by more than that; where all of a joint is pulled nothing is
+told.  Nor does the straight way of a node, or of the middle of an edge, lead through a body, out of which both of its
+ends lie.  From the coordinates alone, by the crossing number of polygons.
 """
 
 

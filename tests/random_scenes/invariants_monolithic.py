@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coupler.running.setup import plan_of
-from coupler.scenario.options import Tolerance, Tolerances
+from coupler.scenario.options import Tolerances
 from random_scenes.direct_half import launch_directly
 from random_scenes.invariant import Finding, Invariant
 from random_scenes.one_newton import Both, End, NoAnswerError, Window, begun, windows_of
@@ -34,11 +34,41 @@ HUGE = 1e4  # times the slowest time of conduction
 STILL = 1e-4  # of the range of T
 
 
-def _misfit(a: Floats, b: Floats, change: Floats, tolerance: Tolerance) -> float:
-    """Largest difference in units of the tolerance, tight.  change : of the quantity in the window."""
-    if not a.size:
-        return 0.0
-    return float(np.abs(a - b).max() / TIGHT / (tolerance.atol + tolerance.rtol * np.abs(change).max()))
+class Allowed:
+    """Quantity -> what iterating the windows so far may have left of it, in its unit: their tolerances add up."""
+
+    def __init__(self) -> None:
+        self._of = dict.fromkeys(("T", "x", "t_N", "f_s"), 0.0)
+
+    def __getitem__(self, name: str) -> float:
+        return self._of[name]
+
+    def add(self, start: End, end: End) -> None:
+        """A window from start to end, iterated to the tolerances, tight."""
+        of = Tolerances()
+        for name, tolerance in (("T", of.temperature), ("x", of.gap), ("t_N", of.pressure), ("f_s", of.solid_fraction)):
+            a, b = getattr(start, name), getattr(end, name)
+            if a is not None and b is not None and b.size:
+                self._of[name] += TIGHT * (tolerance.atol + tolerance.rtol * float(np.abs(b - a).max()))
+
+    def misfits(self, a: End, b: End) -> dict[str, float]:
+        """Quantity -> largest difference of two ends over what is allowed."""
+        found = {}
+        for name, allowed in self._of.items():
+            p, q = getattr(a, name), getattr(b, name)
+            found[name] = float(np.abs(p - q).max()) / allowed if p is not None and p.size else 0.0
+        return found
+
+
+def _slopes(after: End, own: End, coupled: End, allowed: Allowed) -> dict[str, float]:
+    """Quantity -> by how many of its tolerances it moves where what is put into an iterate is off by its tolerance.
+
+    own came of the coupler's T and f_s, after of own's: the second step of the power method, so near the largest slope.
+    Nearer than a tolerance it is what the halves leave over, melts for example, whose places hardly resist.
+    """
+    put_in, came = allowed.misfits(own, coupled), allowed.misfits(after, own)
+    off = max(put_in["T"], put_in["f_s"], 1.0)
+    return {name: size / off for name, size in came.items()}
 
 
 def iterated_tightly(scene: Scene, story: Story) -> Scene:
@@ -65,10 +95,11 @@ def check_one_system(scene: Scene, story: Story, rng: np.random.Generator) -> Se
     with TemporaryDirectory(prefix="slideline-random-") as scratch:
         scenario = tight.checked(Path(scratch))
         with launch_directly(scenario, processes=False) as launched:
-            both = begun(launched, scenario.interface.nodes, coupling.end)
+            both = begun(launched, scenario.interface, coupling.end)
+            allowed = Allowed()
             for k, window in enumerate(windows_of(run.t, restarts, substeps, at_end), 1):
                 level = run.levels[k]
-                found = _compared(both, window, End(level.T, level.x, level.t_N, level.f_s), run)
+                found = _compared(both, window, End(level.T, level.x, level.t_N, level.f_s), allowed, run)
                 if found is None:
                     break
                 if found:
@@ -76,22 +107,24 @@ def check_one_system(scene: Scene, story: Story, rng: np.random.Generator) -> Se
     return []
 
 
-def _compared(both: Both, window: Window, coupled: End, run: Story) -> list[Finding] | None:
+def _compared(both: Both, window: Window, coupled: End, allowed: Allowed, run: Story) -> list[Finding] | None:
     """What is wrong with a window; None where it has several answers, or none was found."""
-    tolerances, start = Tolerances(), both.now
-    tolerance = TIGHT * (tolerances.temperature.atol
-                         + tolerances.temperature.rtol * float(np.abs(coupled.T - start.T).max()))
+    start = both.now
     about = f"at t = {window.t1:.6g} s the iterated window"
+    allowed.add(start, coupled)
     with both:
         try:
             own = both.outcome(window, coupled.T, coupled.f_s)
-            wrong = {"T": _misfit(own.T, coupled.T, coupled.T - start.T, tolerances.temperature),
-                     "x": _misfit(own.x, coupled.x, coupled.x - start.x, tolerances.gap),
-                     "t_N": _misfit(own.t_N, coupled.t_N, coupled.t_N - start.t_N, tolerances.pressure)}
-            name = max(wrong, key=lambda n: wrong[n])
-            if wrong[name] > WITHIN:
-                return [Finding(f"{about} does not solve the system of both fields: {name} is off by {wrong[name]:.3g} "
-                                "tolerances of iteration", wrong[name] / WITHIN, ("iteration", "converge"), run)]
+            wrong = allowed.misfits(own, coupled)
+            if max(wrong.values()) > WITHIN:
+                slope = _slopes(both.outcome(window, own.T, own.f_s), own, coupled, allowed)
+                name = max(wrong, key=lambda n: wrong[n] / (1.0 + slope[n]))
+                most = WITHIN * (1.0 + slope[name])
+                if wrong[name] > most:
+                    return [Finding(f"{about} does not solve the system of both fields: {name} is off by "
+                                    f"{wrong[name]:.3g} tolerances of iteration, where {most:.3g} are allowed",
+                                    wrong[name] / most, ("iteration", "converge"), run)]
+            tolerance = allowed["T"]
             solved = both.solve(window, start, 0.1 * tolerance)
             apart = float(np.abs(solved.T - coupled.T).max()) / tolerance
             if apart > WITHIN:
@@ -140,7 +173,9 @@ def check_steady(scene: Scene, story: Story, rng: np.random.Generator) -> Sequen
     for key in ("adaptive", "events", "stop", "on_cycle", "substeps"):
         doc["coupling"].pop(key, None)
     windows = [{"until": end, "size": end / 4}, *({"until": end + n * huge, "size": huge} for n in (1, 2, 3))]
-    doc["coupling"] |= {"end": end + 3 * huge, "windows": windows}
+    # Behind a breakpoint the first guess is what is there: of several steady states the one that was found is kept.
+    kinks = [*doc["coupling"].get("kinks", ()), end + huge, end + 2 * huge]
+    doc["coupling"] |= {"end": end + 3 * huge, "windows": windows, "kinks": kinks}
     doc.get("output", {}).pop("fields", None)
     run = told(replace(settled, doc=doc))
     if run.outcome != COMPLETED or run.t[-3] < end + 0.99 * huge:
@@ -172,9 +207,10 @@ ONE_SYSTEM = Invariant("one system", _is_small, check_one_system, runs=2)
 """A window iterated to a tolerance is the solution of one system of both fields with the same stages, to 10 of these.
 
 The stages and what one half sees of the other inside a window are those of docs/theory.md (table of schemes); the
-system is asked whether the coupler's answer solves it, and solved by Newton's method with Krylov directions from the
-window's start (Knoll and Keyes 2004).  A window with two answers is left out: where Newton's method, begun at the
-coupler's, stays there.
+system is asked whether the coupler's answer solves it, to 10 times the tolerances of the windows so far and what an
+iterate makes of one (the iteration ends where what was put in is right to its tolerance), and solved by Newton's method
+with Krylov directions from the window's start (Knoll and Keyes 2004).  A window with two answers is left out: where
+Newton's method, begun at the coupler's, stays there.
 """
 
 STEADY = Invariant("steady", _has_steady_state, check_steady)
@@ -182,7 +218,8 @@ STEADY = Invariant("steady", _has_steady_state, check_steady)
 
 An L-stable method (Hairer and Wanner 1996, IV.3) maps any start to the steady state as the window grows, but for
 1/(window/time scale) of the way: 1e-4 of the range is that.  Iterated and given x and t_N of the end of each substep,
-nothing is late between the halves.
+nothing is late between the halves.  Contact may have several steady states, touching and apart; so each huge window
+begins its iteration where the last one ended, and what is steady stays.
 """
 
 INVARIANTS = (ONE_SYSTEM, STEADY)

@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
+from contact.half.interface import Interface
 from coupler.fmu.half import Half, Status
 from coupler.fmu.launch import Launched
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.integer]
 MECHANICAL = ("x", "contact.t_N")
-MADE = ("E_M", "contact.E_friction")  # spread evenly over the window; E_S at its start belongs to one scheme alone
+RUBBED = "contact.E_friction"
+MADE = ("E_M", RUBBED)  # spread evenly over the window; E_S at its start belongs to one scheme alone
 NEWTON, DIRECTIONS = 12, 30
+LEAST_TURN = 1e-5  # rad: less is straight on
 STEP = 1e-4  # K, of differences: a thousand times what tight Newton tolerances leave, and small against any law
 
 
@@ -56,12 +60,45 @@ class Window:
         return np.linspace(self.t0, self.t1, self.substeps[side] + 1)
 
 
+@dataclass(frozen=True)
+class Friction:
+    """Friction heat that is made by the pressure at the end of steps, between two windows (docs/theory.md).
+
+    left : made and not handed over, of it kept : what belongs to later times, (n_q,) [J].  power : (n_q,) [W] of the
+    window before, event : its count; None: there is none.
+    """
+
+    left: Floats | float = 0.0
+    kept: Floats | float = 0.0
+    power: Floats | float = 0.0
+    event: int | None = None
+
+    def handed(self, window: Window, made: Floats) -> tuple[Floats, Friction]:
+        """What of (n_q,) [J] a window hands over, and how it stands then.
+
+        The rule of trapezoids says (P' - P) h/2 less, which is kept back; all is due where there is nothing to compare.
+        """
+        H = window.t1 - window.t0
+        left = self.left + made
+        if self.event == window.event and made.any():
+            kept = self.kept + 0.5 * H / window.substeps[1] * (made / H - self.power)
+        else:
+            left, kept = left - self.kept, np.zeros_like(made)
+        most = np.maximum(left - kept, 0.0)
+        total = max(float((left - kept).sum()), 0.0)
+        now = most * (total / most.sum()) if most.any() else most
+        return now, Friction(left - now, kept, made / H, window.event)
+
+
 class Both:
     """Two halves, initialised, at the start of a window."""
 
-    def __init__(self, thermal: Half, mechanical: Half, start: End) -> None:
-        self.halves, self.now = (thermal, mechanical), start
+    def __init__(self, thermal: Half, mechanical: Half, start: End, bodies: Ints | None = None) -> None:
+        """bodies : (n,) that of each node, which goes along an arc where it turns; None: all go straight."""
+        self.halves, self.now, self._bodies = (thermal, mechanical), start, bodies
         self._tokens: tuple[int, ...] = ()
+        at_end = mechanical.strings.get(f"{RUBBED}.at") == "end"
+        self._friction = self._then = Friction() if at_end else None
 
     def __enter__(self) -> Both:
         """The start of a window: `outcome` comes back to it until `take` goes on from its end."""
@@ -81,6 +118,7 @@ class Both:
     def take(self, window: Window, T: Floats, f_s: Floats | None) -> End:
         """The same, and the next window begins there."""
         self.now = self.outcome(window, T, f_s)
+        self._friction = self._then
         return self.now
 
     def solve(self, window: Window, guess: End, tolerance: float) -> End:
@@ -133,11 +171,14 @@ class Both:
             for name in MADE:
                 if name in out:
                     made[name] = made.get(name, 0.0) + out[name]
+        if self._friction is not None and RUBBED in made:
+            made[RUBBED], self._then = self._friction.handed(window, np.asarray(made[RUBBED]))
         wanted = ["T", *(["f_s"] if self.now.f_s is not None else [])]
         for a, b in pairwise(window.times(0)):
             at = b if window.at_end else 0.5 * (a + b)
             w, share = (at - window.t0) / (window.t1 - window.t0), (b - a) / (window.t1 - window.t0)
-            given = {"x": self.now.x + w * (x - self.now.x), "contact.t_N": self.now.t_N + w * (t_N - self.now.t_N),
+            given = {"x": on_the_way(self.now.x, x, w, self._bodies),
+                     "contact.t_N": self.now.t_N + w * (t_N - self.now.t_N),
                      **{n: share * e for n, e in made.items() if n in thermal.blocks}, **count}
             out = self._advance(thermal, a, b, given, wanted)
         return End(out["T"], x, t_N, out.get("f_s"))
@@ -148,6 +189,25 @@ class Both:
         if done.status is not Status.OK:
             raise NoAnswerError(f"{half.name}: {done.message}")
         return done.outputs
+
+
+def on_the_way(a: Floats, b: Floats, w: float, bodies: Ints | None) -> Floats:
+    """Where nodes are at the part w of the way from a to b : (n, 2) [m] (docs/coupling.md): a body turns evenly.
+
+    In the complex plane: the turn is that of the best fit, its pole the point that stays; what the body deforms besides
+    goes straight, as seen by who turns along.
+    """
+    z0, z1 = (x[:, 0] + 1j * x[:, 1] for x in (a, b))
+    z = (1.0 - w) * z0 + w * z1
+    for body in range(-1 if bodies is None else int(bodies.max()) + 1):
+        here = bodies == body
+        p, q = z0[here], z1[here]
+        turn = float(np.angle((np.conj(p - p.mean()) * (q - q.mean())).sum()))
+        if abs(turn) >= LEAST_TURN:
+            pole = (q.mean() - np.exp(1j * turn) * p.mean()) / (1.0 - np.exp(1j * turn))
+            back = pole + np.exp(-1j * turn) * (q - pole)
+            z[here] = pole + np.exp(1j * w * turn) * ((1.0 - w) * p + w * back - pole)
+    return np.stack([z.real, z.imag], axis=1)
 
 
 def _packed(end: End) -> Floats:
@@ -167,11 +227,12 @@ def windows_of(t: Floats, restarts: Sequence[float], substeps: tuple[int, int], 
         yield Window(float(a), float(b), count, substeps, at_end)
 
 
-def begun(launched: Launched, nodes: Floats, end: float) -> Both:
-    """Both halves at time 0 of a run to end [s].  nodes : (n, 2) [m] of the meshes."""
+def begun(launched: Launched, interface: Interface, end: float) -> Both:
+    """Both halves at time 0 of a run to end [s]."""
     thermal, mechanical = launched.thermal, launched.mechanical
     link = {"contact.link": launched.link}
-    first = thermal.initialise(0.0, end, link, {"x": nodes}, [n for n in ("T", "f_s") if n in thermal.blocks])
+    first = thermal.initialise(0.0, end, link, {"x": interface.nodes}, [n for n in ("T", "f_s") if n in thermal.blocks])
     out = mechanical.initialise(0.0, end, link, {n: v for n, v in first.items() if n in mechanical.blocks},
                                 [n for n in MECHANICAL if n in mechanical.blocks])
-    return Both(thermal, mechanical, End(first["T"], out["x"], out.get("contact.t_N", np.zeros(0)), first.get("f_s")))
+    start = End(first["T"], out["x"], out.get("contact.t_N", np.zeros(0)), first.get("f_s"))
+    return Both(thermal, mechanical, start, None if interface.axisymmetric else interface.node_body)

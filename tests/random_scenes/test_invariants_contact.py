@@ -56,6 +56,27 @@ def test_a_penalty_that_is_not_the_one_told_is_found(monkeypatch):
     assert "deep in lower" in found[0].what or "deep in upper" in found[0].what
 
 
+def tied_blocks(gap: float, push: float) -> Scene:
+    """Two blocks that are tied across `gap` [m], the upper pulled or pushed by `push` [m], by the penalty alone."""
+    return two_blocks(gap=gap, push=push, pair={"conduction": None, "tied": True, "augmented": None, "penalty": 2e13})
+
+
+@pytest.mark.parametrize(("gap", "push"), [(1e-3, 2e-4), (1e-3, -2e-5), (0.0, 2e-4), (0.0, -2e-5), (-1e-4, -2e-5)])
+def test_what_is_tied_lies_as_it_was_drawn(gap, push):
+    """Pulled and pressed, across a gap, face to face, and drawn into each other."""
+    story = told(tied_blocks(gap, push))
+    assert story.outcome == "completed", story.message
+    assert (story.t_N[-1] > 0.0).all() == (push > 0.0)
+    assert not PASSING.check(story.scene, story, RNG)
+
+
+def test_a_tied_pair_that_gives_way_more_than_told_is_found(monkeypatch):
+    pairs_otherwise(monkeypatch, eps_N=1 / 30)
+    found = PASSING.check(scene := tied_blocks(0.0, -2e-4), told(scene), RNG)
+    assert found
+    assert "deep in lower" in found[0].what or "deep in upper" in found[0].what
+
+
 def test_a_body_that_is_across_in_one_window_is_found():
     scene = two_blocks(gap=1e-3, mechanical={"half": "rigid", "rigid": {"motion": {
         "upper": {"u_y": {"t": [0, 1], "value": [0, -0.05]}}}}})

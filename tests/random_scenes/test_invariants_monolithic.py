@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import coupler.schemes.accounts as accounts
 import coupler.schemes.iterate as iterate
+import coupler.schemes.levels as levels
 import coupler.schemes.sweep as sweep
 import thermal_fmu.methods as methods
 from random_scenes import invariants_monolithic as one_system_laws
@@ -51,6 +53,40 @@ def test_iterated_windows_solve_the_one_system(scene, solved):
     assert found(one_system_laws.check_one_system, scene) == []
     assert len(solved) >= one_system_laws.WINDOWS, "each window was solved from its start"
     assert max(solved) > 0.1, "and its start is not its end"
+
+
+def turning() -> Scene:
+    """A hot block that turns above a film by a quarter of a radian, in two windows."""
+    turn = {"about": [0.02, 0.0501], "angle": {"t": [0, 20], "value": [0, 0.25]}}
+    return across_a_film().edited(coupling__windows=[{"until": 20, "size": 10}],
+                                  mechanical={"half": "rigid", "rigid": {"motion": {"b": {"rotation": turn}}}})
+
+
+def rubbing() -> Scene:
+    """A block that is pressed harder and harder as it slides."""
+    boundary = [{"on": "a.bottom", "u_x": 0, "u_y": 0},
+                {"on": "b.top", "u_x": {"t": [0, 4, 20], "value": [0, 0, 4e-3]},
+                 "u_y": {"t": [0, 4, 20], "value": [0, -1.2e-4, -2e-4]}}]
+    return pressed().edited(mechanical__elastic__boundary=boundary)
+
+
+def straight(monkeypatch):
+    monkeypatch.setattr(levels, "carried_along", lambda x, earlier, later, w, bodies: x + w * (later - earlier))
+
+
+def all_at_once(monkeypatch):
+    right = accounts.EnergyAccount.make
+    monkeypatch.setattr(accounts.EnergyAccount, "make",
+                        lambda self, energy, H, step, fresh: right(self, energy, H, step, True))
+
+
+@pytest.mark.parametrize(("scene", "fault"), [(turning(), straight), (rubbing(), all_at_once)],
+                         ids=["along the chord", "heat of later times"])
+def test_what_windows_hand_over_is_that_of_the_documents(scene, fault, monkeypatch):
+    """Bodies that turn go along arcs; friction heat that belongs to later times is kept back."""
+    assert found(one_system_laws.check_one_system, scene) == []
+    fault(monkeypatch)
+    assert any("does not solve the system" in text for text in found(one_system_laws.check_one_system, scene))
 
 
 def test_geometry_of_another_time_is_found(monkeypatch):
